@@ -4,6 +4,8 @@ from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
 from workbench.registration.doubts import Doubts, doubts
 from workbench.registration.free_vertices import (
+    QUICK_STAGES,
+    STAGES,
     FreeVertices,
     Registered,
     Stage,
@@ -27,6 +29,8 @@ from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "FIT_STAGES",
+    "QUICK_STAGES",
+    "STAGES",
     "Alignment",
     "BasinMap",
     "Contacts",

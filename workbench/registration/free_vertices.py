@@ -25,6 +25,7 @@ BODY = ("pose", "betas", "trans")
 VERTICES = "vertices"
 OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
 OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients(), max_iterations=30)
+TOGETHER = TrustRegion(max_iterations=30)
 SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 
 
@@ -32,7 +33,7 @@ SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller dec
 class Stage:
     """A stage of a registration: what is free, and how strongly vertices are coupled.
 
-    Raises BadArgument if nothing is free, for an infinite or negative coupling, and for vertices
+    Raises BadArgument if nothing is free, for a coupling that is not a length, and for vertices
     that are free although the coupling is infinite.
 
     Attributes:
@@ -60,10 +61,10 @@ class Stage:
                 f"stage {self.name!r} needs a free block and a coupling from 0 m on, not "
                 f"{self.free} and {self.coupling:g} m"
             )
-        if (VERTICES in self.free) == (self.coupling == 0):
+        if VERTICES in self.free and self.coupling == 0:
             raise BadArgument(
-                f"in stage {self.name!r}, the vertices are free if and only if the coupling is "
-                f"above 0 m; {self.free} are free, and the coupling is {self.coupling:g} m"
+                f"in stage {self.name!r}, the coupling is infinite, so that the vertices are the "
+                f"model's; give it a coupling above 0 m, or leave {VERTICES} out of {self.free}"
             )
 
 
@@ -86,12 +87,22 @@ class Settled:
         return bool(done)
 
 
-STAGES = (
+MODEL_STAGES = (
     Stage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
+    Stage("model, near", BODY, 0.0, NEAR, OF_MODEL),
+)
+STAGES = (
+    *MODEL_STAGES,
+    Stage("strong", (*BODY, VERTICES), 0.002, NEAR, TOGETHER),
+    Stage("weak", (*BODY, VERTICES), 0.01, NEAR, TOGETHER),
+)
+"""Infinite coupling, then strong, then weak; the model goes on following the vertices."""
+QUICK_STAGES = (
+    *MODEL_STAGES,
     Stage("strong", (VERTICES,), 0.002),
     Stage("weak", (VERTICES,), 0.01),
 )
-"""Infinite coupling, then strong, then weak."""
+"""The same with the model held once it is fitted: for bodies of many thousand vertices."""
 
 
 @dataclass(frozen=True, eq=False)

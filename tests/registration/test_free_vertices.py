@@ -1,0 +1,172 @@
+"""Free vertices against scans of a body that was changed where the model cannot follow."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.fitting import Scan
+from workbench.registration import FreeVertices, Registered, ScanTerm, Stage, by_vertices, touched
+from workbench.registration.free_vertices import (
+    BODY,
+    MODEL_STAGES,
+    NEAR,
+    QUICK_STAGES,
+    STAGES,
+    posterior_sd,
+)
+
+WEAK = QUICK_STAGES[-1]
+
+
+@cache
+def body() -> SkinnedBody:
+    return load_body("small")
+
+
+def belly() -> Array:
+    """Which vertices (N,) are in front of the belly, from 0 to 1."""
+    rest = body().vertices()
+    middle = rest[np.argmax(rest[:, 2] - 10 * np.abs(rest[:, 1]) - 10 * np.abs(rest[:, 0]))]
+    return np.exp(-0.5 * np.sum((rest - middle) ** 2, axis=1) / 0.08**2)
+
+
+@cache
+def bumped() -> Array:
+    return np.asarray(body().vertices() + 0.03 * belly()[:, None] * [0, 0, 1])
+
+
+def sampled(vertices: Array, n: int = 4000, seed: int = 0, front: bool = False) -> Scan:
+    """Points on a surface, with normals and areas; of its front half only, if so."""
+    rng = np.random.default_rng(seed)
+    triangles = vertices[body().faces]
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    areas = np.linalg.norm(normals, axis=1) / 2
+    chosen = rng.choice(len(areas), n, p=areas / areas.sum())
+    if front:
+        chosen = chosen[normals[chosen, 2] > 0]
+    points = np.einsum("mk,mki->mi", rng.dirichlet((1, 1, 1), len(chosen)), triangles[chosen])
+    each = np.full(len(chosen), areas.sum() / n)
+    return Scan(points, normals[chosen] / (2 * areas[chosen, None]), weights=each)
+
+
+@cache
+def registered() -> Registered:
+    return FreeVertices(body(), sampled(bumped())).register(body().start())
+
+
+def off(vertices: Array) -> float:
+    return float(np.linalg.norm(vertices - bumped(), axis=1).mean())
+
+
+def test_coupling_by_edges_is_blind_to_translation_and_to_nothing_else() -> None:
+    problem = FreeVertices(body(), sampled(bumped())).problem(WEAK).without("scan")
+    values = body().start() | {"vertices": bumped()}
+    here = problem.linearize(values)
+    s = np.linalg.svd(here.dense.T @ here.dense, compute_uv=False)
+    assert (s < 1e-12 * s[0]).sum() == 3
+    moved = problem.linearize(values | {"vertices": bumped() + [0.3, -1.0, 2.0]})
+    np.testing.assert_allclose(moved.residual, here.residual, atol=1e-9)
+
+
+def test_coupling_by_vertices_is_blind_to_nothing() -> None:
+    fit = FreeVertices(body(), sampled(bumped()), couple=by_vertices)
+    here = fit.problem(WEAK).without("scan").linearize(body().start() | {"vertices": bumped()})
+    np.testing.assert_allclose(here.column_norms, 1 / WEAK.coupling)
+
+
+def test_every_stage_is_nearer_to_the_truth_and_the_last_one_has_the_bump() -> None:
+    errors = [off(stage.vertices) for stage in registered().stages[1:]]
+    assert (np.diff(errors) < 0).all()
+    there = belly() > 0.7
+    missed = np.linalg.norm(registered().model - bumped(), axis=1)[there].mean()
+    left = np.linalg.norm(registered().vertices - bumped(), axis=1)[there].mean()
+    assert left < 0.5 * missed
+
+
+def test_the_gradient_is_that_of_the_whole_cost_with_contacts_chosen_anew() -> None:
+    fit = FreeVertices(body(), sampled(bumped(), 300))
+    problem = fit.problem(Stage("all", (*BODY, "vertices"), 0.01))
+    rng = np.random.default_rng(1)
+    values = body().start()
+    values["vertices"] = bumped() + 0.004 * rng.standard_normal(bumped().shape)
+    x, fixed = problem.split(values)
+    _, g = problem.cost_and_gradient(x, fixed)
+    np.testing.assert_allclose(problem.linearize_at(x, fixed).gradient, g, atol=1e-9 * abs(g).max())
+    for _ in range(5):
+        d = rng.standard_normal(x.size)
+        d /= np.linalg.norm(d)
+        h = 1e-7
+        ends = [problem.linearize_at(x + step * d, fixed).cost for step in (h, -h)]
+        assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(g @ d, rel=1e-5)
+
+
+def test_vertices_that_were_not_seen_are_known_to_rest_on_the_coupling() -> None:
+    done = FreeVertices(body(), sampled(bumped(), front=True)).register(
+        body().start() | {"vertices": bumped()}, (WEAK,)
+    )
+    back = body().vertices()[:, 2] < body().vertices()[:, 2].mean() - 0.05
+    a, b, c = bumped()[body().faces].transpose(1, 0, 2)
+    facing = np.cross(b - a, c - a)[:, 2] > 0
+    at_front = np.isin(np.arange(body().n_vertices), body().faces[facing])
+    assert not done.touched[~at_front].any()
+    assert done.touched[at_front].mean() > 0.8
+    assert back[~done.touched].sum() > 0.3 * back.sum()
+
+
+def test_what_was_not_seen_is_less_certain() -> None:
+    fit = FreeVertices(body(), sampled(bumped(), front=True))
+    start = body().start() | {"vertices": bumped()}
+    sd = posterior_sd(fit.problem(WEAK), start, draws=30).reshape(-1, 3)
+    seen = fit.register(start, (WEAK,)).touched
+    assert sd[~seen].mean() > 1.15 * sd[seen].mean()
+
+
+def test_drawn_deviations_are_those_of_laplaces_approximation() -> None:
+    problem, start = FreeVertices(body(), sampled(bumped())).problem(WEAK), body().start()
+    start["vertices"] = bumped()
+    exact = np.sqrt(
+        np.diag(np.linalg.inv(problem.linearize(start).dense.T @ problem.linearize(start).dense))
+    )
+    drawn = posterior_sd(problem, start, draws=200)
+    assert np.mean(drawn**2 / exact**2) == pytest.approx(1, abs=0.03)
+
+
+def test_without_the_first_stage_more_is_wrong() -> None:
+    """An arm is 20 degrees off: vertices that are free at once are drawn to the nearest places."""
+    start = body().start()
+    start["pose"][body().joint_names.index("left_shoulder"), 2] += 0.35
+    fit = FreeVertices(body(), sampled(bumped()))
+    skipped = fit.register(start, STAGES[len(MODEL_STAGES) :])
+    assert off(fit.register(start).vertices) < 0.5 * off(skipped.vertices)
+
+
+def test_how_much_the_scan_counts_does_not_depend_on_its_resolution() -> None:
+    values = body().start() | {"vertices": bumped() + [0.0, 0.002, 0.003]}
+    costs = []
+    for n in (5_000, 20_000):
+        problem = FreeVertices(body(), sampled(bumped(), n)).problem(WEAK)
+        costs.append(problem.without("coupling").linearize(values).cost)
+    assert costs[0] == pytest.approx(costs[1], rel=0.05)
+
+
+def test_stages_that_mean_nothing_are_refused() -> None:
+    with pytest.raises(BadArgument, match="the coupling is infinite"):
+        Stage("odd", ("vertices",), 0.0)
+    with pytest.raises(BadArgument, match="needs a free block"):
+        Stage("odd", (), 0.01)
+    with pytest.raises(BadArgument, match="one stage or more"):
+        FreeVertices(body(), sampled(bumped())).register(body().start(), ())
+    with pytest.raises(BadArgument, match="above zero, not -0.1"):
+        ScanTerm(sigma=-0.1)
+
+
+def test_only_a_residual_of_contacts_touches_something() -> None:
+    problem = FreeVertices(body(), sampled(bumped())).problem(WEAK)
+    coupling = next(r for r in problem.residuals if r.name == "coupling")
+    with pytest.raises(BadArgument, match="'coupling' chooses no contacts"):
+        touched(coupling, body().start(), NEAR.outlier)
