@@ -161,7 +161,7 @@ def test_stages_that_mean_nothing_are_refused() -> None:
         Stage("odd", (), 0.01)
     with pytest.raises(BadArgument, match="one stage or more"):
         FreeVertices(body(), sampled(bumped())).register(body().start(), ())
-    with pytest.raises(BadArgument, match="above zero, not -0.1"):
+    with pytest.raises(BadArgument, match=r"above zero, not -0\.1"):
         ScanTerm(sigma=-0.1)
 
 
