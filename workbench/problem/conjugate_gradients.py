@@ -62,7 +62,7 @@ class ConjugateGradients:
         return Step(self.solved(here.normal, damping * D**2, -here.gradient), "conjugate gradients")
 
     def solved(self, normal: Symmetric, raised: Array, right: Array) -> Array:
-        """The x (n,) with (A + diag(raised)) x = right, nearly, for a positive semidefinite A (n, n).
+        """The x (n,) with (A + diag(raised)) x = right, nearly, for A (n, n) such as J'J.
 
         Raises BadArgument if the unknowns cannot be divided into blocks of this size.
         """
