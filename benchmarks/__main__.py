@@ -11,7 +11,7 @@ from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences")
+PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences", "closest")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,6 +52,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     """One part, to `results/<part>.json`."""
     from benchmarks import (
         bodies_made_up,
+        closest,
         derivatives,
         fits,
         machine,
@@ -82,6 +83,9 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         seen = (sequences.JOINTS, sequences.COCO) if wanted else ()
         found = sequences.measure(max(3, rounds // 2), seen, lengths=lengths)
         print(table.sequences(found), flush=True)
+    if part == "closest":
+        found = closest.measure(max(3, rounds // 2), peers) if closest.BODY in names else {}
+        print(table.closest(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.installation import DISTRIBUTION, version_of
 
-PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx")
+PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx", "libigl")
 
 
 def description(packages: Sequence[str] = PACKAGES) -> dict[str, Any]:

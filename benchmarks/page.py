@@ -39,6 +39,8 @@ def text(results: Mapping[str, Any]) -> str:
         parts += [table.vertices(found["vertices"])]
     if "sequences" in found:
         parts += ["## A video as one problem\n", table.sequences(found["sequences"])]
+    if found.get("closest"):
+        parts += ["## Closest places on a surface\n", table.closest(found["closest"])]
     return "\n".join(parts)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from benchmarks import closest as places
 from benchmarks import fits as whole_fits
 from benchmarks import ours
 from benchmarks import overhead as whole_overhead
@@ -124,6 +125,25 @@ def sequences(found: Mapping[str, Any]) -> str:
         each = 1e3 * best(seconds) / int(count), taken / int(count)
         cells = [f"{one['unknowns']:,}", spent(seconds), _three(each[0])]
         lines.append(f"| {int(count):,} | {' | '.join([*cells, _three(taken), _three(each[1])])} |")
+    return "\n".join([*lines, ""])
+
+
+def closest(found: Mapping[str, Any]) -> str:
+    """Per candidate: least / median milliseconds by kind of points with ratios, and of a refit."""
+    if not found:
+        return ""
+    kinds = {**places.KINDS, places.REFIT: "refit"}
+    head = " | ".join(f"{kind}, ms | × compiled" for kind in kinds.values())
+    lines = [f"| {found['points']:,} points, {found['faces']:,} triangles | {head} |"]
+    lines += ["| --- |" + " --: |" * 2 * len(kinds)]
+    for name in found["seconds"][next(iter(kinds))]:
+        cells: list[str] = []
+        for kind in kinds:
+            seconds = found["seconds"][kind]
+            both = places.COMPILED in seconds and name in seconds
+            cells += [spent(seconds[name]) if name in seconds else ""]
+            cells += [ratio(seconds, name, places.COMPILED) if both else ""]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 

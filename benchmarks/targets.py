@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks import fits, ours, overhead, peers, sequences
+from benchmarks import closest, fits, ours, overhead, peers, sequences
 from benchmarks.derivatives import KINDS
 from benchmarks.timing import best
 
@@ -30,7 +30,7 @@ class Target:
 def all_of(results: Mapping[str, Any]) -> list[Target]:
     """Those that can be judged from the parts that were run."""
     judges: tuple[Callable[[Mapping[str, Any]], Iterator[Target]], ...]
-    judges = (_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences)
+    judges = (_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences, _of_closest)
     return [target for judge in judges for target in judge(results)]
 
 
@@ -106,6 +106,18 @@ def _of_sequences(results: Mapping[str, Any]) -> Iterator[Target]:
         few, many = min(each), max(each)
         label = f"LM iteration per frame, {many:,} frames / {few:,}"
         yield Target(label, each[many] / each[few], 1.2, True)
+
+
+def _of_closest(results: Mapping[str, Any]) -> Iterator[Target]:
+    for kind, seconds in _part(results, "closest").get("seconds", {}).items():
+        if closest.COMPILED not in seconds or kind not in closest.KINDS:
+            continue
+        ours, label = best(seconds[closest.COMPILED]), f"closest places, {closest.KINDS[kind]}"
+        if closest.IGL in seconds:
+            ratio = ours / best(seconds[closest.IGL])
+            yield Target(f"{label}: compiled / libigl", ratio, 0.7, True)
+        ratio = best(seconds[closest.NUMPY]) / ours
+        yield Target(f"{label}: NumPy / compiled", ratio, 30, True)
 
 
 def _part(results: Mapping[str, Any], name: str) -> Mapping[str, Any]:

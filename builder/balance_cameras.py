@@ -15,11 +15,10 @@ import casadi as cs
 import numpy as np
 
 from builder.packing import write_arrays
-from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.experiments.balance import FITTED, published
 from workbench.geometry.camera import Camera, triangulate
-from workbench.geometry.rigid import Similarity, procrustes
+from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, huber
@@ -29,18 +28,6 @@ FRAMES = tuple(f for f in range(0, 100, 5) if abs(f - FITTED) >= 10)
 SIGMA = 5.0  # px
 ROTATION_SIGMA = 0.02  # rad: how far the published calibration may be off
 TRANSLATION_SIGMA = 0.05  # m
-
-
-def umeyama(source: Array, target: Array) -> Similarity:
-    """The similarity that takes source to target, both (N, 3), with the least squared error.
-
-    It is `procrustes` with a scale (Umeyama 1991, eq. 41-43).
-    """
-    p, q = source, target
-    rigid = procrustes(p, q)
-    p0, q0 = p.mean(axis=0), q.mean(axis=0)
-    scale = float(np.sum((q - q0) * ((p - p0) @ rigid.R.T)) / np.sum((p - p0) ** 2))
-    return Similarity(rigid.R, q0 - scale * rigid.R @ p0, scale)
 
 
 def bundle(frames: tuple[int, ...] = FRAMES) -> tuple[Problem, Values, tuple[Camera, ...]]:

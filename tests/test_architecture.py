@@ -32,7 +32,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("priors",),
     ("fitting",),
     ("training",),
-    ("synthetic",),
+    ("synthetic", "registration"),
     ("experiments",),
     ("comparison",),
     ("plots",),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks import (
+    closest,
     figure,
     fits,
     ours,
@@ -278,3 +279,16 @@ def test_few_frames_are_solved_by_blocks_and_as_an_array() -> None:
     size = made.frame.rows["camera 1"].stop
     rows = made.video.rows["camera 1"]
     np.testing.assert_allclose(made.video.residual(x, fixed)[rows][:size], r[:size], atol=1e-9)
+
+
+def test_closest_places_agree_and_are_told_with_ratios() -> None:
+    found = closest.measure(1, peers=False, body="small", count=200)
+    assert set(found["seconds"]) == {*closest.KINDS, closest.REFIT}
+    assert "200 points, 734 triangles" in table.closest(found)
+    made_up = {closest.COMPILED: [0.01], closest.NUMPY: [0.4], closest.IGL: [0.02]}
+    told = {**found, "seconds": {"near": made_up, "clutter": {}, "off": {}, closest.REFIT: {}}}
+    assert "| libigl | 20 / 20 | 2 |" in table.closest(told)
+    judged = {target.name: target for target in targets.all_of({"closest": {"found": told}})}
+    assert judged["closest places, near: compiled / libigl"].measured == 0.5
+    assert judged["closest places, near: compiled / libigl"].holds
+    assert not judged["closest places, near: NumPy / compiled"].holds

@@ -9,7 +9,7 @@ import pytest
 
 from tests.comparison.problems import slide
 from tests.solvers.problems import body_fit, decay
-from workbench import SOLVERS, Block, Constraint, Problem, Residual
+from workbench import SOLVERS, Block, Constraint, Problem, Residual, solve
 from workbench.comparison.log import Log
 from workbench.comparison.metered import Metered
 from workbench.errors import NotSupported
@@ -120,6 +120,20 @@ def test_stages_are_seen_and_other_costs_make_no_progress(tmp_path: Path) -> Non
     seen = Log.read(tmp_path / "log")
     assert seen.evaluations == Evaluations(residual=1, jacobian=1)
     assert len(seen.trace) == 1
+
+
+def test_points_at_which_an_end_is_judged_are_no_progress(tmp_path: Path) -> None:
+    """The ridge of (x^2 - 1)^2: the judge finds a lower point beside it, and the run did not."""
+    x = Block("x").symbol
+    problem = Problem((Residual("ridge", x**2 - 1, 1.0),), ("x",))
+    watch = Metered(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 1))
+    solution = solve(watch.metered(), {"x": 0.0})
+    assert solution.status is Status.SADDLE
+    assert solution.judging.residual > 0
+    seen = Log.read(tmp_path / "log")
+    assert seen.trace[-1, -1] == solution.cost == 0.5
+    assert seen.best == solution.values["x"]
+    assert seen.evaluations.residual == solution.evaluations.residual + solution.judging.residual
 
 
 def test_what_constraints_forbid_is_no_progress(tmp_path: Path) -> None:

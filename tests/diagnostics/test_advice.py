@@ -107,6 +107,21 @@ def test_blocks_that_need_a_prior_each_get_it_together() -> None:
     ]
 
 
+def test_of_many_blocks_the_first_few_are_named_and_counted() -> None:
+    """The suggestion itself puts a prior on all of them."""
+    blocks = [Block(f"b{k}", (2,), "m") for k in range(9)]
+    differences = cs.vertcat(*(b.symbol[0] - b.symbol[1] for b in blocks))
+    problem = Problem([Residual("r", differences, 1.0)], [b.name for b in blocks], blocks=blocks)
+    found = diagnose(problem, {b.name: np.zeros(2) for b in blocks})
+    *_, together = (s for s in found.suggestions if s.kind == "prior")
+    assert together.what == (
+        "add a Gaussian prior on b0, b1, b2, b3, b4 and 4 more "
+        "(sigma 1 m, 1 m, 1 m, 1 m, 1 m and 4 more)"
+    )
+    assert len(together.problem.residuals) == 10
+    assert together.cured
+
+
 def test_a_healthy_problem_gets_no_advice() -> None:
     x = Block("x", (3,))
     A = np.random.default_rng(0).normal(size=(8, 3))

@@ -138,6 +138,11 @@ def test_the_shape_space_has_its_principal_components_as_minimum_and_zero_as_a_s
 
 @pytest.mark.parametrize("model", ["lbs", "smpl", "scape", "blend-scape"])
 def test_each_model_is_fitted_to_points_of_itself(model: str) -> None:
+    """By the solver that finds all four known costs.
+
+    From the same start, the default ends at another minimum of blend-scape, which costs 0.09 % more
+    and is as close to the points; for the other models both solvers agree.
+    """
     setup = standard(f"body-points-{model}")
     found = solve(setup.problem, setup.start, LevenbergMarquardt())
     assert setup.known is not None
@@ -145,6 +150,11 @@ def test_each_model_is_fitted_to_points_of_itself(model: str) -> None:
     observed, everywhere = setup.measures(setup.start | found.values)
     assert observed.value < 3**0.5 * 5  # mm: noise of 5 mm a coordinate
     assert everywhere.value < 30  # mm: most vertices are not observed
+    default = solve(setup.problem, setup.start)
+    assert default.converged
+    above = 1e-3 if model == "blend-scape" else 1e-6
+    assert default.cost == pytest.approx(setup.known.cost, rel=above)
+    assert setup.measures(setup.start | default.values)[0].value < 3**0.5 * 5
 
 
 @pytest.mark.parametrize(

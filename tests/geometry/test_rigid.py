@@ -1,14 +1,28 @@
-"""The best rigid motion between two point sets."""
+"""The best motion between two point sets, rigid or with a scale."""
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from workbench.geometry.rigid import Similarity, procrustes
+from workbench.arrays import Array
+from workbench.errors import BadArgument
+from workbench.geometry.rigid import Similarity, procrustes, umeyama
 from workbench.geometry.rotation import matrix_from_vector
 
 RNG = np.random.default_rng(0)
 POINTS = RNG.normal(size=(20, 3))
 MOTION = Similarity(matrix_from_vector([0.4, -1.2, 2.0]), np.array([1.0, -2.0, 3.0]))
+NOISY = MOTION(POINTS) + 0.1 * RNG.normal(size=POINTS.shape)
+WEIGHTS = RNG.uniform(0.1, 3.0, len(POINTS))
+BOTH = pytest.mark.parametrize("solve", [procrustes, umeyama])
+
+
+def squared_error(motion: Similarity, target: Array, weights: Array) -> float:
+    return float(weights @ np.sum((motion(POINTS) - target) ** 2, axis=1))
+
+
+def angle(R: Array) -> float:
+    return float(np.linalg.norm(Rotation.from_matrix(R).as_rotvec()))
 
 
 @pytest.mark.parametrize("count", [3, 20])
@@ -19,11 +33,47 @@ def test_a_motion_is_found_again(count: int) -> None:
     assert found.scale == 1.0
 
 
-def test_mirrored_data_still_give_a_proper_rotation() -> None:
+@pytest.mark.parametrize("scale", [1e-3, 1.7])
+def test_a_motion_with_a_scale_is_found_again(scale: float) -> None:
+    found = umeyama(POINTS, Similarity(MOTION.R, MOTION.t, scale)(POINTS), WEIGHTS)
+    np.testing.assert_allclose(found.R, MOTION.R, atol=1e-12)
+    np.testing.assert_allclose(found.t, MOTION.t, atol=1e-12)
+    np.testing.assert_allclose(found.scale, scale, rtol=1e-12)
+
+
+def test_the_example_that_umeyama_published() -> None:
+    """Three points in the plane, and the same mirrored (Umeyama 1991, section IV).
+
+    Each stands here twice, 3 above the plane and 3 below, so that the rotation is one of the plane.
+    """
+    source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
+    target = np.array([[0.0, 0.0], [-1.0, 0.0], [0.0, 2.0]])
+    height = np.repeat([3.0, -3.0], 3)
+    found = procrustes(*(np.column_stack([np.tile(x, (2, 1)), height]) for x in (source, target)))
+    np.testing.assert_allclose(
+        found.R, [[0.832, 0.555, 0], [-0.555, 0.832, 0], [0, 0, 1]], atol=5e-4
+    )
+
+
+@BOTH
+def test_mirrored_data_still_give_a_proper_rotation(solve) -> None:  # type: ignore[no-untyped-def]
     mirrored = MOTION(POINTS * [-1, 1, 1])
-    found = procrustes(POINTS, mirrored)
+    found = solve(POINTS, mirrored)
     np.testing.assert_allclose(found.R.T @ found.R, np.eye(3), atol=1e-14)
     np.testing.assert_allclose(np.linalg.det(found.R), 1, atol=1e-14)
+
+
+def test_mirrored_data_give_the_best_of_the_proper_rotations() -> None:
+    """None of 1,000 rotations drawn at random is better, and none of 1,000 near the best one."""
+    target = MOTION(POINTS * [-1, 1, 1]) + 0.1 * RNG.normal(size=POINTS.shape)
+    best = umeyama(POINTS, target)
+    least = squared_error(best, target, np.ones(len(POINTS)))
+    for R in Rotation.random(1000, rng=RNG).as_matrix():
+        for turned in (R, best.R @ matrix_from_vector(0.01 * Rotation.from_matrix(R).as_rotvec())):
+            moved = POINTS @ turned.T
+            centred, q = moved - moved.mean(axis=0), target - target.mean(axis=0)
+            scale = max(0.0, np.sum(centred * q) / np.sum(centred**2))
+            assert np.sum((scale * centred - q) ** 2) >= least
 
 
 def test_weights_say_whom_to_believe() -> None:
@@ -35,19 +85,106 @@ def test_weights_say_whom_to_believe() -> None:
     assert np.abs(procrustes(POINTS, target).R - MOTION.R).max() > 1e-2
 
 
-def test_a_whole_weight_is_a_repeated_point() -> None:
-    target = MOTION(POINTS) + 0.1 * RNG.normal(size=POINTS.shape)
+@BOTH
+def test_a_whole_weight_is_a_repeated_point(solve) -> None:  # type: ignore[no-untyped-def]
     times = RNG.integers(1, 4, len(POINTS))
-    weighted = procrustes(POINTS, target, times)
-    repeated = procrustes(np.repeat(POINTS, times, axis=0), np.repeat(target, times, axis=0))
+    weighted = solve(POINTS, NOISY, times)
+    repeated = solve(np.repeat(POINTS, times, axis=0), np.repeat(NOISY, times, axis=0))
     np.testing.assert_allclose(weighted.R, repeated.R, atol=1e-13)
     np.testing.assert_allclose(weighted.t, repeated.t, atol=1e-13)
+    np.testing.assert_allclose(weighted.scale, repeated.scale, atol=1e-13)
 
 
-def test_no_motion_nearby_does_better() -> None:
-    target = MOTION(POINTS) + 0.1 * RNG.normal(size=POINTS.shape)
-    best = procrustes(POINTS, target)
-    least = np.sum((best(POINTS) - target) ** 2)
+@BOTH
+def test_no_motion_nearby_does_better(solve) -> None:  # type: ignore[no-untyped-def]
+    best = solve(POINTS, NOISY, WEIGHTS)
+    least = squared_error(best, NOISY, WEIGHTS)
     for turn, shift in 0.02 * RNG.normal(size=(200, 2, 3)):
-        other = Similarity(best.R @ matrix_from_vector(turn), best.t + shift)
-        assert np.sum((other(POINTS) - target) ** 2) > least
+        scale = best.scale * (1 + 0.02 * RNG.normal() if solve is umeyama else 1)
+        other = Similarity(best.R @ matrix_from_vector(turn), best.t + shift, scale)
+        assert squared_error(other, NOISY, WEIGHTS) > least
+
+
+def test_the_rotation_is_that_of_scipy() -> None:
+    w = WEIGHTS / WEIGHTS.sum()
+    theirs, _ = Rotation.align_vectors(NOISY - w @ NOISY, POINTS - w @ POINTS, weights=WEIGHTS)
+    np.testing.assert_allclose(procrustes(POINTS, NOISY, WEIGHTS).R, theirs.as_matrix(), atol=1e-13)
+
+
+@BOTH
+def test_moving_either_set_moves_the_answer(solve) -> None:  # type: ignore[no-untyped-def]
+    """solve(A p, B q) = B solve(p, q) A^-1 for motions A and B."""
+    A = Similarity(matrix_from_vector([0.1, 2.0, -0.4]), np.array([0.3, 5.0, -1.0]))
+    B = Similarity(matrix_from_vector([-1.5, 0.2, 0.9]), np.array([-2.0, 0.1, 4.0]))
+    moved = solve(A(POINTS), B(NOISY), WEIGHTS)
+    expected = B.after(solve(POINTS, NOISY, WEIGHTS)).after(A.inverse())
+    np.testing.assert_allclose(moved.R, expected.R, atol=1e-12)
+    np.testing.assert_allclose(moved.t, expected.t, atol=1e-12)
+    np.testing.assert_allclose(moved.scale, expected.scale, atol=1e-12)
+
+
+def test_motions_follow_each_other_and_are_undone() -> None:
+    first = Similarity(matrix_from_vector([0.5, 0.1, -2.0]), np.array([1.0, 2.0, 3.0]), 0.5)
+    then = Similarity(MOTION.R, MOTION.t, 3.0)
+    np.testing.assert_allclose(then.after(first)(POINTS), then(first(POINTS)), atol=1e-14)
+    np.testing.assert_allclose(first.inverse()(first(POINTS)), POINTS, atol=1e-14)
+    with pytest.raises(BadArgument, match="takes all points to one place"):
+        Similarity(np.eye(3), np.zeros(3), 0.0).inverse()
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e4])
+def test_points_on_a_line_turn_by_the_smallest_angle(offset: float) -> None:
+    along, onto = np.array([1.0, 2.0, -0.5]), np.array([0.3, -1.0, 0.8])
+    t = np.linspace(-1, 2, 7)[:, None]
+    source = offset + t * along / np.linalg.norm(along)
+    target = t * onto / np.linalg.norm(onto)
+    found = procrustes(source, target)
+    np.testing.assert_allclose(found(source), target, atol=1e-14 * (1 + 10 * offset))
+    between = np.arccos(along @ onto / np.linalg.norm(along) / np.linalg.norm(onto))
+    np.testing.assert_allclose(angle(found.R), between, atol=1e-12 * (1 + offset))
+
+
+def test_a_line_that_is_turned_round_is_a_half_turn_and_one_left_alone_is_none() -> None:
+    line = np.linspace(0, 1, 5)[:, None] * [1.0, 1.0, 0.2]
+    np.testing.assert_allclose(procrustes(line, line).R, np.eye(3), atol=1e-15)
+    back = procrustes(line, -line)
+    np.testing.assert_allclose(back(line), -line, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.det(back.R), 1.0, atol=1e-14)
+    np.testing.assert_allclose(angle(back.R), np.pi, atol=1e-12)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.1, 1e5])
+def test_points_at_one_place_do_not_turn(place: float) -> None:
+    one = np.full((7, 3), place) + [0.1, 0.7, -0.3]
+    for source, target in ((one, POINTS[:7]), (POINTS[:7], one), (one, one)):
+        found = procrustes(source, target)
+        np.testing.assert_array_equal(found.R, np.eye(3))
+        np.testing.assert_allclose(
+            found(source.mean(axis=0)), target.mean(axis=0), atol=1e-15 * (10 + 10 * place)
+        )
+    assert umeyama(one, POINTS[:7]).scale == 1.0
+    assert umeyama(POINTS[:7], one).scale <= 1e-15 * (1 + 10 * place)
+    assert procrustes(POINTS[:1], POINTS[1:2]).t == pytest.approx(POINTS[1] - POINTS[0])
+
+
+def test_points_in_a_plane_leave_nothing_open() -> None:
+    flat = POINTS * [1.0, 1.0, 0.0]
+    np.testing.assert_allclose(procrustes(flat, MOTION(flat)).R, MOTION.R, atol=1e-13)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("source", "target", "weights", "said"),
+    [
+        (POINTS[:, :2], POINTS, None, r"the source must be points \(N, 3\)"),
+        (POINTS[:0], POINTS[:0], None, "at least one"),
+        (POINTS, POINTS[:5], None, "one target point for each source point"),
+        (POINTS, POINTS, np.ones(3), r"the weights must be 20 numbers, one a point, not \(3,\)"),
+        (POINTS, np.where(POINTS > 1, np.nan, POINTS), None, "not finite; leave such points out"),
+        (POINTS, POINTS, -np.ones(20), "at least 0, and one of them above 0"),
+        (POINTS, POINTS, np.zeros(20), "at least 0, and one of them above 0"),
+    ],
+)
+def test_what_does_not_fit_is_told(solve, source, target, weights, said) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(BadArgument, match=said):
+        solve(source, target, weights)

@@ -229,3 +229,46 @@ def test_free_vertices_have_the_jacobian_of_the_whole_graph(free: tuple[str, ...
     assert found.trace[-1].linear_algebra == "sparse cholesky"
     by_gradient = problem.cost_and_gradient(problem.split(values | found.values)[0], fixed)[1]
     assert np.linalg.norm(by_gradient) < 1e-5 * np.linalg.norm(here.gradient)
+
+
+# Steps of the default.
+
+
+def dependent() -> tuple[Linearization, Linearization]:
+    """Dense and sparse: the last column is the sum of the two before."""
+    A = sparse_matrix(7)
+    A[:, -1] = A[:, -2] + A[:, -3]
+    return both(A)
+
+
+def test_dependent_sparse_columns_are_damped_slightly_and_without_lsmr() -> None:
+    """What the data determine is found to seven digits: the decrease is that of the best step."""
+    dense, sparse = dependent()
+    D = np.ones(25)
+    assert steps.cholesky(sparse, 0.0, D) is None
+    assert steps.automatic(sparse, 0.0, D).by == "lsmr"
+    found, best = steps.sparing(sparse, 0.0, D), steps.svd(dense, 0.0, D)
+    assert found.by == "sparse cholesky"
+    fall, most = sparse.predicted_decrease(found.p), dense.predicted_decrease(best.p)
+    assert fall == pytest.approx(most, rel=1e-6)
+    least = steps.SLIGHT * float(np.max(sparse.column_norms)) ** 2
+    np.testing.assert_allclose(found.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
+
+
+def test_the_slight_damping_is_in_the_units_of_the_metric() -> None:
+    dense, sparse = dependent()
+    D = np.random.default_rng(1).uniform(1, 100, 25)
+    least = steps.SLIGHT * float(np.max(sparse.column_norms / D)) ** 2
+    found = steps.sparing(sparse, 0.0, D)
+    assert found.by == "sparse cholesky"
+    np.testing.assert_allclose(found.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3, 10.0])
+def test_otherwise_the_sparing_step_is_the_automatic_one(damping: float) -> None:
+    D = np.ones(25)
+    healthy, (dense, _) = both(sparse_matrix(7)), dependent()
+    for here in (*healthy, dense):
+        found, expected = (by(here, damping, D) for by in (steps.sparing, steps.automatic))
+        assert found.by == expected.by
+        np.testing.assert_array_equal(found.p, expected.p)

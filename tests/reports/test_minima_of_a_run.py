@@ -34,7 +34,7 @@ def test_the_table_has_a_row_for_each_minimum() -> None:
         ("1", "0.25", "3", "0, 4, 7", "converged"),
         ("2", "2.1234568", "14", "3, 5, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17 and 2 more",
          "max iterations"),
-        ("3", "inf", "1", "1", "not finite"),
+        ("3", "∞", "1", "1", "not finite"),
     )  # fmt: skip
     assert table.numbers == (0, 1, 2)
     assert hypotheses_table(solution_of({})).rows == ()

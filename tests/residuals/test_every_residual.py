@@ -215,7 +215,11 @@ def test_huber_was_looked_at_on_both_sides() -> None:
         )
 
 
-ELSEWHERE = {"smooth"}  # between the frames of a sequence: tests/residuals/test_smooth.py
+ELSEWHERE = {
+    "smooth",  # between the frames of a sequence: tests/residuals/test_smooth.py
+    "scan_to_model",  # contacts that change, without a graph: tests/residuals/test_scans.py
+    "model_to_scan",
+}
 
 
 def test_every_residual_is_exported_and_has_a_case() -> None:

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import casadi as cs
 import numpy as np
 import pytest
 
 from tests.solvers.problems import decay, rosenbrock
-from workbench import SOLVERS, GaussNewton, LevenbergMarquardt, Problem, Status
+from workbench import SOLVERS, Block, GaussNewton, LevenbergMarquardt, Problem, Residual, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
 from workbench.solvers.best import Best
@@ -32,6 +33,32 @@ def test_a_solver_that_gave_up_where_nothing_is_left_has_converged() -> None:
         run.linearize(run.x)
         run.stall()
     assert run.solution().status is Status.CONVERGED
+
+
+def test_a_decrease_that_is_seen_counts_however_small_the_predicted_one() -> None:
+    """It needs no Jacobian; only what rounding hides is judged by how stationary the points are."""
+    problem, start = decay()
+    to = np.asarray(GaussNewton().solve(problem, start).values["x"])
+    with Run("modest", GaussNewton(), problem, start, None) as run:
+        here = run.linearize(run.x)
+        fallen = here.cost - run.cost(to)
+        assert fallen > 0
+        gain_ratio = run.gain_ratio(run.x, here, to, 1e-25)
+        assert gain_ratio == pytest.approx(fallen / 1e-25)
+        assert run.meter.counts["jacobian"] == 1
+        rising = run.gain_ratio(to, run.linearize(to), run.x, 1.0)
+        assert rising == pytest.approx(-fallen)
+
+
+def test_where_rounding_hides_both_decreases_the_more_stationary_point_is_taken() -> None:
+    """The cost 4 + x^2, in which x = 1e-8 does not show, and the gradient 2 x, in which it does."""
+    x = Block("x").symbol
+    problem = Problem((Residual("beside 0", cs.vertcat(2 + x, 2 - x), 1.0),), ("x",))
+    far, near = np.array([1e-8]), np.array([0.5e-8])
+    with Run("careful", GaussNewton(), problem, {"x": 1e-8}, None) as run:
+        assert run.gain_ratio(far, run.linearize(far), near, 1e-25) == 1.0
+        assert run.gain_ratio(near, run.linearize(near), far, 1e-25) == -np.inf
+        assert run.meter.counts["jacobian"] > 1
 
 
 def test_nothing_evaluated_leaves_the_start() -> None:

@@ -22,6 +22,7 @@ from workbench.solvers.minima import all_seen, clusters, further_minima
 
 OMEGA = 4.0
 TWENTY = Starts(20, draw=Spread({"omega": 4.0}))
+COPIES = pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
 
 
 def waves(bounded: bool = False) -> tuple[wb.Problem, wb.Values]:
@@ -81,7 +82,7 @@ def test_start_k_depends_on_the_seed_and_k_alone() -> None:
     assert other[1]["omega"] != many[1]["omega"]
 
 
-@pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+@COPIES
 def test_copies_of_the_process_give_the_same() -> None:
     problem, start = waves()
     seen: list[Iterate] = []
@@ -94,7 +95,7 @@ def test_copies_of_the_process_give_the_same() -> None:
     assert len(seen) >= 20 + together.iterations
 
 
-@pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+@COPIES
 def test_what_a_copy_raises_is_raised_and_one_that_dies_is_named() -> None:
     def work(k: int) -> int:
         if k == 2:
@@ -122,7 +123,7 @@ def test_a_callback_ends_all_runs() -> None:
     )
 
 
-@pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+@COPIES
 def test_a_callback_ends_all_copies_and_the_message_says_so() -> None:
     solution = replace(TWENTY, workers=2).solve(*waves(), callback=lambda _: True)
     assert solution.status is Status.STOPPED
@@ -149,6 +150,73 @@ def test_ctrl_c_ends_all_runs_and_the_message_says_so(workers: int) -> None:
     assert solution.message.startswith("interrupted from the keyboard; ")
     assert "callback" not in solution.message
     assert sum(len(one.starts) for one in solution.hypotheses) == 2
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=COPIES)])
+def test_only_true_ends_all_runs(workers: int) -> None:
+    """As with a single run: a callback may return anything, such as the length of a list."""
+    few, seen = replace(TWENTY, starts=3, workers=workers), []
+    went_on = few.solve(*waves(), callback=lambda one: seen.append(one) or len(seen))
+    assert went_on.converged
+    assert sum(len(one.starts) for one in went_on.hypotheses) == 3
+    for true in (True, np.True_):
+        stopped = few.solve(*waves(), callback=lambda _, true=true: true)
+        assert stopped.status is Status.STOPPED
+        assert sum(len(one.starts) for one in stopped.hypotheses) == 1
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=COPIES)])
+def test_true_at_the_last_iterate_of_a_run_ends_the_others(workers: int) -> None:
+    alone = LevenbergMarquardt().solve(*waves())
+    few, seen = replace(TWENTY, starts=3, workers=workers), []
+
+    def enough(iterate: Iterate) -> bool:
+        seen.append(iterate)
+        return iterate.optimality <= 1e-6
+
+    solution = few.solve(*waves(), callback=enough)
+    assert solution.status is Status.STOPPED
+    assert sum(len(one.starts) for one in solution.hypotheses) == 1
+    if workers == 1:
+        assert len(seen) == len(alone.trace)
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=COPIES)])
+def test_ctrl_c_in_the_last_run_is_told_and_the_best_is_kept(workers: int) -> None:
+    """Also if the best end is that of another run, which had converged."""
+    problem, _ = waves()
+    starts = [{"omega": np.array(x)} for x in (4.1, 9.0)]
+    seen: list[Iterate] = []
+
+    def press(iterate: Iterate) -> None:
+        """Press Ctrl-C as the last run begins, or as it is told of."""
+        seen.append(iterate)
+        if sum(one.step_norm == 0 for one in seen) == 2:
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+
+    solution = Starts(starts, workers=workers).solve(problem, starts[0], callback=press)
+    assert solution.status is Status.STOPPED
+    assert solution.message.startswith("interrupted from the keyboard; ")
+    assert solution.hypotheses[0].status is Status.CONVERGED
+    assert abs(solution.values["omega"]) == pytest.approx(OMEGA)
+    assert sum(len(one.starts) for one in solution.hypotheses) == 2
+
+
+def test_a_callback_that_ends_the_last_run_is_told() -> None:
+    """The best end is that of the first run, which had converged."""
+    problem, _ = waves()
+    starts = [{"omega": np.array(x)} for x in (4.1, 9.0)]
+    seen: list[Iterate] = []
+
+    def second(iterate: Iterate) -> bool:
+        seen.append(iterate)
+        return sum(one.step_norm == 0 for one in seen) == 2
+
+    solution = Starts(starts).solve(problem, starts[0], callback=second)
+    assert solution.status is Status.STOPPED
+    assert solution.message.startswith("stopped by the callback; ")
+    assert abs(solution.values["omega"]) == pytest.approx(OMEGA)
 
 
 def test_starts_between_bounds() -> None:
@@ -220,6 +288,14 @@ def test_clusters_of_one_minimum_are_found_whatever_the_order() -> None:
     ends = [np.array([x]) for x in (4.0, 9.0, 4.0 + 1e-9, -7.0, 9.0)]
     assert clusters(problem, fixed, ends, least=1e-10) == ((0, 2), (1, 4), (3,))
     assert len(clusters(problem, fixed, ends)) == 4  # without noise no cost is left to compare with
+
+
+def test_a_start_without_a_cost_is_shown_as_infinite() -> None:
+    solution = TWENTY.solve(*waves())
+    nowhere = replace(solution.hypotheses[-1], cost=np.inf)
+    table = hypotheses_table(replace(solution, hypotheses=(*solution.hypotheses, nowhere)))
+    assert table.rows[-1][1] == "∞"
+    assert float(table.rows[1][1]) == pytest.approx(solution.hypotheses[1].cost, rel=1e-7)
 
 
 def test_a_minimum_above_the_lowest_is_not_shown_as_plain_success() -> None:

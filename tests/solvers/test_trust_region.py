@@ -13,6 +13,7 @@ from tests.solvers.problems import body_fit, decay, line, rosenbrock
 from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, TrustRegion
 from workbench import residuals as terms
 from workbench.arrays import Array
+from workbench.errors import BadArgument
 from workbench.problem import steps
 from workbench.problem.steps import Step, automatic
 from workbench.solvers import DEFAULT, SOLVERS, solve
@@ -105,6 +106,12 @@ def test_the_cost_falls_and_no_step_is_longer_than_its_region(start: list[float]
 def test_the_first_step_is_as_long_as_the_first_radius(radius: float) -> None:
     solution = TrustRegion(first_radius=radius, max_iterations=1).solve(*line())
     assert LEAST * radius <= solution.trace[1].step_norm <= MOST * radius
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, np.inf, np.nan])
+def test_a_first_radius_that_is_none_is_refused(radius: float) -> None:
+    with pytest.raises(BadArgument, match=r"`first_radius` must be a positive, finite .* not"):
+        TrustRegion(first_radius=radius)
 
 
 def test_a_linear_problem_takes_one_step_within_the_radius() -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, ParamSpec
 import typer
 
 from workbench.cli import lecture
+from workbench.cli.basins import basins
 from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.compare import compare
@@ -75,6 +76,7 @@ for command in (
     compare,
     train,
     body,
+    basins,
     sliders,
     blendshapes,
     triangles,

@@ -141,7 +141,7 @@ def _comparison(outcome: Outcome) -> Table:
     for name, s in outcome.compared.items():
         table.add_row(
             name,
-            f"{s.cost:.8g}",
+            _typed(tables.number(s.cost, 8)),
             _typed(tables.number(outcome.excess(name), 1)),
             str(s.iterations),
             str(s.evaluations.total),

@@ -59,7 +59,8 @@ class Metered:
 
         If other blocks of it are freed, that problem is metered as well, and its points are
         completed by what is fixed. Without some of its residuals, or with other numbers fixed, a
-        problem has another cost: its evaluations are counted, and are never the best point.
+        problem has another cost: its evaluations are counted, and are never the best point. The
+        same holds for what is asked to judge an end (`Problem.for_judging`).
         """
         return self._copied(self._problem, lambda x, fixed: (x, fixed))
 
@@ -146,6 +147,7 @@ class Metered:
             slopes=slopes,
             freeing=freeing,
             without=lambda *names: self._copied(problem.without(*names), None),
+            for_judging=lambda: self._copied(problem, None),
             graph=handed_over,
         )
         for name, method in methods.items():  # so that the error of a wrong call has its name

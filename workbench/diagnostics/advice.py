@@ -1,6 +1,6 @@
 """Suggestions for null and weak directions; each is tried out before it is made."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -8,13 +8,14 @@ from workbench.blocks import Values
 from workbench.diagnostics.active_set import constrained_jacobian_at
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
-from workbench.errors import TooLarge
+from workbench.errors import TooLarge, some_of
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 from workbench.threads import limited_threads
 
 NEARBY = 1e-3  # of a yardstick: how far from a point that is not finite to try again
 TURN = 2 * np.pi
+NAMED = 5  # blocks in a suggestion; there may be dozens
 
 
 def advise(diagnosis: Diagnosis) -> tuple[Suggestion, ...]:
@@ -126,11 +127,11 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
             blocks,
             problem.constraints,
         )
-        units = ", ".join(_in_units(sigma[name], problem.free[name].unit) for name in chosen)
+        units = [_in_units(sigma[name], problem.free[name].unit) for name in chosen]
         found = _tried(
             diagnosis,
             "prior",
-            f"add a Gaussian prior on {' and '.join(chosen)} (sigma {units})",
+            f"add a Gaussian prior on {_together(chosen)} (sigma {some_of(units, NAMED)})",
             "a prior determines what the residuals do not",
             "there the answer is the mean of the prior, not what the data say",
             fuller,
@@ -166,7 +167,7 @@ def _unread(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugg
     others = problem.free.spelled(whole)
     if not whole or not others:
         return
-    blocks = " and ".join(whole)
+    blocks = _together(whole)
     yield from _tried(
         diagnosis,
         "fix",
@@ -220,6 +221,11 @@ def _blind_blocks(diagnosis: Diagnosis) -> list[str]:
     for direction in diagnosis.null_directions:
         part = np.maximum(part, abs(direction.vector))
     return [name for name, at in free.slices.items() if (part[at] > 1e-6).any()]
+
+
+def _together(names: Sequence[str]) -> str:
+    """All names, or the first few and how many more there are."""
+    return " and ".join(names) if len(names) <= NAMED else some_of(names, NAMED)
 
 
 def _in_units(number: float, unit: str) -> str:

@@ -20,6 +20,8 @@ from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
 from workbench.fitting.scan import BadScan, Scan
+from workbench.fitting.scan_boundary import boundary
+from workbench.fitting.scan_files import ReadScan, read_scan
 from workbench.fitting.setup import Measure, Setup, View
 
 __all__ = [
@@ -30,9 +32,11 @@ __all__ = [
     "Measure",
     "Observations",
     "Photograph",
+    "ReadScan",
     "Scan",
     "Setup",
     "View",
+    "boundary",
     "from_correspondences",
     "joint_fit",
     "keypoint_fit",
@@ -44,5 +48,6 @@ __all__ = [
     "read_calibration",
     "read_keypoints",
     "read_observations",
+    "read_scan",
     "shape_prior",
 ]

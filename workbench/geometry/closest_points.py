@@ -1,11 +1,11 @@
 """The vertices of a mesh, or the places on its surface, that are closest to given points."""
 
 import numpy as np
-import trimesh
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index
+from workbench.geometry.surface_tree import SurfaceTree
 
 SAME = 1e-5  # m: a point nearer to a vertex follows it alone
 
@@ -21,14 +21,8 @@ def read_off(vertices: Array, faces: Index, points: Array) -> csr_array:
 
     Rows sum to one. A point at a vertex (N, 3) m follows that vertex alone.
     """
-    surface = trimesh.Trimesh(vertices, faces, process=False)
-    closest, _, triangle = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
-        surface, points
-    )
-    corners = faces[triangle]
-    shares = trimesh.triangles.points_to_barycentric(  # type: ignore[no-untyped-call]
-        vertices[corners], closest
-    ).clip(0, 1)
+    found = SurfaceTree(vertices, faces).closest(points)
+    corners, shares = faces[found.faces], found.shares
     distance, vertex = nearest(vertices, points)
     same = distance < SAME
     corners[same], shares[same] = vertex[same, None], [1.0, 0.0, 0.0]

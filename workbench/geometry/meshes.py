@@ -6,7 +6,7 @@ In metres, y up, as glTF has it; nothing is scaled, turned, merged or re-ordered
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import trimesh
@@ -21,6 +21,8 @@ from workbench.geometry.ply import parse_ply
 from workbench.geometry.polygons import text_lines
 from workbench.geometry.stl import parse_stl
 from workbench.writing import replacing
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +60,11 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
     Raises BadFile if there is nothing to read.
     """
     path = Path(path)
-    read = _known(path, READERS)
-    if not path.is_file():
-        raise BadFile(f"there is no mesh file {path}")
+    parts = parsed_mesh(path, _known(path, READERS))
     try:
-        mesh = Mesh(*read(path.read_bytes()))
-    except (BadMesh, OSError) as error:
+        mesh = Mesh(*parts)
+    except BadMesh as error:
         raise BadFile(f"cannot use the mesh {path}: {error}") from error
-    except (ValueError, BadFile, MemoryError) as error:
-        raise BadFile(f"{path} is damaged, or no {path.suffix} file: {cut(error)}") from error
     if not len(mesh.vertices):
         raise BadFile(f"{path} holds no vertices; it is empty, or no {path.suffix} file")
     if not len(mesh.faces) and not points_alone:
@@ -75,6 +73,21 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
             "read_mesh(path, points_alone=True) takes them as they are"
         )
     return mesh
+
+
+def parsed_mesh(path: Path, parse: Callable[[bytes], T]) -> T:
+    """What a parser makes of the content of a file; what goes wrong is BadFile, a sentence.
+
+    The arrays are as the file has them: positions may be NaN, and faces may name any vertex.
+    """
+    if not path.is_file():
+        raise BadFile(f"there is no mesh file {path}")
+    try:
+        return parse(path.read_bytes())
+    except OSError as error:
+        raise BadFile(f"cannot use the mesh {path}: {error}") from error
+    except (ValueError, BadFile, MemoryError) as error:
+        raise BadFile(f"{path} is damaged, or no {path.suffix} file: {cut(error)}") from error
 
 
 def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:

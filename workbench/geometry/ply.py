@@ -31,6 +31,7 @@ STRUCT = {  # the same for the module struct
     **{"f4": "f", "f8": "d"},
 }
 CORNERS = ("vertex_indices", "vertex_index")
+POSITION, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 
 
 @dataclass(frozen=True)
@@ -73,16 +74,24 @@ def parse_ply(content: bytes) -> tuple[Array, Index]:
 
     Raises ValueError with what is wrong.
     """
+    return parse_ply_and_normals(content)[:2]
+
+
+def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
+    """The same, and the normals (N, 3) that the vertices have, of any length; None without them."""
     order, elements, start = _header(content)
     data = _Rows(_in_binary(content[start:]) if order == "=" else memoryview(content)[start:])
     vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    normals: Array | None = None
     wanted = {"vertex", "face"} & {element.name for element in elements}
     for element in elements:
         if not wanted:
             break  # what follows is not read
         columns = data.taken(element.in_text if order == "=" else element)
         if element.name == "vertex":
-            vertices = _positions(element, columns)
+            vertices = _vectors(element, columns, POSITION)
+            if set(NORMAL) <= {p.name for p in element.properties if p.count is None}:
+                normals = _vectors(element, columns, NORMAL)
         elif element.name == "face" and element.length:
             corners, counts = columns[element.corners]
             faces = fans(vertex_numbers(corners), counts)
@@ -90,20 +99,20 @@ def parse_ply(content: bytes) -> tuple[Array, Index]:
     else:
         if len(data.left):
             raise ValueError("it holds more than its header says, or its lines have other columns")
-    return vertices, faces
+    return vertices, faces, normals
 
 
 Lists = tuple[NDArray[Any], Index]  # the entries of all lists, and how many each has
 Columns = list[Any]  # of an element: numbers (length,), or Lists
 
 
-def _positions(element: _Element, columns: Columns) -> Array:
+def _vectors(element: _Element, columns: Columns, names: tuple[str, ...]) -> Array:
     where = {p.name: k for k, p in enumerate(element.properties) if p.count is None}
-    if missing := {"x", "y", "z"} - where.keys():
+    if missing := set(names) - where.keys():
         raise ValueError(f"its vertices have no {', '.join(sorted(missing))}")
     with np.errstate(over="ignore", invalid="ignore"):  # the mesh refuses what is no number then
         return np.column_stack(
-            [columns[where[axis]].astype(element.properties[where[axis]].dtype) for axis in "xyz"]
+            [columns[where[axis]].astype(element.properties[where[axis]].dtype) for axis in names]
         ).astype(np.float64)
 
 

@@ -2,6 +2,12 @@
 
 from matplotlib.figure import Figure
 
+from workbench.plots.basins import (
+    caption_basin_grid,
+    caption_basins,
+    plot_basin_grid,
+    plot_basins,
+)
 from workbench.plots.body import caption_body, caption_shape_gallery, plot_body, plot_shape_gallery
 from workbench.plots.convergence import ITERATIONS, SECONDS, caption_convergence, plot_convergence
 from workbench.plots.direction import caption_direction, plot_direction
@@ -41,6 +47,8 @@ __all__ = [
     "ITERATIONS",
     "SECONDS",
     "Figure",
+    "caption_basin_grid",
+    "caption_basins",
     "caption_beside_laplace",
     "caption_body",
     "caption_convergence",
@@ -60,6 +68,8 @@ __all__ = [
     "caption_taylor",
     "caption_traces",
     "house_style",
+    "plot_basin_grid",
+    "plot_basins",
     "plot_beside_laplace",
     "plot_body",
     "plot_convergence",

@@ -62,7 +62,7 @@ class ConjugateGradients:
         return Step(self.solved(here.normal, damping * D**2, -here.gradient), "conjugate gradients")
 
     def solved(self, normal: Symmetric, raised: Array, right: Array) -> Array:
-        """The x (n,) with (A + diag(raised)) x = right, nearly, for A (n, n) such as J'J.
+        """The x (n,) with (A + diag(raised)) x = right, nearly, for a semidefinite A (n, n).
 
         Raises BadArgument if the unknowns cannot be divided into blocks of this size.
         """

@@ -1,7 +1,7 @@
 """Residuals over named blocks, some of them free."""
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as cs
 import numpy as np
@@ -94,6 +94,10 @@ class Problem:
         kept = [c for c in self.constraints if not set(free.names).isdisjoint(c.reads)]
         return Problem(residuals, names, bounds, self._named, kept)
 
+    def for_judging(self) -> "Problem":
+        """The same, for questions beside the end of a run, which are no part of the run."""
+        return self
+
     def read(self, values: Mapping[str, ArrayLike]) -> Values:
         """The values of the blocks that the problem reads, as arrays; others are left out."""
         names = (*self.free.names, *self.fixed.names)
@@ -164,8 +168,6 @@ class Problem:
         """Whether any free number has a bound."""
         return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
 
-    # The graphs.
-
     @cached_property
     def function(self) -> cs.Function:
         """(x, fixed) -> r: the stacked, whitened residual, (m, 1)."""
@@ -212,10 +214,7 @@ class Problem:
 
     def slopes(self, x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
         """A function of z (M, k) to the costs (M,) and their gradients (M, k); see `costs`."""
-
-        def one(at: Array) -> tuple[float, Array]:
-            return self.cost_and_gradient(at, fixed)
-
+        one = partial(self.cost_and_gradient, fixed=fixed)
         return slopes(self._batch, x, fixed, self._places(entries), one)
 
     def _places(self, entries: Places | None) -> Places:
@@ -295,6 +294,5 @@ class Problem:
 
     @cached_property
     def _batch(self) -> Batch:
-        whole = self._graph if self.has_graph else None
         parts = split(self._whitened, self.points, *self._layouts)
-        return Batch(whole, *parts, *self._layouts)
+        return Batch(self._graph if self.has_graph else None, *parts, *self._layouts)

@@ -1,6 +1,8 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
+from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
+from workbench.registration.doubts import Doubts, doubts
 from workbench.registration.free_vertices import (
     QUICK_STAGES,
     STAGES,
@@ -10,19 +12,58 @@ from workbench.registration.free_vertices import (
     StageResult,
     posterior_sd,
 )
+from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
+from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
+from workbench.registration.icp_steps import (
+    Contacts,
+    distance_gauss_newton,
+    point_to_plane,
+    point_to_point,
+)
+from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
+from workbench.registration.point_cloud import PointCloud
+from workbench.registration.scan_starts import arms_lowered, scan_starts
 from workbench.registration.scan_term import ScanTerm, touched
+from workbench.registration.support import Support, support
+from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
+    "FIT_STAGES",
     "QUICK_STAGES",
     "STAGES",
+    "Alignment",
+    "BasinMap",
+    "Contacts",
     "Coupling",
+    "Doubts",
+    "FitStage",
     "FreeVertices",
+    "GemanMcClure",
+    "Icp",
+    "IcpIterate",
+    "LeastSquares",
+    "ModelFit",
+    "PointCloud",
+    "Progress",
     "Registered",
     "ScanTerm",
     "Stage",
     "StageResult",
+    "Stopped",
+    "Support",
+    "Trimmed",
+    "arms_lowered",
+    "basin_map",
     "by_edges",
     "by_vertices",
+    "distance_gauss_newton",
+    "doubts",
+    "fit_model",
+    "point_to_plane",
+    "point_to_point",
     "posterior_sd",
+    "random_surface_points",
+    "scan_starts",
+    "support",
     "touched",
 ]

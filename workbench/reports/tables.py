@@ -126,7 +126,7 @@ def solvers_table(outcome: Outcome) -> Table:
         "solver": lambda of: of[0],
         "status": lambda of: status_said(outcome, of[0]),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
-        "cost": lambda of: f"{of[1].cost:.8g}",
+        "cost": lambda of: number(of[1].cost, 8),
         "above the best": lambda of: number(outcome.excess(of[0]), 2),
         "optimality": lambda of: number(of[1].optimality, 2),
         "iterations": lambda of: str(of[1].iterations),
@@ -142,7 +142,7 @@ def hypotheses_table(solution: Solution) -> Table:
     """The minima that several starts led to."""
     columns: Columns[tuple[int, Hypothesis]] = {
         "minimum": lambda of: str(of[0]),
-        "cost": lambda of: f"{of[1].cost:.8g}",
+        "cost": lambda of: number(of[1].cost, 8),
         "starts": lambda of: str(len(of[1].starts)),
         "their numbers": lambda of: some_of(list(map(str, sorted(of[1].starts))), MOST_STARTS),
         "best run": lambda of: _status(of[1].status, of[0] > 1),

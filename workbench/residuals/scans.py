@@ -14,7 +14,7 @@ from workbench.blocks.checks import reals
 from workbench.blocks.expressed_points import ExpressedPoints
 from workbench.errors import BadResidual
 from workbench.geometry.surface_tree import Closest, SurfaceTree
-from workbench.residuals.arguments import confidences, expressed, named_after, numbered
+from workbench.residuals.arguments import expressed, named_after, numbered
 from workbench.residuals.contact_forms import Form, Offsets, distance
 from workbench.residuals.contacts import Contacts, MovingContacts
 from workbench.residuals.kernels import Kernel, quadratic
@@ -189,7 +189,6 @@ def _residual(
         arithmetic = ExpressedPoints(source.expression, source.blocks)
     contacts = MovingContacts(source, arithmetic, count, None, search)
     placed = Points.of(contacts, name, form.numbers)
-    each = None if weights is None else confidences(name, weights, count, "points")
     return Residual(
         name,
         cs.vec(placed.symbol),
@@ -197,7 +196,7 @@ def _residual(
         "m",
         kernel,
         (placed,),
-        weights=each,
+        weights=weights,
         rows_per_point=form.numbers,
     )
 

@@ -16,7 +16,8 @@ class EndPoint:
     """The point where a run ended. What is evaluated to judge it is counted apart from the run.
 
     Attributes:
-        problem: the problem that was solved.
+        problem: the problem that was solved, by `Problem.for_judging`: a metered one counts what
+            it is asked, and takes none of these points for the best of the run.
         fixed: its fixed numbers.
         x: (n,) the point.
         here: the linearization there.

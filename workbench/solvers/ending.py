@@ -80,8 +80,9 @@ def _lost(run: Ended, here: Linearization) -> Mask:
     if not gone.any():
         return gone
     start = _judged(run, run.x)
-    residual = lambda to: run.problem.residual(to, run.fixed)  # noqa: E731
-    return lost(gone, x, run.sensitivity.size(x), start, here, rounding, residual)
+    judged = run.problem.for_judging()
+    size = run.sensitivity.size(x)
+    return lost(gone, x, size, start, here, rounding, lambda to: judged.residual(to, run.fixed))
 
 
 def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linearization, float]:

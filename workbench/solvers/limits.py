@@ -47,6 +47,12 @@ class Stop(Exception):
         self.status, self.message = status, message or status.value
 
 
+def stop_asked(answer: object) -> Stop | None:
+    """The Stop that the answer of a callback means: True ends a run, and nothing else does."""
+    asked = isinstance(answer, bool | np.bool_) and bool(answer)
+    return Stop(Status.STOPPED, "stopped by the callback") if asked else None
+
+
 def stop_of(error: BaseException | None) -> Stop | None:
     """The Stop that an exception means for a run; None for an error that the run passes on."""
     if isinstance(error, MemoryError):

@@ -37,7 +37,8 @@ def unless_no_minimum(run: Ended, here: Linearization, found: Ending, converged:
     x, noise = run.best.x, run.rounding_noise.at(run.best.x, here)
     tolerance = run.limits.gradient_tolerance
     size = run.sensitivity.size(x)
-    end = EndPoint(run.problem, run.fixed, x, here, noise, size, tolerance, check)
+    judged = run.problem.for_judging()
+    end = EndPoint(judged, run.fixed, x, here, noise, size, tolerance, check)
     no_minimum: Saddle | Mask | None = None
     try:
         check()

@@ -19,7 +19,7 @@ from workbench.solvers.abilities import refuse
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
 from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.solvers.limits import Options, Stop, guarded, stop_of, unwarned
+from workbench.solvers.limits import Options, Stop, guarded, stop_asked, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.meter import Meter
 from workbench.solvers.rounding_noise import RoundingNoise
@@ -249,15 +249,15 @@ class Run:
         self.trace.append(iterate)
         if here is not None and not isnan(optimality):
             self._settle(x, cost, here, optimality)
-        stop: object = False
+        asked: Stop | None = None
         if self.callback is not None:
             with self._interrupts.raised_at_once():
-                stop = self.callback(iterate)
+                asked = stop_asked(self.callback(iterate))
         self._interrupts.check()
         if optimality <= self.limits.gradient_tolerance:
             raise Stop(Status.CONVERGED)
-        if isinstance(stop, bool | np.bool_) and stop:
-            raise Stop(Status.STOPPED, "stopped by the callback")
+        if asked is not None:
+            raise asked
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
 

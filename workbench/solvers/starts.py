@@ -15,8 +15,9 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes.forked import forked
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.iterate import Evaluations
+from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
+from workbench.solvers.limits import Stop, stop_asked
 from workbench.solvers.minima import clusters, further_minima
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
@@ -27,7 +28,6 @@ from workbench.solvers.solution import (
     Status,
 )
 
-STOPPED_BY_CALLBACK = "stopped by the callback"  # the words of a single run that ends so
 NEGLIGIBLE = 1e-12  # of the largest cost at a start: two ends without noise differ by as much
 Draw = Callable[[Problem, Values, np.random.Generator], Values]
 
@@ -129,22 +129,31 @@ class Starts:
         interrupt, or a callback that returns True, ends all runs; what was found is returned.
         """
         began, starts = time.perf_counter(), self.drawn(problem, start)
-        alone = callback if self.workers == 1 else None
         ends: dict[int, Solution] = {}
+        asked: list[Stop] = []
         why = ""
 
-        def run(k: int) -> Solution:
-            return self.solver.solve(problem, starts[k], callback=alone)
+        def told(iterate: Iterate) -> bool:
+            """Whether the callback has asked to stop, by now."""
+            stop = None if callback is None else stop_asked(callback(iterate))
+            if stop is not None:
+                asked.append(stop)
+            return bool(asked)
 
+        def run(k: int) -> Solution:
+            return self.solver.solve(problem, starts[k], callback=told if alone else None)
+
+        alone = self.workers == 1
         with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
             for k, end in found:
                 ends[k] = end
-                told = callback is not None and alone is None
-                stopped = told and any([callback(one) for one in end.trace])  # type: ignore[misc]
-                if stopped or end.status is Status.STOPPED or interrupts.pressed:
-                    why = STOPPED_BY_CALLBACK if stopped else end.message
+                if not alone:
+                    any(map(told, end.trace))  # up to the first at which it asks to stop
+                if asked or end.status is Status.STOPPED or interrupts.pressed:
+                    why = asked[0].message if asked else end.message
                     break
         why = INTERRUPTED if interrupts.pressed else why
+        cut = len(ends) < len(starts) or end.status is Status.STOPPED or interrupts.pressed
         numbered = dict(sorted(ends.items()))
         hypotheses = _hypotheses(problem, starts, numbered)
         best = numbered[hypotheses[0].starts[0]]
@@ -156,8 +165,8 @@ class Starts:
             seconds=time.perf_counter() - began,
             hypotheses=hypotheses,
         )
-        if len(ends) < len(starts):
-            said = whole.message if best.message == why else f"{why}; {whole.message}"
+        if cut:
+            said = whole.message if best.message.startswith(why) else f"{why}; {whole.message}"
             return replace(whole, status=Status.STOPPED, message=said)
         return whole
 

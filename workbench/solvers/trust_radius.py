@@ -26,6 +26,10 @@ def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
     it is shorter than one unit. SciPy's trf begins with |D x|, and with 1 at zero; MINPACK with 100
     |D x|, and with 100 at zero (Moré, The Levenberg-Marquardt algorithm: implementation and theory,
     1978).
+
+    `TrustRegion` begins as trf does, without this function. Its radius shrinks to the length of the
+    first step, whatever it was before, and follows the gain ratio from there; here the first radius
+    caps steps that nothing else damps. The gym's stored results are those of these two rules.
     """
     return share * max(float(np.linalg.norm(D * x)), 1.0)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
@@ -45,6 +46,8 @@ class TrustRegion:
     nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
     inside.
 
+    Raises BadArgument for a first radius that is not positive and finite.
+
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
             start.
@@ -65,6 +68,13 @@ class TrustRegion:
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6
 
+    def __post_init__(self) -> None:
+        if self.first_radius is not None and not 0 < self.first_radius < np.inf:
+            raise BadArgument(
+                "`first_radius` must be a positive, finite length in the units of the unknowns, or "
+                f"None for the length of the start, not {self.first_radius}"
+            )
+
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
@@ -80,7 +90,7 @@ class TrustRegion:
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
             size = float(np.linalg.norm(x))
-            radius = self.first_radius or size or 1.0
+            radius = self.first_radius or size or 1.0  # see `trust_radius.first_radius`
             damping, slow, least = 0.0, False, SHORTEST * max(size, radius)
             while True:
                 steepness = float(np.linalg.norm(here.gradient))

@@ -28,6 +28,10 @@ class Floor:
     """A disc of the floor at the height of the lowest vertex, around the middle of the body.
 
     `radius` is in m.
+
+    >>> rng = np.random.default_rng(0)
+    >>> Floor().draw(np.array([[0.0, -0.9, 0.0]]), 2, rng)[0][:, 1].tolist()
+    [-0.9, -0.9]
     """
 
     radius: float = 0.6
@@ -48,6 +52,11 @@ class Crate:
         size: in m, the length of its edges.
         away: in m, how far its middle is from that of the body.
         angle: in rad, in which direction, from +z to +x.
+
+    >>> rng = np.random.default_rng(0)
+    >>> points, _ = Crate(size=0.4).draw(np.zeros((1, 3)), 10_000, rng)
+    >>> np.ptp(points, axis=0).round(3).tolist()
+    [0.4, 0.4, 0.4]
     """
 
     size: float = 0.4
@@ -70,7 +79,13 @@ class Crate:
 
 @dataclass(frozen=True)
 class Specks:
-    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere."""
+    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere.
+
+    >>> rng = np.random.default_rng(0)
+    >>> points, _ = Specks(0.1).draw(np.zeros((1, 3)), 10_000, rng)
+    >>> bool(0.095 < points.std() < 0.105)
+    True
+    """
 
     reach: float = 0.1
 
@@ -89,6 +104,9 @@ class Clutter:
     Each of the `things` gives about as many as another. They are where a scanner sees them: in its
     image, facing it, and not behind the body. They hide nothing of the body themselves. Raises
     BadArgument for a share below 0 or from 1 on, and if there are no things.
+
+    >>> Clutter(0.2).count(8000)  # of 10,000 points
+    2000
     """
 
     share: float = 0.2

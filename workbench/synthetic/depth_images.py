@@ -85,10 +85,10 @@ def _boxes(corners: Array, scanner: Scanner) -> Index:
 
     Triangles that reach behind the scanner get the whole image, and those behind it nothing.
     """
-    before = np.asarray(corners[..., 2] > NEAR)
+    before = corners[..., 2] > NEAR
     pixels = _image(corners, before, scanner)
     last = np.array(scanner.size) - 1
-    whole = (before.any(axis=1) & ~before.all(axis=1))[:, None]
+    whole = np.asarray(before.any(axis=1) & ~before.all(axis=1))[:, None]
     low = np.where(whole, 0, np.floor(pixels.min(axis=1) - MARGIN)).clip(0)
     high = np.where(whole, last, np.floor(pixels.max(axis=1) + MARGIN)).clip(-1, last)
     high[~before.any(axis=1)] = -1

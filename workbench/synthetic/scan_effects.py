@@ -12,9 +12,9 @@ from scipy.stats import norm
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
-from workbench.geometry.mesh_graph import heat
 
 STEEPEST_MEASURED = np.radians(80)  # where the measurements of noise by angle end
+WAVES = 300  # that make up a smooth random field
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,16 @@ class Holes:
 
     Each disc is what lies within `radius` m of a random point of the surface and faces the same
     half of space. Raises BadArgument for a negative number.
+
+    Attributes:
+        count: the number of discs.
+        radius: in m.
+
+    >>> from workbench.synthetic import scan, scanners
+    >>> wall, faces = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]])
+    >>> whole = scan(wall, faces, scanners(1), seed=0).scan.n_points
+    >>> scan(wall, faces, scanners(1), seed=0, holes=Holes(200, 0.3)).scan.n_points < whole
+    True
     """
 
     count: int = 6
@@ -108,7 +118,12 @@ class Clothing:
         thickest: in m, the offset that the field comes near to where it is largest.
         spread: in m, over about which distance it varies.
         where: (N,) from 0 to 1, by which the offset of each vertex is multiplied; None for 1.
-            `clothed` gives the torso and the upper limbs of a body.
+            `clothed` gives the torso, the upper arms and the legs of a body.
+
+    >>> places = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
+    >>> offsets = Clothing(0.02).offsets(places, np.random.default_rng(1))
+    >>> bool(offsets.min() >= 0), bool(0.015 < offsets.max() <= 0.02)
+    (True, True)
     """
 
     thickest: float = 0.02
@@ -120,11 +135,12 @@ class Clothing:
         if not self.spread:
             raise BadArgument("the offset of clothing varies over a spread above 0 m")
 
-    def offsets(self, vertices: Array, faces: Index, rng: np.random.Generator) -> Array:
+    def offsets(self, vertices: Array, rng: np.random.Generator) -> Array:
         """The offset of every vertex, (N,) m, none of them negative.
 
         A smooth random field, from which the normal distribution function makes numbers that are
-        spread evenly between 0 and 1. Raises BadArgument if `where` has another shape.
+        spread evenly between 0 and 1. Raises BadArgument if `where` has another shape or other
+        numbers.
         """
         N = len(vertices)
         where = np.ones(N) if self.where is None else self.where
@@ -133,8 +149,8 @@ class Clothing:
                 f"where clothing is worn is given by numbers from 0 to 1, one for each of the {N} "
                 f"vertices, not by an array {where.shape}"
             )
-        field = smooth_field(vertices, faces, self.spread, rng.standard_normal((N, 1)))[:, 0]
-        return np.asarray(self.thickest * norm.cdf(field / np.sqrt(np.mean(field**2))) * where)
+        field = smooth_field(vertices, self.spread, 1, rng)[:, 0]
+        return np.asarray(self.thickest * norm.cdf(field) * where)
 
 
 class Region(Protocol):
@@ -177,10 +193,16 @@ class Box:
         return np.asarray(inside.all(axis=-1))
 
 
-def smooth_field(vertices: Array, faces: Index, spread: float, rough: Array) -> Array:
-    """Fields (N, D) with a value at every vertex, smoothed over about `spread` m of the surface."""
-    step = heat(vertices, faces, spread / np.sqrt(2))
-    return np.asarray(step.solve(step.solve(rough)))
+def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator) -> Array:
+    """D random functions of place at points (N, 3) m, (N, D), which vary over about `spread` m.
+
+    Nearly a Gaussian process with the covariance exp(-|x - y|^2 / (2 spread^2)), as a sum of waves
+    (Rahimi and Recht, NIPS 2007). It does not depend on the mesh.
+    """
+    waves = rng.standard_normal((WAVES, 3)) / spread
+    phases = rng.uniform(0, 2 * np.pi, WAVES)
+    heights = rng.standard_normal((WAVES, D)) * np.sqrt(2 / WAVES)
+    return np.asarray(np.cos(points @ waves.T + phases) @ heights)
 
 
 def vertex_normals(vertices: Array, faces: Index) -> Array:

@@ -124,7 +124,7 @@ def scan(
     surface = mesh.vertices
     if clothing is not None:
         rng = np.random.default_rng((seed, CLOTHING))
-        offsets = clothing.offsets(mesh.vertices, mesh.faces, rng)
+        offsets = clothing.offsets(mesh.vertices, rng)
         surface = surface + offsets[:, None] * vertex_normals(mesh.vertices, mesh.faces)
     discs = (holes or Holes(0)).discs(surface, mesh.faces, np.random.default_rng((seed, HOLES)))
     losses = Losses(discs, steepest, region)

@@ -3,6 +3,8 @@
 import numpy as np
 
 from tests.lectures.prose import Run
+from workbench.solvers.damped_length import LEAST, MOST
+from workbench.solvers.trust_region import AHEAD, POOR, SLOW
 
 
 def ended(run: Run, solver: str) -> tuple[int, int]:
@@ -74,17 +76,10 @@ SAYS = {
         ended(run, name) == (30, 30) for name in ("levenberg-marquardt", "dogleg", "trust-region")
     ),
     "The same thirty starts, by all three": lambda run: len(run["starts"]),
-    "enough if the length is right to a tenth": lambda run: (
-        (run["step_within"].__globals__["LEAST"], run["step_within"].__globals__["MOST"])
-        == (0.9, 1.1)
-    ),
-    "The gain ratio now sets the radius. After a poor step it is halved": lambda run: (
-        run["bend"].__globals__["POOR"] == 0.25
-    ),
-    "Once a step lowers the cost by less than a tenth": lambda run: (
-        run["bend"].__globals__["SLOW"] == 0.1
-    ),
-    "looks a tenth of the next step ahead": lambda run: run["bend"].__globals__["AHEAD"] == 0.1,
+    "enough if the length is right to a tenth": lambda run: (LEAST, MOST) == (0.9, 1.1),
+    "The gain ratio now sets the radius. After a poor step it is halved": lambda run: POOR == 0.25,
+    "Once a step lowers the cost by less than a tenth": lambda run: SLOW == 0.1,
+    "looks a tenth of the next step ahead": lambda run: AHEAD == 0.1,
     "Grey: the cost, and four radii": lambda run: len(run["radii"]) == 4,
     "the dogleg does the same in two straight legs": lambda run: all(
         line[-1] > 0.98 for line in run.lines("the dogleg keeps")

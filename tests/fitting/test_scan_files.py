@@ -1,0 +1,304 @@
+"""Scans in every format, and what is guessed, repaired and said as they are read."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
+from workbench.fitting.scan import BadScan
+from workbench.fitting.scan_cleaning import FEWEST
+from workbench.fitting.scan_files import ReadScan, read_scan
+from workbench.fitting.scan_surface import normals_of_faces
+from workbench.fitting.scan_units import UNITS
+from workbench.fitting.scan_up import TURNS
+from workbench.geometry.meshes import write_mesh
+
+BODY = load_body("small")
+STANDING = BODY.vertices(pose=[[0, 0, 0]] * 16 + [[0, 0, -1.0], [0, 0, 1.0]] + [[0, 0, 0]] * 6)
+FACES = BODY.faces
+SURFACE = np.asarray(
+    trimesh.sample.sample_surface(trimesh.Trimesh(STANDING, FACES, process=False), 4000, seed=0)[0]
+)
+
+
+def saved(path: Path, points: Array = SURFACE, **others: Any) -> Path:
+    if path.suffix == ".npz":
+        np.savez(path, points=points, **others)
+    elif path.suffix == ".npy":
+        np.save(path, points)
+    elif path.suffix == ".csv":
+        np.savetxt(path, points, delimiter=",", header="x,y,z", comments="", fmt="%.17g")
+    else:
+        np.savetxt(path, points, fmt="%.17g")
+    return path
+
+
+def said(read: ReadScan, words: str) -> bool:
+    return any(words in note for note in read.notes)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".npy", ".xyz", ".txt", ".csv"])
+def test_points_come_back_from_files_of_points(tmp_path: Path, suffix: str) -> None:
+    read = read_scan(saved(tmp_path / f"scan{suffix}"))
+    np.testing.assert_array_equal(read.scan.points, SURFACE)
+    assert (read.unit, read.up, read.scan.faces, read.scan.normals) == ("m", "y", None, None)
+    assert said(read, "there are no normals")
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_a_cloud_in_ply_has_the_normals_of_the_file(tmp_path: Path, kind: str) -> None:
+    outwards = SURFACE - SURFACE.mean(axis=0)
+    rows = np.column_stack([SURFACE, 3 * outwards, np.full((len(SURFACE), 3), 7)])  # and colours
+    names = ("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue")
+    header = f"ply\nformat {kind} 1.0\nelement vertex {len(rows)}\n"
+    header += "".join(f"property double {name}\n" for name in names) + "end_header\n"
+    text = "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
+    data = text.encode() if kind == "ascii" else rows.astype("<f8").tobytes()
+    (tmp_path / "scan.ply").write_bytes(header.encode() + data)
+    scan = read_scan(tmp_path / "scan.ply").scan
+    np.testing.assert_array_equal(scan.points, SURFACE)
+    assert scan.normals is not None
+    np.testing.assert_allclose(
+        scan.normals, outwards / np.linalg.norm(outwards, axis=1, keepdims=True), atol=1e-12
+    )
+    assert scan.faces is None
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
+def test_meshes_come_back_with_their_faces(tmp_path: Path, suffix: str) -> None:
+    write_mesh(tmp_path / f"scan{suffix}", STANDING, FACES)
+    scan = read_scan(tmp_path / f"scan{suffix}").scan
+    np.testing.assert_array_equal(scan.points, STANDING)
+    np.testing.assert_array_equal(scan.faces, FACES)
+    np.testing.assert_allclose(
+        np.asarray(scan.normals), normals_of_faces(STANDING, FACES), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".glb", ".ply", ".obj", ".off"])
+def test_what_trimesh_wrote_has_the_same_surface(tmp_path: Path, suffix: str) -> None:
+    """A soup is merged: as many points as the mesh has, and no boundary."""
+    mesh = trimesh.Trimesh(STANDING, FACES, process=False)
+    mesh.export(tmp_path / f"scan{suffix}")
+    read = read_scan(tmp_path / f"scan{suffix}")
+    scan = read.scan
+    assert scan.faces is not None
+    assert scan.weights is not None
+    assert (scan.n_points, len(scan.faces)) == (len(STANDING), len(FACES))
+    np.testing.assert_allclose(scan.weights.sum(), mesh.area, rtol=1e-5)
+    corners = [
+        np.sort(np.round(points[faces].reshape(-1, 9), 5).sum(axis=1))
+        for points, faces in ((scan.points, scan.faces), (STANDING, FACES))
+    ]
+    np.testing.assert_allclose(*corners, atol=1e-4)
+    assert said(read, "merged") == (suffix == ".stl")
+    assert said(read, "as the format prescribes") == (suffix == ".glb")
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("up", TURNS)
+def test_unit_and_axis_are_guessed_alike_however_a_person_is_stored(
+    tmp_path: Path, unit: str, up: str
+) -> None:
+    """Turned and scaled back, the points are the same; so are guesses that are given."""
+    there = np.linalg.inv(TURNS[up])
+    np.testing.assert_allclose(there, TURNS[up].T, atol=0)
+    assert np.linalg.det(there) == pytest.approx(1)
+    path = saved(tmp_path / "scan.npy", SURFACE @ there.T / UNITS[unit])
+    for read in (read_scan(path), read_scan(path, unit=unit, up=up)):
+        assert (read.unit, read.up) == (unit, up)
+        np.testing.assert_allclose(read.scan.points, SURFACE, atol=1e-12)
+    assert said(read_scan(path), f"the unit is taken to be {unit}")
+    assert said(read_scan(path), f"{up} is taken to be up")
+
+
+def test_the_size_does_not_depend_on_how_the_scan_is_turned(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
+        assert read_scan(saved(tmp_path / "scan.npy", 100 * SURFACE @ turn.T)).unit == "cm"
+
+
+def test_arms_stretched_to_the_sides_are_not_the_height(tmp_path: Path) -> None:
+    """A person in the rest pose is as wide as tall."""
+    mesh = trimesh.Trimesh(BODY.template, FACES, process=False)
+    points = np.asarray(trimesh.sample.sample_surface(mesh, 4000, seed=0)[0])
+    wide = np.ptp(points, axis=0)
+    assert wide[0] > 0.9 * wide[1]
+    assert read_scan(saved(tmp_path / "scan.npy", points @ TURNS["z"])).up == "z"
+
+
+def test_clutter_and_density_do_not_change_the_guesses(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    clutter = SURFACE.mean(axis=0) + rng.uniform(-1.5, 1.5, (1000, 3))  # 20 %
+    dense = np.repeat(SURFACE[SURFACE[:, 1] < SURFACE[:, 1].mean()], 5, axis=0)
+    dense = dense + rng.normal(size=dense.shape) * 0.002
+    read = read_scan(saved(tmp_path / "scan.npy", 1000 * np.concatenate([SURFACE, clutter, dense])))
+    assert (read.unit, read.up) == ("mm", "y")
+    assert said(read, "far from all neighbours")
+
+
+def test_a_hand_is_in_metres_and_nothing_is_sure(tmp_path: Path) -> None:
+    hand = SURFACE[SURFACE[:, 1] > SURFACE[:, 1].max() - 0.2]
+    read = read_scan(saved(tmp_path / "hand.npy", hand))
+    assert (read.unit, read.up) == ("m", "y")
+    assert said(read, "this is uncertain")
+    assert said(read, "would tell")
+    assert read_scan(saved(tmp_path / "hand.npy", 100 * hand)).unit == "cm"
+
+
+def test_a_camera_orients_normals_and_moves_with_the_scan(tmp_path: Path) -> None:
+    camera = np.array([0.0, 1.0, 3.0])
+    stored = {"points": 1000 * SURFACE @ TURNS["z"], "camera_position": 1000 * camera @ TURNS["z"]}
+    np.savez(tmp_path / "scan.npz", **stored)
+    np.save(tmp_path / "scan.npy", stored["points"])
+    for read in (
+        read_scan(tmp_path / "scan.npz"),
+        read_scan(tmp_path / "scan.npy", camera_position=stored["camera_position"]),
+    ):
+        assert (read.unit, read.up) == ("mm", "z")
+        assert read.camera_position is not None
+        np.testing.assert_allclose(read.camera_position, camera, atol=1e-12)
+        assert read.scan.normals is not None
+        towards = ((camera - read.scan.points) * read.scan.normals).sum(axis=1)
+        assert (towards >= 0).all()
+        assert said(read, "turned to the camera")
+
+
+def test_normals_in_columns_are_seen_and_other_columns_are_named(tmp_path: Path) -> None:
+    outwards = SURFACE - SURFACE.mean(axis=0)
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    colours = np.full((len(SURFACE), 3), 200.0)
+    both = read_scan(saved(tmp_path / "a.xyz", np.column_stack([SURFACE, outwards, colours])))
+    np.testing.assert_allclose(both.scan.normals, outwards, atol=1e-12)
+    assert said(both, "columns 7 to 9 are not read")
+    assert said(both, "taken for normals")
+    colour = read_scan(saved(tmp_path / "b.csv", np.column_stack([SURFACE, colours])))
+    assert colour.scan.normals is None
+    assert said(colour, "columns 4 to 6 are not read")
+
+
+def test_text_may_begin_with_titles_a_count_or_comments_and_end_in_words(tmp_path: Path) -> None:
+    rows = "".join(f"{x!r}; {y!r}; {z!r}; skin\n" for x, y, z in SURFACE.tolist())
+    (tmp_path / "scan.txt").write_text(f"{len(SURFACE)}\n# made by hand\nX;Y;Z;label\n\n{rows}")
+    read = read_scan(tmp_path / "scan.txt")
+    np.testing.assert_array_equal(read.scan.points, SURFACE)
+    assert said(read, "column 4 is not read")
+
+
+def test_arrays_of_several_people_have_to_be_named(tmp_path: Path) -> None:
+    path = tmp_path / "people.npz"
+    np.savez(path, ann=SURFACE, bob=1000 * SURFACE, bob_normals=SURFACE, floor=np.zeros(4))
+    with pytest.raises(BadFile, match="one has to be named: ann, bob"):
+        read_scan(path)
+    read = read_scan(path, name="bob")
+    assert read.unit == "mm"
+    assert said(read, "not read are the arrays ann, floor")
+    assert said(read, "normals are those of the file")
+    with pytest.raises(BadFile, match="no array 'carl'; arrays of points are ann, bob"):
+        read_scan(path, name="carl")
+    with pytest.raises(BadFile, match=r"floor is float64 of shape \(4,\), not points"):
+        read_scan(path, name="floor")
+    with pytest.raises(BadArgument, match="has no arrays with names"):
+        read_scan(saved(tmp_path / "scan.npy"), name="bob")
+
+
+def test_what_is_left_out_is_said(tmp_path: Path) -> None:
+    nothing = np.full((7, 3), np.nan)
+    zeros, twice, far = np.zeros((9, 3)), SURFACE[:11], np.array([[900.0, 0, 0]])
+    points = np.concatenate([SURFACE, nothing, zeros, twice, far, [[np.inf, 0, 0]]])
+    read = read_scan(saved(tmp_path / "scan.npy", points))
+    np.testing.assert_array_equal(read.scan.points, SURFACE)
+    assert [note for note in read.notes if "left out" in note or "merged" in note] == [
+        "8 points are NaN, infinite or beyond 1e9, and left out",
+        "9 points are 0 0 0, as missing ones are, and left out",
+        "11 points are in the place of another, and merged with it",
+        "1 point is far from all others, and left out",
+    ]
+
+
+def test_faces_follow_the_points_that_stay(tmp_path: Path) -> None:
+    """A point without numbers takes its faces along; one without faces goes alone."""
+    points = np.concatenate([[[9.0, 9, 9]], STANDING, STANDING[:1]])
+    points[5] = np.nan
+    faces = FACES + 1
+    np.savez(tmp_path / "scan.npz", vertices=points, faces=faces)
+    read = read_scan(tmp_path / "scan.npz")
+    assert read.scan.faces is not None
+    left = faces[(faces != 5).all(axis=1)]
+    np.testing.assert_array_equal(read.scan.points[read.scan.faces], points[left])
+    assert read.scan.n_points == len(STANDING) - 1
+    assert said(read, "1 point is NaN")
+    assert said(read, "2 points are in no face")
+
+
+def test_faces_that_look_inwards_are_turned(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "scan.ply", STANDING, FACES[:, ::-1])
+    read = read_scan(tmp_path / "scan.ply")
+    assert said(read, "the faces look inwards, and are turned round")
+    np.testing.assert_allclose(
+        np.asarray(read.scan.normals), normals_of_faces(STANDING, FACES), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".ply"])
+def test_many_points_become_fewer_and_stand_for_the_same_area(tmp_path: Path, suffix: str) -> None:
+    mesh = trimesh.Trimesh(STANDING, FACES, process=False).subdivide_loop(2)
+    points, path = np.asarray(mesh.vertices), tmp_path / f"scan{suffix}"
+    assert len(points) > 5000
+    if suffix == ".npy":
+        np.save(path, points)
+    else:
+        write_mesh(path, points, mesh.faces)
+    read = read_scan(path, most=3000)
+    assert read.scan.n_points == 3000
+    assert read.scan.faces is None
+    assert read.scan.weights is not None
+    assert said(read, "at random")
+    assert read.scan.weights.sum() == pytest.approx(mesh.area, rel=0.1)
+    np.testing.assert_array_equal(read.scan.points, read_scan(path, most=3000).scan.points)
+
+
+BAD: dict[str, tuple[Callable[[], Array], str]] = {
+    "empty": (lambda: np.zeros((0, 3)), "it holds no points"),
+    "one point": (lambda: np.ones((1, 3)), f"1 different points are left.*at least {FEWEST}"),
+    "equal points": (lambda: np.ones((500, 3)), "1 different points.*499 points are in the place"),
+    "all NaN": (lambda: np.full((500, 3), np.nan), "0 different points.*500 points are NaN"),
+    "far too large": (lambda: 1e6 * SURFACE, "in none of cm, in, m, mm is this the size of a body"),
+    "far too small": (lambda: 1e-9 * SURFACE, "in none of cm, in, m, mm is this the size"),
+    "two columns": (lambda: SURFACE[:, :2], r"has shape \(4000, 2\), not \(N, 3\)"),
+    "one number": (lambda: np.array(3.0), r"holds float64 of shape \(\), not points"),
+    "truths": (lambda: SURFACE > 0, "holds bool of shape"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_scan_is_refused_in_a_sentence(tmp_path: Path, name: str) -> None:
+    make, sentence = BAD[name]
+    path = saved(tmp_path / "scan.npy", make())
+    with pytest.raises(WorkbenchError, match=sentence) as raised:
+        read_scan(path)
+    assert str(path) in str(raised.value)
+
+
+def test_arguments_are_checked(tmp_path: Path) -> None:
+    path = saved(tmp_path / "scan.npy")
+    with pytest.raises(UnknownName, match="no unit is called 'feet'; there are cm, in, m, mm"):
+        read_scan(path, unit="feet")
+    with pytest.raises(UnknownName, match="no axis is called 'w'"):
+        read_scan(path, up="w")
+    with pytest.raises(BadScan, match=r"in mm the scan is 0.001\d+ m long, and no body is"):
+        read_scan(path, unit="mm")
+    with pytest.raises(BadArgument, match="three numbers"):
+        read_scan(path, camera_position=[1, 2])
+    with pytest.raises(BadArgument, match="at least 1,000 points"):
+        read_scan(path, most=3)
+    with pytest.raises(BadFile, match=r"no format of scans is called '\.fbx'; there are \.csv"):
+        read_scan(tmp_path / "scan.fbx")
+    assert read_scan(path, up="+z").up == "z"

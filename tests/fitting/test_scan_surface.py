@@ -1,0 +1,104 @@
+"""Normals, areas and boundaries of scans against surfaces that are known."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from workbench.arrays import Array
+from workbench.errors import BadArgument
+from workbench.fitting.scan import Scan
+from workbench.fitting.scan_boundary import boundary
+from workbench.fitting.scan_surface import (
+    areas_of_faces,
+    areas_of_neighbours,
+    filled,
+    normals_of_faces,
+    normals_of_neighbours,
+    towards,
+)
+
+
+def on_a_sphere(n: int, seed: int = 0) -> Array:
+    found = np.random.default_rng(seed).normal(size=(n, 3))
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def test_normals_of_a_sphere_are_its_points() -> None:
+    points = on_a_sphere(5000)
+    from_outside = np.sign((normals_of_neighbours(points) * points).sum(axis=1))
+    normals = from_outside[:, None] * normals_of_neighbours(points)
+    off = np.degrees(np.arccos((normals * points).sum(axis=1).clip(-1, 1)))
+    assert (np.median(off) < 2) & (off.max() < 10)
+    np.testing.assert_allclose(-normals, towards(normals, points, np.zeros(3)), atol=0)
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    np.testing.assert_allclose(normals_of_faces(vertices, faces), vertices, atol=8e-3)
+    areas = areas_of_faces(vertices, faces)
+    np.testing.assert_allclose(areas.sum(), mesh.area, rtol=1e-12)
+    np.testing.assert_allclose(areas @ vertices[:, 2] ** 2, 4 * np.pi / 3, rtol=5e-3)
+
+
+@pytest.mark.parametrize("n", [2000, 8000, 32000])
+def test_weighted_sums_converge_to_integrals_whatever_the_density_is(n: int) -> None:
+    """Of z + 1 and of z^2 over the unit sphere, sampled three times as densely at the top."""
+    points = on_a_sphere(3 * n, seed=1)
+    keep = np.random.default_rng(2).random(len(points)) < (2 + points[:, 2]) / 3
+    points = points[keep]
+    w = areas_of_neighbours(points)
+    tolerance = 3 / np.sqrt(n)
+    assert w.sum() == pytest.approx(4 * np.pi, rel=tolerance)
+    assert w @ (points[:, 2] + 1) == pytest.approx(4 * np.pi, rel=tolerance)
+    assert w @ points[:, 2] ** 2 == pytest.approx(4 * np.pi / 3, rel=tolerance)
+    plain = 4 * np.pi * (points[:, 2] + 1).mean()
+    assert plain > 1.1 * 4 * np.pi  # without weights the dense side counts too much
+
+
+def test_a_point_beside_the_surface_stands_for_little() -> None:
+    points = np.concatenate([on_a_sphere(4000), [[0.0, 0, 0], [0, 0, 3]]])
+    w = areas_of_neighbours(points)
+    assert w[-2:].max() < 10 * np.median(w)
+
+
+def test_areas_grow_with_the_square_of_the_size_and_turn_with_the_scan() -> None:
+    points = on_a_sphere(1000)
+    w = areas_of_neighbours(points)
+    turn = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.5, 0.7]))[:3, :3]
+    np.testing.assert_allclose(areas_of_neighbours(3 * points @ turn.T), 9 * w, rtol=1e-9)
+
+
+def test_the_boundary_of_a_hemisphere_is_its_rim() -> None:
+    points = on_a_sphere(12000, seed=3)
+    points = points[points[:, 2] > 0]
+    found = boundary(Scan(points))
+    near = points[:, 2] < 0.01
+    assert found[near].mean() > 0.6
+    assert found[points[:, 2] > 0.1].mean() < 0.001
+    wide = boundary(Scan(points), width=0.2)
+    assert wide[points[:, 2] < 0.15].mean() > 0.99
+    assert not wide[points[:, 2] > 0.35].any()
+
+
+def test_the_boundary_of_a_mesh_has_edges_of_one_face() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
+    assert not boundary(Scan(vertices, faces=faces)).any()
+    half = faces[(vertices[faces][:, :, 2] > -1e-9).all(axis=1)]
+    found = boundary(Scan(vertices, faces=half))
+    edges = np.sort(half[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    alone = edges[trimesh.grouping.group_rows(edges, require_count=1)]
+    np.testing.assert_array_equal(np.flatnonzero(found), np.unique(alone))
+    assert 0 < found.sum() < 0.2 * len(vertices)
+    with pytest.raises(BadArgument, match="width of 0 m or more"):
+        boundary(Scan(vertices), width=-1)
+
+
+def test_a_missing_normal_is_that_of_the_nearest_point() -> None:
+    points = on_a_sphere(500)
+    normals = 7 * points
+    normals[3], normals[5] = 0, np.nan
+    found = filled(points, normals)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1)
+    others = np.delete(np.arange(500), [3, 5])
+    np.testing.assert_allclose(found[others], points[others], atol=1e-12)
+    nearest = others[np.argmin(np.linalg.norm(points[others] - points[3], axis=1))]
+    np.testing.assert_allclose(found[3], points[nearest], atol=1e-12)

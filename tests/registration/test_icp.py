@@ -1,0 +1,274 @@
+"""Rigid registration, from points to a motion."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from workbench.arrays import Array
+from workbench.bodies.catalogue import load_body
+from workbench.errors import BadArgument
+from workbench.geometry.rigid import Similarity
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.registration import (
+    Alignment,
+    GemanMcClure,
+    Icp,
+    IcpIterate,
+    LeastSquares,
+    PointCloud,
+    Stopped,
+    Trimmed,
+    distance_gauss_newton,
+    point_to_plane,
+    point_to_point,
+    random_surface_points,
+)
+from workbench.registration.icp_losses import Loss
+from workbench.registration.icp_steps import Contacts, Step
+
+BODY = load_body("small")
+SURFACE = SurfaceTree(BODY.template, BODY.faces)
+RNG = np.random.default_rng(5)
+RIGHT, NORMALS = random_surface_points(BODY.template, BODY.faces, 300, RNG)
+TRUTH = Similarity(matrix_from_vector([0.1, 0.3, -0.2]), np.array([0.05, -0.1, 0.08]))
+SCAN = TRUTH.inverse()(RIGHT)
+EACH = pytest.mark.parametrize("step", [distance_gauss_newton, point_to_plane, point_to_point])
+LOSSES = pytest.mark.parametrize(
+    "loss", [LeastSquares(), GemanMcClure(0.03), Trimmed(0.7)], ids=str
+)
+
+
+def off(found: Alignment, points: Array = SCAN, right: Array = RIGHT) -> float:
+    """m, the largest distance of a point from its true place."""
+    return float(np.linalg.norm(found.motion(points) - right, axis=1).max())
+
+
+@EACH
+def test_a_motion_is_found_again(step: Step) -> None:
+    """Also where the points began: they lie on the surface, so that nothing else is as good."""
+    found = Icp(step, max_iterations=400, tolerance=1e-9).align(SCAN, SURFACE)
+    assert found.stopped is Stopped.SETTLED
+    assert off(found) < 1e-6
+    np.testing.assert_allclose(found.R, TRUTH.R, atol=1e-6)
+    np.testing.assert_allclose(found.t, TRUTH.t, atol=1e-6)
+    assert found.rms < 1e-6
+    assert found.in_contact == 1
+
+
+def test_gauss_newton_takes_few_steps_and_alternation_many() -> None:
+    """Without noise the first is quadratic at the end; alternation halves at best."""
+    few, many = (
+        Icp(step, tolerance=1e-9, max_iterations=400).align(SCAN, SURFACE)
+        for step in (distance_gauss_newton, point_to_point)
+    )
+    assert few.iterations <= 10
+    assert many.iterations >= 4 * few.iterations
+
+
+@LOSSES
+@pytest.mark.parametrize("gate", [np.inf, 0.05])
+def test_the_cost_of_alternation_never_rises(loss: Loss, gate: float) -> None:
+    rng = np.random.default_rng(1)
+    noisy = SCAN + 0.005 * rng.normal(size=SCAN.shape)
+    noisy[:30] += 0.3 * rng.normal(size=(30, 3))
+    for k in range(5):
+        start = Similarity(matrix_from_vector(0.5 * rng.normal(size=3)), 0.1 * rng.normal(size=3))
+        icp = Icp(point_to_point, loss, gate=gate, max_iterations=60)
+        weights = rng.uniform(0, 2, len(noisy)) if k and not isinstance(loss, Trimmed) else None
+        costs = np.array([i.cost for i in icp.align(noisy, SURFACE, start, weights=weights).trace])
+        assert len(costs) > 5
+        assert np.all(np.diff(costs) <= 1e-14)
+
+
+def test_the_trace_is_what_happened() -> None:
+    seen: list[IcpIterate] = []
+    found = Icp(point_to_point, max_iterations=5).align(SCAN, SURFACE, TRUTH, callback=seen.append)
+    assert tuple(seen) == found.trace
+    first = found.trace[0]
+    np.testing.assert_array_equal(first.motion.R, TRUTH.R)
+    assert (first.moved, first.in_contact) == (0, 1)
+    far = Icp(point_to_point, max_iterations=3).align(SCAN, SURFACE)
+    assert (far.stopped, far.iterations, len(far.trace)) == (Stopped.OUT_OF_ITERATIONS, 3, 4)
+    places = [one.motion(SCAN) for one in far.trace]
+    for before, after, one in zip(places, places[1:], far.trace[1:], strict=False):
+        np.testing.assert_allclose(np.linalg.norm(after - before, axis=1).max(), one.moved)
+    d = SURFACE.closest(places[2]).distances
+    np.testing.assert_allclose(far.trace[2].cost, np.sum(d**2) / 2)
+    np.testing.assert_allclose(far.trace[2].rms, np.sqrt(np.mean(d**2)))
+    assert far.cost == far.trace[-1].cost
+
+
+@EACH
+def test_moving_the_scan_moves_the_answer(step: Step) -> None:
+    """The same points, given elsewhere, from the same place: the same end."""
+    A = Similarity(matrix_from_vector([1.0, -2.0, 0.4]), np.array([3.0, 1.0, -2.0]))
+    one = Icp(step, max_iterations=15).align(SCAN, SURFACE)
+    other = Icp(step, max_iterations=15).align(A(SCAN), SURFACE, A.inverse())
+    np.testing.assert_allclose(other.motion(A(SCAN)), one.motion(SCAN), atol=1e-8)
+
+
+@EACH
+@pytest.mark.parametrize("loss", [GemanMcClure(0.03), Trimmed(0.7)], ids=str)
+def test_outliers_do_not_pull(step: Step, loss: Loss) -> None:
+    """A fifth of the points is clutter that stands to one side."""
+    clutter = np.concatenate([SCAN, SCAN[:75] * 0.3 + [0.5, 0.2, 0.0]])
+    robust, pulled = (
+        Icp(step, a_loss, max_iterations=300).align(clutter, SURFACE)
+        for a_loss in (loss, LeastSquares())
+    )
+    assert off(robust, clutter[:300]) < 1e-3
+    assert off(pulled, clutter[:300]) > 0.01
+
+
+def test_the_gate_leaves_out_what_is_far() -> None:
+    clutter = np.concatenate([SCAN, SCAN[:75] + [0.0, 0.0, 1.5]])
+    found = Icp(gate=0.15).align(clutter, SURFACE)
+    assert off(found, clutter[:300]) < 1e-6
+    assert found.in_contact == pytest.approx(0.8, abs=0.01)
+    assert found.rms < 1e-6  # of the points in contact alone
+    assert found.cost == pytest.approx(75 * 0.15**2 / 2, rel=0.02)  # and the others at the gate
+
+
+def test_points_far_away_have_no_contact() -> None:
+    found = Icp(gate=0.1).align(SCAN + 50, SURFACE)
+    assert found.stopped is Stopped.NO_CONTACT
+    assert (found.iterations, found.in_contact) == (0, 0)
+    assert np.isnan(found.rms)
+    np.testing.assert_array_equal(found.R, np.eye(3))
+
+
+def test_normals_keep_the_back_from_the_front() -> None:
+    """Points of the front alone, begun behind the back: normals send them through the body."""
+    chosen = NORMALS[:, 2] > 0.5
+    points, normals = RIGHT[chosen], NORMALS[chosen]
+    behind = Similarity(np.eye(3), np.array([0.0, 0.0, -0.15]))
+    told = Icp().align(points, SURFACE, behind, normals=normals)
+    untold = Icp().align(points, SURFACE, behind)
+    assert off(told, points, points) < 1e-6
+    assert told.iterations <= untold.iterations / 2
+    first = SURFACE.closest(behind(points), normals=normals)
+    assert told.trace[0].cost == pytest.approx(np.sum(first.distances**2) / 2)
+
+
+def test_normals_turn_with_the_points() -> None:
+    turned = TRUTH.inverse()
+    found = Icp(facing=0.99).align(turned(RIGHT), SURFACE, TRUTH, normals=NORMALS @ turned.R.T)
+    assert found.trace[0].in_contact > 0.95
+    assert found.rms < 1e-9
+
+
+@EACH
+def test_a_cloud_is_a_target(step: Step) -> None:
+    """The scan is some of the cloud's own points, so that there is a place without an error."""
+    dense, normals = random_surface_points(BODY.template, BODY.faces, 4000, RNG)
+    some = TRUTH.inverse()(dense[::10])
+    found = Icp(step, max_iterations=300).align(some, PointCloud(dense, normals))
+    assert off(found, some, dense[::10]) < 5e-3
+    if step is not point_to_plane:
+        assert (
+            off(Icp(step).align(dense[::10], PointCloud(dense)), dense[::10], dense[::10]) < 1e-12
+        )
+
+
+def test_weights_say_whom_to_believe() -> None:
+    wrong = SCAN.copy()
+    wrong[:60] += [0.0, 0.4, 0.0]
+    weights = np.where(np.arange(300) < 60, 0.0, 1.0)
+    found = Icp().align(wrong, SURFACE, weights=weights)
+    assert off(found, wrong[60:], RIGHT[60:]) < 1e-6
+
+
+def test_a_whole_weight_is_a_repeated_point() -> None:
+    rng = np.random.default_rng(2)
+    noisy = SCAN + 0.01 * rng.normal(size=SCAN.shape)
+    times = rng.integers(1, 4, len(noisy))
+    one = Icp(max_iterations=6).align(noisy, SURFACE, weights=times)
+    other = Icp(max_iterations=6).align(np.repeat(noisy, times, axis=0), SURFACE)
+    np.testing.assert_allclose(one.R, other.R, atol=1e-10)
+    assert one.cost == pytest.approx(other.cost)
+    assert one.rms == pytest.approx(other.rms)
+
+
+def test_a_step_that_leaps_is_halved() -> None:
+    """A form of one's own that overshoots eightfold ends only with halvings."""
+
+    def eightfold(contacts: Contacts) -> Similarity:
+        motion = point_to_point(contacts)
+        turn = matrix_from_vector(8 * vector_from_matrix(motion.R))
+        centre = contacts.points.mean(axis=0)
+        return Similarity(turn, 8 * (motion(centre) - centre) + centre - turn @ centre)
+
+    cloud = PointCloud(RIGHT)
+    plain = Icp(eightfold, max_iterations=30, halvings=0).align(SCAN, cloud)
+    halved = Icp(eightfold, max_iterations=100, halvings=6).align(SCAN, cloud)
+    costs = [one.cost for one in halved.trace]
+    assert np.all(np.diff(costs) <= 1e-12)
+    assert off(halved) < 1e-3 < off(plain)
+
+
+def test_gauss_newton_far_from_the_target_settles_with_halvings_alone() -> None:
+    """A quarter turn away, full steps leap from one contact to the other for ever."""
+    start = Similarity(matrix_from_vector([0.0, 0.0, np.pi / 2]), np.zeros(3))
+    plain, halved = (
+        Icp(halvings=n, max_iterations=150).align(RIGHT, SURFACE, start) for n in (0, 5)
+    )
+    assert plain.stopped is Stopped.OUT_OF_ITERATIONS
+    assert halved.stopped is Stopped.SETTLED
+    assert np.all(np.diff([one.cost for one in halved.trace]) <= 1e-12)
+
+
+def test_where_no_part_of_a_step_lowers_the_cost_it_ends() -> None:
+    away = Similarity(np.eye(3), np.array([0.0, 9.0, 0.0]))
+    found = Icp(lambda contacts: away, halvings=3).align(RIGHT, SURFACE)
+    assert (found.stopped, found.iterations) == (Stopped.NO_LOWER, 0)
+
+
+def test_a_ball_turns_as_little_as_possible() -> None:
+    """Nothing determines the rotation of a sphere, and nothing turns it much."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    surface = SurfaceTree(ball.vertices, ball.faces)
+    points = np.asarray(ball.vertices) + [0.1, 0.05, -0.1]
+    found = Icp().align(points, surface)
+    np.testing.assert_allclose(found.motion(points).mean(axis=0), 0, atol=1e-3)
+    assert np.linalg.norm(vector_from_matrix(found.R)) < 0.1
+
+
+def test_one_point_goes_to_the_surface() -> None:
+    point = BODY.template[:1] + [0.0, 0.0, 0.3]
+    for step in (distance_gauss_newton, point_to_plane, point_to_point):
+        found = Icp(step).align(point, SURFACE)
+        assert found.stopped is Stopped.SETTLED
+        assert found.rms < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"points": np.zeros((0, 3))}, r"M at least 1, not \(0, 3\)"),
+        ({"points": SCAN[:, :2]}, r"an array \(M, 3\)"),
+        ({"points": np.where(SCAN > 0.5, np.nan, SCAN)}, "leave out what was not measured"),
+        ({"weights": np.ones(3)}, r"300 numbers, one a point, not \(3,\)"),
+        ({"weights": -np.ones(300)}, "at least 0, and one of them above 0"),
+        ({"weights": np.zeros(300)}, "at least 0, and one of them above 0"),
+        ({"normals": NORMALS[:3]}, r"normals must be of shape \(300, 3\), not \(3, 3\)"),
+        ({"start": Similarity(np.eye(3), np.zeros(3), 2.0)}, "must be rigid, of scale 1, not 2.0"),
+    ],
+)
+def test_what_does_not_fit_is_told(given: dict[str, object], said: str) -> None:
+    with pytest.raises(BadArgument, match=said):
+        Icp().align(**{"points": SCAN, "target": SURFACE} | given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"gate": 0.0}, "the gate must be a distance above 0 m"),
+        ({"gate": np.nan}, "the gate must be a distance above 0 m"),
+        ({"tolerance": -1.0}, "tolerance must be at least 0.0, not -1.0"),
+        ({"max_iterations": -1}, "max_iterations must be at least 0, not -1"),
+    ],
+)
+def test_options_that_make_no_sense_are_told(options: dict[str, float], said: str) -> None:
+    with pytest.raises(BadArgument, match=said):
+        Icp(**options)  # type: ignore[arg-type]

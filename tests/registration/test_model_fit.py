@@ -1,0 +1,204 @@
+"""Bodies on scans that nobody labelled: what is found, what is doubted, what is refused."""
+
+import numpy as np
+import pytest
+
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.fitting import BadScan, Scan
+from workbench.registration import (
+    FitStage,
+    ModelFit,
+    Progress,
+    arms_lowered,
+    doubts,
+    fit_model,
+    scan_starts,
+    support,
+)
+from workbench.solvers import Hypothesis, Status
+
+FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
+TURN, PLACE = 2.0, np.array([0.3, -0.1, 0.2])
+
+
+@pytest.fixture(scope="module")
+def body() -> SkinnedBody:
+    return load_body("small")
+
+
+def cloud(body: SkinnedBody, vertices: Array, n: int = 800) -> Scan:
+    """Points of the surface, drawn by area, with normals."""
+    a, b, c = vertices[body.faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    areas = np.linalg.norm(normals, axis=1)
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(areas), n, p=areas / areas.sum())
+    shares = rng.dirichlet((1.0, 1.0, 1.0), n)
+    points = np.einsum("mk,mki->mi", shares, vertices[body.faces[face]])
+    return Scan(points, normals[face] / areas[face, None])
+
+
+@pytest.fixture(scope="module")
+def truth(body: SkinnedBody) -> Array:
+    pose = arms_lowered(body, 0.9)
+    pose[0] = [0.0, TURN, 0.0]
+    pose[body.joint_names.index("left_knee")] = [0.4, 0.0, 0.0]
+    return body.vertices(pose, np.zeros(body.n_betas), PLACE)
+
+
+@pytest.fixture(scope="module")
+def fit(body: SkinnedBody, truth: Array) -> ModelFit:
+    return fit_model(
+        body,
+        cloud(body, truth),
+        stages=FIT_STAGES,
+        starts=lambda body, scan: scan_starts(body, scan, yaws=4),
+    )
+
+
+def test_a_known_body_is_found_from_a_clean_scan(fit: ModelFit, truth: Array) -> None:
+    assert np.linalg.norm(fit.vertices() - truth, axis=1).mean() < 0.01
+    costs = [one.cost for one in fit.hypotheses]
+    assert costs == sorted(costs)
+    assert not fit.stopped
+
+
+def test_a_clean_fit_is_supported_and_not_doubted(fit: ModelFit) -> None:
+    known = support(fit)
+    assert known.touching.mean() > 0.95
+    assert not doubts(fit, known)
+    assert known.contacts.sum() == 3 * known.touching.sum()
+    assert 0 < known.expected_error < 0.01
+
+
+def test_what_was_not_seen_rests_on_the_prior(body: SkinnedBody, truth: Array) -> None:
+    scan = cloud(body, truth)
+    low = scan.points[:, 1] < np.median(truth[:, 1])  # nothing of the arms
+    seen = fit_model(
+        body,
+        scan,
+        keep=low,
+        stages=FIT_STAGES[1:],
+        starts=lambda b, s: scan_starts(b, s, yaws=1, arms=(0.9,)),
+    )
+    assert seen.scan.n_points == low.sum()
+    known = support(seen)
+    assert known.sd[~known.seen].mean() > 3 * known.sd[known.seen].mean()
+
+
+def test_the_spread_of_vertices_is_that_of_small_moves(fit: ModelFit) -> None:
+    """Draws from Laplace's covariance scatter the vertices as `sd` says."""
+    C = fit.problem.linearize(fit.values).covariance
+    x, fixed = fit.problem.split(fit.values)
+    rng = np.random.default_rng(1)
+    drawn = [
+        fit.body.vertices(*(v[b.name] for b in fit.body.blocks()))
+        for v in (
+            fit.problem.values(x + 0.1 * d, fixed)
+            for d in rng.multivariate_normal(np.zeros(len(x)), C, 400)
+        )
+    ]
+    scatter = 10 * np.sqrt(np.var(np.stack(drawn), axis=0).sum(axis=1))
+    np.testing.assert_allclose(scatter, support(fit).sd, rtol=0.15)
+
+
+def test_two_facings_that_cost_the_same_are_said(fit: ModelFit) -> None:
+    turned = {**fit.values, "pose": fit.values["pose"].copy()}
+    turned["pose"][0] = [0.0, TURN + np.pi, 0.0]
+    twin = Hypothesis(turned, 1.001 * fit.cost, Status.CONVERGED, (1,))
+    tied = ModelFit(fit.body, fit.scan, fit.problem, fit.reach, (fit.hypotheses[0], twin), 0, 0.0)
+    (found,) = doubts(tied)
+    assert found.part == "facing"
+    assert "turned by 180 degrees" in found.text
+
+
+def test_scans_of_something_else_are_doubted(body: SkinnedBody) -> None:
+    ball = np.random.default_rng(0).standard_normal((400, 3))
+    scan = Scan(0.8 * ball / np.linalg.norm(ball, axis=1)[:, None])
+    fit = fit_model(body, scan, stages=(FitStage(200, 0.02, 0.05, 2, 10),))
+    assert "stray" in {one.part for one in doubts(fit)}
+
+
+def test_a_body_before_the_scan_is_seen_from_its_camera(fit: ModelFit, truth: Array) -> None:
+    away = ModelFit(
+        fit.body,
+        Scan(fit.scan.points - [0.0, 0.0, 0.3]),
+        fit.problem,
+        fit.reach,
+        fit.hypotheses[:1],
+        0,
+        0.0,
+    )
+    near = {one.part for one in doubts(away, camera=[0.0, 0.0, 3.0])}
+    behind = {one.part for one in doubts(away, camera=[0.0, 0.0, -3.0])}
+    assert "before" in near
+    assert "before" not in behind
+
+
+def test_feet_start_at_the_lowest_points_despite_clutter(body: SkinnedBody, truth: Array) -> None:
+    scan = cloud(body, truth)
+    stray = np.concatenate([scan.points, [[0.0, -4.0, 0.0], [0.0, 5.0, 0.0]]])
+    for start in scan_starts(body, Scan(stray)):
+        feet = body.vertices(start["pose"], start["betas"], start["trans"])[:, 1].min()
+        assert abs(feet - truth[:, 1].min()) < 0.05
+
+
+def test_starts_face_every_way(body: SkinnedBody, truth: Array) -> None:
+    starts = scan_starts(body, cloud(body, truth), yaws=4, arms=(0.0,))
+    expected = [[0, 2 * np.pi * k / 4, 0] for k in range(3)]
+    np.testing.assert_allclose([s["pose"][0] for s in starts[:3]], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])
+def test_arms_point_below_the_horizontal(body: SkinnedBody, angle: float) -> None:
+    joints = body.joints(arms_lowered(body, angle))
+    names = body.joint_names
+    for side in ("left", "right"):
+        x, y, _ = joints[names.index(f"{side}_wrist")] - joints[names.index(f"{side}_shoulder")]
+        assert np.arctan2(-y, abs(x)) == pytest.approx(angle, abs=1e-9)
+
+
+def test_progress_can_stop_a_fit(body: SkinnedBody, truth: Array) -> None:
+    told: list[Progress] = []
+
+    def stop(one: Progress) -> bool:
+        told.append(one)
+        return len(told) == 3
+
+    fit = fit_model(body, cloud(body, truth), progress=stop)
+    assert len(told) == 3
+    assert told[0].stages == 3
+    assert told[0].starts == 16
+    assert "callback" in fit.stopped
+    assert np.isfinite(fit.cost)
+    assert any(one.part == "run" for one in doubts(fit))
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        (np.zeros((5, 3)), "at least 20 points, but the scan has 5"),
+        (np.zeros((30, 3)), "points are expected in metres"),
+        (1700 * np.random.default_rng(0).random((30, 3)), "millimetres look 1000 times too large"),
+    ],
+)
+def test_scans_that_are_of_no_person_are_refused(
+    body: SkinnedBody, points: Array, said: str
+) -> None:
+    with pytest.raises(BadScan, match=said):
+        fit_model(body, Scan(points))
+
+
+def test_settings_that_make_no_sense_are_refused(body: SkinnedBody, truth: Array) -> None:
+    scan = cloud(body, truth)
+    with pytest.raises(BadArgument, match="at least one stage"):
+        fit_model(body, scan, stages=())
+    with pytest.raises(BadArgument, match="no start"):
+        fit_model(body, scan, starts=lambda body, scan: ())
+    with pytest.raises(BadArgument, match="one facing"):
+        scan_starts(body, scan, yaws=0)
+    with pytest.raises(BadArgument, match="above zero"):
+        FitStage(0, 0.1, 0.1, 1, 1)

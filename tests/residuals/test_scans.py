@@ -1,0 +1,286 @@
+"""Scans against surfaces: contacts that are chosen anew, and the same contacts held."""
+
+from collections.abc import Callable
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.differences import assert_hessian, assert_jacobian
+from workbench import Block, Problem, Residual, residuals
+from workbench.errors import BadMesh, BadResidual, NotNumbers
+from workbench.problem import storage
+from workbench.residuals import geman_mcclure, of_norms, quadratic, scaled
+from workbench.residuals.contact_forms import Form, distance, loose, offset, plane
+
+FORMS: dict[str, Form] = {
+    "distance": distance,
+    "offset": offset,
+    "plane": plane,
+    "loose": loose(0.3),
+}
+EACH_FORM = pytest.mark.parametrize("form", FORMS.values(), ids=list(FORMS))
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # normals point outwards
+CORNERS = Block("corners", (4, 3), "m")
+OUTSIDE = np.array([[0.2, 0.3, -0.1], [-0.2, 0.3, 0.3], [0.6, 0.5, 0.4], [0.5, -0.1, -0.1]])
+DISTANCES = np.array([0.1, 0.2, 0.5 / np.sqrt(3), 0.1 * np.sqrt(2)])  # faces, and an edge
+
+
+def body_and_scan(seed: int = 0) -> tuple[wb.SkinnedBody, np.ndarray, dict[str, np.ndarray]]:
+    """A small body, points near the surface of one person, and values a little off."""
+    rng, body = np.random.default_rng(seed), wb.load_body("small")
+    truth = {
+        "pose": rng.normal(scale=0.1, size=(24, 3)),
+        "betas": rng.normal(size=10),
+        "trans": np.array([0.1, 0.9, 0.2]),
+    }
+    face, share = rng.integers(len(body.faces), size=60), rng.dirichlet([1, 1, 1], 60)
+    surface = body.vertices(*truth.values())
+    scan = np.einsum("mk,mkc->mc", share, surface[body.faces[face]])
+    scan += rng.normal(scale=0.02, size=scan.shape)
+    off = {name: value + 0.01 * rng.normal(size=value.shape) for name, value in truth.items()}
+    return body, scan, off
+
+
+def of_body(body: wb.SkinnedBody, scan: np.ndarray, **options: object) -> Residual:
+    points = body.points(*(block.symbol for block in body.blocks()))
+    return residuals.scan_to_model(points, body.faces, scan, sigma=0.01, **options)
+
+
+def test_distances_of_a_solid_are_known() -> None:
+    for form, expected in (
+        (distance, DISTANCES),
+        (loose(0.25), 0.25 * DISTANCES),
+        (plane, DISTANCES),
+    ):
+        r = residuals.scan_to_model(CORNERS.symbol, FACES, OUTSIDE, sigma=0.1, form=form)
+        found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
+        np.testing.assert_allclose(found, expected / 0.1, rtol=1e-12)
+    within = np.array([[0.1, 0.2, 0.3]])  # behind the surface: signed, and not loosened
+    for form in (distance, loose(0.25), plane):
+        r = residuals.scan_to_model(CORNERS.symbol, FACES, within, sigma=1.0, form=form)
+        found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
+        np.testing.assert_allclose(found, [-0.1], rtol=1e-12)
+
+
+def test_an_offset_is_as_long_as_the_distance_and_points_to_the_scan() -> None:
+    r = residuals.scan_to_model(CORNERS.symbol, FACES, OUTSIDE, sigma=1.0, form=offset)
+    found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual.reshape(-1, 3)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), DISTANCES, rtol=1e-12)
+    np.testing.assert_allclose(found[0], [0, 0, -0.1], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "form", [distance, offset, loose(0.3)], ids=["distance", "offset", "loose"]
+)
+@pytest.mark.parametrize("robust", [False, True], ids=["quadratic", "robust"])
+def test_the_gradient_is_that_of_the_cost_with_contacts_chosen_anew(
+    form: Form, robust: bool
+) -> None:
+    """Contacts are chosen anew in each of the costs whose differences are taken."""
+    body, scan, values = body_and_scan()
+    kernel = scaled(geman_mcclure, 3.0) if robust else quadratic
+    if form.numbers > 1:
+        kernel = of_norms(kernel) if robust else kernel
+    problem = Problem([of_body(body, scan, form=form, kernel=kernel)], ("pose", "betas", "trans"))
+    x, fixed = problem.split(values)
+    _, gradient = problem.cost_and_gradient(x, fixed)
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        d = rng.normal(size=x.size)
+        d /= np.linalg.norm(d)
+        h = 1e-4  # contacts slide and may switch; Richardson's extrapolation of two differences
+        costs = [problem.cost_and_gradient(x + k * h * d, fixed)[0] for k in (-1, -0.5, 0.5, 1)]
+        coarse, fine = (costs[3] - costs[0]) / (2 * h), (costs[2] - costs[1]) / h
+        slope = (4 * fine - coarse) / 3
+        assert abs(gradient @ d - slope) < 1e-8 * max(1.0, np.linalg.norm(gradient))
+
+
+@EACH_FORM
+def test_the_gradient_is_that_of_the_linearization(form: Form) -> None:
+    body, scan, values = body_and_scan(1)
+    problem = Problem([of_body(body, scan, form=form)], ("pose", "betas", "trans"))
+    x, fixed = problem.split(values)
+    here = problem.linearize_at(x, fixed)
+    cost, gradient = problem.cost_and_gradient(x, fixed)
+    assert cost == pytest.approx(here.cost, rel=1e-14)
+    np.testing.assert_allclose(gradient, here.gradient, atol=1e-11 * np.abs(gradient).max())
+    batched = problem.costs(x, fixed)(np.stack([x, x + 1e-3]))
+    expected = [cost, problem.cost_and_gradient(x + 1e-3, fixed)[0]]
+    np.testing.assert_allclose(batched, expected, rtol=1e-12)
+
+
+@EACH_FORM
+def test_held_contacts_agree_to_first_order_and_have_a_graph(form: Form) -> None:
+    body, scan, values = body_and_scan(2)
+    moving = Problem([of_body(body, scan, form=form)], ("betas", "trans"))
+    held = moving.frozen(values)
+    assert held.has_graph
+    assert not moving.has_graph
+    assert held.frozen(values) is held
+    assert held.free.names == moving.free.names
+    x, fixed = moving.split(values)
+    one, other = moving.linearize_at(x, fixed), held.linearize_at(x, fixed)
+    np.testing.assert_allclose(other.residual, one.residual, atol=1e-12)
+    np.testing.assert_allclose(other.dense, one.dense, atol=1e-10)
+    assert_jacobian(held, x, fixed, 1e-8)
+    graph = np.asarray(held.derivative(x, fixed)[1])
+    np.testing.assert_allclose(graph, one.dense, atol=1e-9)
+
+
+def test_held_contacts_have_an_exact_hessian() -> None:
+    body, scan, values = body_and_scan(3)
+    held = Problem([of_body(body, scan[:20])], ("betas", "trans")).frozen(values)
+    x, fixed = held.split(values)
+    assert_hessian(held, x, fixed, 1e-7)
+    assert isinstance(held.graph(), cs.MX)
+
+
+@pytest.mark.parametrize("dense_from", [0, 10**9], ids=["sparse", "dense"])
+def test_free_vertices_have_a_sparse_jacobian_whose_places_change(
+    monkeypatch: pytest.MonkeyPatch, dense_from: int
+) -> None:
+    monkeypatch.setattr(storage, "DENSE_FROM", dense_from)
+    body, scan, values = body_and_scan(4)
+    surface = body.vertices(*values.values())
+    free = Block("vertices", surface.shape, "m")
+    data = residuals.scan_to_model(free.symbol, body.faces, scan, sigma=0.01)
+    stay = residuals.vertices(free.symbol, surface, sigma=0.05)
+    problem = Problem([data, stay], "vertices", blocks=[free])
+    places = []
+    for seed in range(3):
+        moved = surface + np.random.default_rng(seed).normal(scale=0.01, size=surface.shape)
+        x, fixed = problem.split({"vertices": moved})
+        here = problem.linearize_at(x, fixed)
+        assert here.estimated == (dense_from == 0)
+        J = here.dense
+        assert np.count_nonzero(J[: len(scan)], axis=1).max() <= 9
+        places.append(J[: len(scan)] != 0)
+        d = np.random.default_rng(seed).normal(size=x.size)
+        h = 1e-6
+        ahead, behind = (problem.residual(x + k * h * d, fixed) for k in (1, -1))
+        np.testing.assert_allclose(here.along(d), (ahead - behind) / (2 * h), atol=1e-5)
+        np.testing.assert_allclose(J[len(scan) :], np.eye(x.size) / 0.05)
+    assert (places[0] != places[1]).any()
+    assert problem.pattern.shape == problem.linearize({"vertices": surface}).shape
+    assert all(problem.pattern.toarray()[: len(scan)][each].all() for each in places)
+
+
+def test_only_free_entries_of_a_surface_have_columns() -> None:
+    r = residuals.scan_to_model(CORNERS.symbol, FACES, OUTSIDE, sigma=0.1)
+    whole = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).dense
+    part = Problem([r], ("corners[1:3]",)).linearize({"corners": TETRAHEDRON}).dense
+    np.testing.assert_allclose(part, whole[:, 3:9])
+
+
+def test_points_beyond_the_gate_cost_the_gate_and_pull_nothing() -> None:
+    scan = np.vstack([OUTSIDE, [[9.0, 9.0, 9.0]]])
+    for form in FORMS.values():
+        r = residuals.scan_to_model(CORNERS.symbol, FACES, scan, sigma=1.0, within=0.5, form=form)
+        here = Problem([r], "corners").linearize({"corners": TETRAHEDRON})
+        rows = slice(4 * form.numbers, 5 * form.numbers)
+        assert np.linalg.norm(here.residual[rows]) == 0.5
+        assert not here.dense[rows].any()
+
+
+def test_normals_choose_the_side_of_a_thin_sheet() -> None:
+    """Two parallel sheets that face away from each other: the point belongs to the far one."""
+    sheet = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0.2], [1, 0, 0.2], [0, 1, 0.2]])
+    faces, place = np.array([[0, 2, 1], [3, 4, 5]]), Block("sheet", (6, 3), "m")  # down, and up
+    scan, up = [[0.2, 0.2, 0.05]], [[0.0, 0.0, 1.0]]
+    found = {}
+    for name, options in (("near", {}), ("oriented", {"normals": up, "within": 1.0})):
+        r = residuals.scan_to_model(place.symbol, faces, scan, sigma=1.0, **options)
+        found[name] = Problem([r], "sheet").linearize({"sheet": sheet}).residual
+    np.testing.assert_allclose(found["near"], [-0.05], rtol=1e-12)
+    np.testing.assert_allclose(found["oriented"], [-0.15], rtol=1e-12)
+
+
+def test_weights_stand_outside_of_the_kernel() -> None:
+    weights, kernel = np.array([0.0, 1.0, 2.0, 4.0]), scaled(geman_mcclure, 2.0)
+    r = residuals.scan_to_model(
+        CORNERS.symbol, FACES, OUTSIDE, sigma=0.1, kernel=kernel, weights=weights
+    )
+    s = (DISTANCES / 0.1) ** 2
+    expected = 0.5 * np.sum(weights * s / (1 + s / 4))
+    found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).cost
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_vertices_against_a_scan_that_stands_still() -> None:
+    """The other way: the derivative is by the vertex itself, and exact too."""
+    body, _, values = body_and_scan(6)
+    scan = 1.02 * body.vertices(*values.values()) + 0.01
+    points = body.points(*(block.symbol for block in body.blocks()))
+    r = residuals.model_to_scan(points, scan, body.faces, sigma=0.01, within=0.5)
+    problem = Problem([r], ("betas", "trans"))
+    x, fixed = problem.split(values)
+    assert problem.size == body.n_vertices
+    _, gradient = problem.cost_and_gradient(x, fixed)
+    d = np.random.default_rng(0).normal(size=x.size)
+    h = 1e-6 / np.linalg.norm(d)  # short enough that no vertex changes sides
+    ahead, behind = (problem.cost_and_gradient(x + k * h * d, fixed)[0] for k in (1, -1))
+    assert (ahead - behind) / (2 * h) == pytest.approx(gradient @ d, rel=1e-6)
+    np.testing.assert_allclose(
+        problem.frozen(values).linearize(values).dense, problem.linearize(values).dense, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    "solver",
+    [
+        wb.TrustRegion(),
+        wb.LevenbergMarquardt(),
+        wb.Dogleg(),
+        wb.GaussNewton(),
+        wb.Scipy("trf"),
+        wb.Nlopt("LD_LBFGS"),
+        wb.Ipopt(hessian=wb.solvers.gauss_newton_hessian),
+    ],
+    ids=lambda solver: type(solver).__name__,
+)
+def test_solvers_that_take_derivatives_find_where_a_body_stands(solver: wb.Solver) -> None:
+    body, scan, values = body_and_scan(7)
+    problem = Problem([of_body(body, scan)], "trans")
+    start = values | {"trans": values["trans"] + [0.05, -0.03, 0.04]}
+    best = wb.solve(problem, values, wb.LevenbergMarquardt(gradient_tolerance=1e-10))
+    found = wb.solve(problem, start, solver)
+    assert found.cost <= best.cost * (1 + 1e-6)
+
+
+def test_a_body_is_diagnosed_and_sampled_with_a_scan() -> None:
+    body, scan, values = body_and_scan(8)
+    problem = Problem([of_body(body, scan)], "trans")
+    at = values | wb.solve(problem, values).values
+    assert wb.diagnose(problem, at).rank == 3
+    gaussian = wb.laplace(problem, at)
+    assert gaussian.draws.shape[-1] == 3
+
+
+def complain(run: Callable[[], object], *words: str) -> None:
+    with pytest.raises((BadResidual, BadMesh, NotNumbers)) as error:
+        run()
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_arguments_that_do_not_fit_are_refused_in_a_sentence() -> None:
+    def scanned(scan: object = OUTSIDE, faces: object = FACES, **options: object) -> Residual:
+        return residuals.scan_to_model(CORNERS.symbol, faces, scan, sigma=0.1, **options)
+
+    complain(lambda: scanned(OUTSIDE[:, :2]), "(M, 3)", "(4, 2)")
+    complain(lambda: scanned(np.full((2, 3), np.nan)), "NaN")
+    complain(lambda: scanned(np.zeros((0, 3))), "(M, 3)")
+    complain(lambda: scanned("a scan"), "scan")
+    complain(lambda: scanned(faces=[[0, 1, 4]]), "0 to 3", "faces")
+    complain(lambda: scanned(normals=OUTSIDE), "within")
+    complain(lambda: scanned(normals=OUTSIDE[:2], within=1.0), "4 points", "2 normals")
+    complain(lambda: scanned(normals=0 * OUTSIDE, within=1.0), "length zero")
+    complain(lambda: scanned(within=-1.0), "above zero")
+    complain(lambda: scanned(facing=2.0), "-1 to 1")
+    complain(lambda: scanned(weights=[1.0, 2.0]), "4 of them", "(2,)")
+    complain(lambda: loose(2.0), "0 to 1")
+    complain(lambda: scaled(geman_mcclure, 0.0), "above zero")
+    complain(lambda: scaled(of_norms(geman_mcclure), 2.0), "of_norms(scaled")

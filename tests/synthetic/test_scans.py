@@ -1,0 +1,414 @@
+"""Simulated scans: the truth that is kept, every effect by itself, and seeds."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from workbench import load_body
+from workbench.errors import BadArgument, BadMesh
+from workbench.fitting import BadScan
+from workbench.synthetic import (
+    Box,
+    Clothing,
+    Clutter,
+    Crate,
+    Floor,
+    HalfSpace,
+    Holes,
+    Joining,
+    Noise,
+    SimulatedScan,
+    Specks,
+    clothed,
+    scan,
+    scanners,
+)
+
+BODY = load_body("small")
+BENT = BODY.vertices(0.3 * np.random.default_rng(1).standard_normal((24, 3)))
+FOUR = scanners(4)
+SPHERE = trimesh.creation.icosphere(5, 0.5)
+WALL = np.array([[-3.0, -3, 0], [3, -3, 0], [3, 3, 0], [-3, 3, 0]])
+WALL_FACES = np.array([[0, 1, 2], [0, 2, 3]])
+EVERYTHING: dict[str, Any] = {
+    "noise": Noise(),
+    "holes": Holes(),
+    "steepest": 1.3,
+    "clutter": Clutter(),
+    "clothing": Clothing(where=clothed(BODY)),
+    "region": HalfSpace((0, -0.4, 0), (0, 1, 0)),
+    "joining": Joining(),
+}
+
+
+def of_bent(seed: int = 0, **effects: Any) -> SimulatedScan:
+    return scan(BENT, BODY.faces, FOUR, seed=seed, **effects)
+
+
+def without(effect: str, seed: int = 0) -> SimulatedScan:
+    return of_bent(seed, **{name: it for name, it in EVERYTHING.items() if name != effect})
+
+
+def rays(made: SimulatedScan) -> list[tuple[int, int]]:
+    """View and pixel of every point of the body."""
+    found: list[tuple[int, int]] = []
+    for number, scanner in enumerate(FOUR):
+        x, y, z = scanner.seen(made.scan.points[(made.view == number) & ~made.clutter]).T
+        u, v = np.floor(164 * x / z + 75), np.floor(164 * y / z + 100)
+        found += [(number, int(pixel)) for pixel in v * 150 + u]
+    return found
+
+
+def depths(made: SimulatedScan, points: np.ndarray) -> np.ndarray:
+    """The depths of the points of the body, in m, as their scanners see them."""
+    by_view = [FOUR[n].seen(points[(made.view == n) & ~made.clutter])[:, 2] for n in range(4)]
+    return np.concatenate(by_view)
+
+
+def errors(made: SimulatedScan) -> dict[tuple[int, int], float]:
+    """The error of the depth of every ray of the body, in m."""
+    off = depths(made, made.scan.points) - depths(made, made.true_points)
+    return dict(zip(rays(made), off.tolist(), strict=True))
+
+
+def test_without_effects_every_point_lies_on_its_true_triangle() -> None:
+    made = of_bent()
+    np.testing.assert_allclose(made.scan.points, made.true_points, rtol=0, atol=1e-12)
+    assert not made.clutter.any()
+    assert made.scan.faces is None
+    np.testing.assert_array_equal(made.surface, BENT)
+    assert set(made.view) == {0, 1, 2, 3}
+
+
+def test_the_same_seed_gives_the_same_scan_and_another_another() -> None:
+    one, same, other = (of_bent(seed, **EVERYTHING) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(one.scan.points, same.scan.points)
+    np.testing.assert_array_equal(one.scan.normals, same.scan.normals)
+    np.testing.assert_array_equal(one.scan.faces, same.scan.faces)
+    np.testing.assert_array_equal(one.seen, same.seen)
+    assert not np.array_equal(one.surface, other.surface)
+
+
+# Every effect switched off by itself.
+
+
+def test_without_noise_the_same_rays_are_exact() -> None:
+    made, exact = of_bent(**EVERYTHING), without("noise")
+    assert rays(made) == rays(exact)
+    np.testing.assert_array_equal(made.true_points, exact.true_points)
+    np.testing.assert_array_equal(made.seen, exact.seen)
+    np.testing.assert_allclose(
+        exact.scan.points[~exact.clutter], exact.true_points[~exact.clutter], rtol=0, atol=1e-12
+    )
+    off = np.linalg.norm(made.scan.points - exact.scan.points, axis=1)  # of clutter as well
+    assert 0 < np.median(off[made.clutter]) < 0.02
+
+
+@pytest.mark.parametrize("effect", ["holes", "steepest", "region"])
+def test_without_losses_the_other_points_stay(effect: str) -> None:
+    made, more = of_bent(**EVERYTHING), without(effect)
+    np.testing.assert_array_equal(made.surface, more.surface)
+    some, all_of_them = errors(made), errors(more)
+    assert some.keys() < all_of_them.keys()
+    np.testing.assert_allclose(
+        list(some.values()), [all_of_them[ray] for ray in some], rtol=0, atol=1e-12
+    )
+    assert not (made.seen & ~more.seen).any()
+    assert made.seen.sum() < more.seen.sum()
+
+
+def test_without_clutter_the_body_stays_to_the_last_bit() -> None:
+    made, clean = of_bent(**EVERYTHING), without("clutter")
+    body = ~made.clutter
+    assert not clean.clutter.any()
+    assert made.scan.normals is not None
+    assert clean.scan.normals is not None
+    np.testing.assert_array_equal(made.scan.points[body], clean.scan.points)
+    np.testing.assert_array_equal(made.scan.normals[body], clean.scan.normals)
+    np.testing.assert_array_equal(made.scan.faces, clean.scan.faces)
+
+
+def test_without_joining_only_the_faces_are_gone() -> None:
+    made, loose = of_bent(**EVERYTHING), without("joining")
+    np.testing.assert_array_equal(made.scan.points, loose.scan.points)
+    assert loose.scan.faces is None
+
+
+def test_without_clothing_the_same_errors_are_on_the_skin() -> None:
+    made, bare = of_bent(**EVERYTHING), without("clothing")
+    np.testing.assert_array_equal(bare.surface, BENT)
+    np.testing.assert_array_equal(made.skin, BENT)
+    relative = Noise(grazing=0.0)
+    effects = EVERYTHING | {"noise": relative}
+    dressed, naked = of_bent(**effects), of_bent(**effects | {"clothing": None})
+    one, other = standardised(dressed), standardised(naked)
+    common = sorted(one.keys() & other.keys())
+    assert len(common) > 1000
+    np.testing.assert_allclose(
+        [one[ray] for ray in common], [other[ray] for ray in common], rtol=0, atol=1e-9
+    )
+
+
+def standardised(made: SimulatedScan) -> dict[tuple[int, int], float]:
+    """The errors of all rays in standard deviations of the noise without an angle."""
+    sigmas = 1.425e-3 * depths(made, made.true_points) ** 2
+    return dict(zip(rays(made), np.array(list(errors(made).values())) / sigmas, strict=True))
+
+
+# What each effect does.
+
+
+@pytest.mark.parametrize("distance", [1.0, 2.0, 4.0])
+def test_noise_grows_with_the_square_of_the_depth(distance: float) -> None:
+    some = scanners(1, distance=distance, focal=400.0)
+    made = scan(WALL, WALL_FACES, some, noise=Noise(grazing=0.0), seed=0)
+    depth = some[0].seen(made.scan.points)[:, 2] - distance
+    assert len(depth) == 30_000
+    assert depth.std() == pytest.approx(1.425e-3 * distance**2, rel=0.02)
+    assert abs(depth.mean()) < 4 * depth.std() / np.sqrt(30_000)
+
+
+def test_noise_is_along_the_ray_and_grows_at_grazing_angles() -> None:
+    made = scan(SPHERE.vertices, SPHERE.faces, scanners(1, focal=300.0), noise=Noise(), seed=0)
+    (scanner,) = made.scanners
+    off, at = made.scan.points - made.true_points, made.true_points - scanner.place
+    assert np.abs(np.cross(off, at)).max() < 1e-12
+    normals = made.true_points / np.linalg.norm(made.true_points, axis=1, keepdims=True)
+    cosine = -(normals * at).sum(axis=1) / np.linalg.norm(at, axis=1)
+    sizes = [
+        np.std(
+            scanner.seen(made.scan.points)[:, 2][some] - scanner.seen(made.true_points)[:, 2][some]
+        )
+        for some in (cosine > 0.9, cosine < 0.25)
+    ]
+    theta = np.radians(80)
+    assert sizes[1] > 1.1 * sizes[0]
+    assert Noise().sigma(np.array([1.0]), np.array([1.56])) == pytest.approx(
+        1.425e-3 + 1e-4 * (theta / (np.pi / 2 - theta)) ** 2
+    )
+
+
+def test_normals_are_unit_and_face_the_scanner_and_are_those_of_the_surface() -> None:
+    made = scan(SPHERE.vertices, SPHERE.faces, FOUR, seed=0)
+    normals = made.scan.normals
+    assert normals is not None
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=1e-12)
+    places = np.array([scanner.place for scanner in FOUR])[made.view]
+    assert (np.einsum("mi,mi->m", normals, places - made.scan.points) >= 0).all()
+    radial = made.scan.points / np.linalg.norm(made.scan.points, axis=1, keepdims=True)
+    away = np.degrees(np.arccos(np.einsum("mi,mi->m", normals, radial).clip(-1, 1)))
+    assert np.median(away) < 1
+    assert np.mean(away < 10) > 0.95
+    rough = of_bent(noise=Noise(), seed=0)
+    assert rough.scan.normals is not None
+    places = np.array([scanner.place for scanner in FOUR])[rough.view]
+    facing = np.einsum("mi,mi->m", rough.scan.normals, places - rough.scan.points)
+    assert (facing >= 0).all()
+
+
+def test_a_plane_has_its_normal_and_its_area() -> None:
+    some = scanners(1, distance=1.0, turn=0.6)
+    made = scan(WALL, WALL_FACES, some, seed=0)
+    assert made.scan.normals is not None
+    assert made.scan.weights is not None
+    np.testing.assert_allclose(made.scan.normals, np.tile([0, 0, 1.0], (30_000, 1)), atol=1e-6)
+    corners = scan(WALL, WALL_FACES, some, seed=0, joining=Joining(100)).scan
+    assert corners.faces is not None
+    a, b, c = corners.points[corners.faces].transpose(1, 0, 2)
+    between = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2  # half a pixel less around
+    assert made.scan.weights.sum() == pytest.approx(between, rel=0.03)
+    assert made.scan.weights.sum() > between
+
+
+def test_a_lonely_pixel_has_a_normal_to_the_scanner() -> None:
+    speck = 0.004 * trimesh.creation.icosphere(1).vertices
+    (one,) = scanners(1, size=(151, 201))  # a ray through the middle of the image
+    made = scan(speck, trimesh.creation.icosphere(1).faces, (one,), seed=0)
+    assert made.scan.n_points == 1
+    np.testing.assert_allclose(made.scan.normals, [[0, 0, 1]], atol=1e-12)
+
+
+def test_the_area_of_a_sphere_seen_by_one_scanner() -> None:
+    theta = np.radians(70)  # the law of sines says how far round the sphere this is
+    some = scanners(1, focal=250.0)
+    made = scan(SPHERE.vertices, SPHERE.faces, some, seed=0, steepest=theta)
+    assert made.scan.weights is not None
+    polar = theta - np.arcsin(0.5 * np.sin(theta) / 2)
+    cap = 2 * np.pi * 0.5**2 * (1 - np.cos(polar))
+    assert made.scan.weights.sum() == pytest.approx(cap, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.2, 0.5])
+@pytest.mark.parametrize("things", [(Floor(),), (Crate(),), (Specks(),), (Floor(), Specks())])
+def test_clutter_is_the_share_that_was_asked_for(share: float, things: Any) -> None:
+    made = of_bent(clutter=Clutter(share, things))
+    assert made.clutter.sum() == round(share * made.scan.n_points)
+    assert (made.face[made.clutter] == -1).all()
+    assert (made.face[~made.clutter] >= 0).all()
+    assert np.isnan(made.true_points[made.clutter]).all()
+    assert (made.shares[made.clutter] == 0).all()
+
+
+def test_clutter_is_where_its_scanner_sees_it() -> None:
+    made = of_bent(clutter=Clutter(0.4))
+    points = made.scan.points[made.clutter]
+    surface = trimesh.Trimesh(BENT, BODY.faces, process=False)
+    for view, scanner in enumerate(FOUR):
+        mine = points[made.view[made.clutter] == view]
+        assert len(mine) > 20
+        x, y, z = scanner.seen(mine).T
+        assert (np.abs(x / z) * 164 <= 75).all()
+        assert (np.abs(y / z) * 164 <= 100).all()
+        where, ray, _ = surface.ray.intersects_location(
+            np.tile(scanner.place, (len(mine), 1)), mine - scanner.place
+        )
+        nearer = np.linalg.norm(where - scanner.place, axis=1) < np.linalg.norm(
+            mine[ray] - scanner.place, axis=1
+        )
+        assert len(np.unique(ray[nearer])) < 0.05 * len(mine)  # less than a pixel inside its edge
+
+
+def test_floor_and_crate_are_where_they_should_be() -> None:
+    low, high = BENT[:, 1].min(), BENT.max(axis=0)
+    floor = of_bent(clutter=Clutter(0.2, (Floor(0.5),)))
+    np.testing.assert_allclose(floor.scan.points[floor.clutter][:, 1], low, atol=1e-12)
+    crate = of_bent(clutter=Clutter(0.2, (Crate(0.3, away=1.0, angle=np.pi / 2),)))
+    found = crate.scan.points[crate.clutter]
+    middle = (BENT[:, 0].min() + high[0]) / 2
+    assert found[:, 1].max() == pytest.approx(low + 0.3, abs=1e-9)
+    assert found[:, 0].max() <= middle + 1.15 + 1e-9
+    assert found[:, 0].min() == pytest.approx(middle + 0.85, abs=0.02)
+
+
+def test_no_point_is_left_in_a_hole() -> None:
+    whole, made = of_bent(), of_bent(holes=Holes(5, 0.08))
+    discs = Holes(5, 0.08).discs(BENT, BODY.faces, np.random.default_rng((0, 1)))
+    normals = np.cross(
+        BENT[BODY.faces[:, 1]] - BENT[BODY.faces[:, 0]],
+        BENT[BODY.faces[:, 2]] - BENT[BODY.faces[:, 0]],
+    )
+    assert not discs.hold(made.scan.points, normals[made.face]).any()
+    lost = discs.hold(whole.scan.points, normals[whole.face])
+    assert lost.sum() == whole.scan.n_points - made.scan.n_points > 0
+
+
+def test_steep_pixels_are_lost() -> None:
+    made = scan(SPHERE.vertices, SPHERE.faces, scanners(1), seed=0, steepest=np.radians(60))
+    at = made.scanners[0].place - made.true_points
+    normals = made.true_points / np.linalg.norm(made.true_points, axis=1, keepdims=True)
+    angle = np.degrees(np.arccos((normals * at).sum(axis=1) / np.linalg.norm(at, axis=1)))
+    assert 57 < angle.max() < 61  # the sphere has flat faces
+    assert made.seen.sum() < scan(SPHERE.vertices, SPHERE.faces, FOUR[:1], seed=0).seen.sum()
+
+
+def test_clothing_lies_outside_and_only_where_it_is_worn() -> None:
+    where = clothed(BODY)
+    made = of_bent(clothing=Clothing(0.03, where=where))
+    moved = np.linalg.norm(made.surface - BENT, axis=1)
+    assert moved.max() <= 0.03
+    assert moved[where == 0].max(initial=0) == 0
+    assert 0.005 < moved[where > 0.9].mean() < 0.025
+    ball = scan(SPHERE.vertices, SPHERE.faces, FOUR, seed=0, clothing=Clothing(0.03))
+    radius = np.linalg.norm(ball.surface, axis=1)
+    assert radius.min() >= 0.5 - 1e-12
+    a, b = ball.surface[SPHERE.edges[:, 0]], ball.surface[SPHERE.edges[:, 1]]
+    step = np.linalg.norm(a, axis=1) - np.linalg.norm(b, axis=1)
+    assert np.std(step) < 0.25 * radius.std()  # smooth: neighbours are alike
+    np.testing.assert_allclose(ball.scan.points, ball.true_points, rtol=0, atol=1e-12)
+
+
+def test_the_torso_is_clothed_and_hands_are_not() -> None:
+    where = clothed(BODY)
+    joints = {name: k for k, name in enumerate(BODY.joint_names)}
+    assert where[BODY.weights[:, joints["spine1"]] > 0.5].min() > 0.9
+    assert where[BODY.weights[:, joints["left_wrist"]] > 0.99].max(initial=0) < 0.02
+
+
+def test_a_partial_scan_lies_in_its_region() -> None:
+    box = Box((-0.3, -0.2, -1), (0.3, 0.5, 1))
+    made = of_bent(region=box, clutter=Clutter(0.2, (Specks(),)))
+    assert box.holds(made.scan.points).all()
+    assert made.clutter.sum() == round(0.2 * made.scan.n_points)
+    assert box.holds(BENT[made.seen]).all()
+
+
+def test_triangles_are_joined_on_the_grid_and_face_the_scanner() -> None:
+    made = of_bent(joining=Joining())
+    faces, points = made.scan.faces, made.scan.points
+    assert faces is not None
+    a, b, c = points[faces].transpose(1, 0, 2)
+    places = np.array([scanner.place for scanner in FOUR])[made.view[faces[:, 0]]]
+    assert (np.einsum("ti,ti->t", np.cross(b - a, c - a), places - a) > 0).all()
+    np.testing.assert_array_equal(made.view[faces[:, 0]], made.view[faces[:, 1]])
+    assert np.linalg.norm(a - b, axis=1).max() < 0.15  # no triangle from an arm to the torso
+    torn = of_bent(joining=Joining(1.0)).scan.faces
+    assert torn is not None
+    assert len(torn) < len(faces)
+    wall = scan(WALL, WALL_FACES, scanners(1, distance=1.0), seed=0, joining=Joining())
+    assert wall.scan.faces is not None
+    assert len(wall.scan.faces) == 2 * 149 * 199
+
+
+def test_resolution_is_the_scanners() -> None:
+    coarse = scan(BENT, BODY.faces, scanners(4), seed=0)
+    fine = scan(BENT, BODY.faces, scanners(4, focal=328.0, size=(300, 400)), seed=0)
+    assert fine.scan.n_points == pytest.approx(4 * coarse.scan.n_points, rel=0.02)
+    np.testing.assert_array_equal(fine.seen, coarse.seen)
+
+
+def test_more_scanners_see_more_and_change_nothing_of_the_first() -> None:
+    one, four = (scan(BENT, BODY.faces, FOUR[:n], seed=0, noise=Noise()) for n in (1, 4))
+    np.testing.assert_array_equal(four.scan.points[four.view == 0], one.scan.points)
+    assert one.seen.sum() < four.seen.sum() < len(BENT)
+
+
+def test_what_it_was_made_of_and_a_part_of_the_points_are_kept_together() -> None:
+    made = of_bent(made_of={"trans": [0, 0, 0]}, clutter=Clutter())
+    assert made.made_of is not None
+    np.testing.assert_array_equal(made.made_of["trans"], np.zeros(3))
+    body = made.some(~made.clutter)
+    np.testing.assert_allclose(body.scan.points, body.true_points, rtol=0, atol=1e-12)
+    assert replace(body).view.shape == body.face.shape == (body.scan.n_points,)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "sentence"),
+    [
+        ({"scanners": ()}, BadArgument, "not by 0 with the seed 0"),
+        ({"seed": -1}, BadArgument, "not by 4 with the seed -1"),
+        ({"scanners": scanners(1, target=(0, 0, -10))}, BadScan, "measure nothing of the surface"),
+        ({"region": Box((5, 5, 5), (6, 6, 6))}, BadScan, "measure nothing of the surface"),
+        ({"clothing": Clothing(where=np.ones(3))}, BadArgument, r"not by an array \(3,\)"),
+        ({"faces": BODY.faces + 1}, BadMesh, "but there are 369 vertices"),
+        ({"vertices": np.full_like(BENT, np.nan)}, BadMesh, "vertex 0 is"),
+        (
+            {"clutter": Clutter(0.2, (Crate(away=30.0, angle=np.pi / 4),))},
+            BadArgument,
+            "hardly anything of the clutter",
+        ),
+    ],
+)
+def test_what_cannot_be_scanned_is_refused(
+    arguments: dict[str, Any], error: type[Exception], sentence: str
+) -> None:
+    given = {"vertices": BENT, "faces": BODY.faces, "scanners": FOUR, "seed": 0} | arguments
+    with pytest.raises(error, match=sentence):
+        scan(**given)
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: Noise(growth=-1.0), "the growth of noise must be a number from 0 on, not -1"),
+        (lambda: Holes(radius=np.nan), "the radius of holes must be a number from 0 on"),
+        (lambda: Clothing(spread=0.0), "a spread above 0 m"),
+        (lambda: Clutter(1.0), "a share from 0 to below 1"),
+        (lambda: Clutter(0.2, ()), "on 0 things"),
+    ],
+)
+def test_effects_that_make_no_sense_are_refused(make: Any, sentence: str) -> None:
+    with pytest.raises(BadArgument, match=sentence):
+        make()

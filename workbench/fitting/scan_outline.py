@@ -1,0 +1,47 @@
+"""The outline of a scan: where it is, however densely it was sampled, without clutter."""
+
+import numpy as np
+
+from workbench.arrays import Array
+
+MOST = 200_000  # points that are looked at
+CELLS = 50  # cells along the longest side of the scan
+SHARE = 0.1  # of the points of a usual cell: one with fewer is clutter
+INNER = (1.0, 99.0)  # percentiles between which the scan's own size is looked for
+TRIM = (0.2, 99.8)  # percentiles of cells, between which an extent is measured
+SEED = 0
+
+
+def outline(points: Array) -> Array:
+    """The mean points (C, 3) of the cells that a scan (N, 3) fills; in the unit of the points.
+
+    A cell with far fewer points than others is clutter. Dense and sparse regions count alike.
+    """
+    some = points
+    if len(points) > MOST:
+        some = points[np.random.default_rng(SEED).choice(len(points), MOST, replace=False)]
+    low, high = np.percentile(some, INNER, axis=0)
+    size = float((high - low).max())
+    if not size > 0:
+        return some
+    some = some[((some > low - size) & (some < high + size)).all(axis=1)]
+    cells = np.floor((some - low) / (size / CELLS)).astype(np.int64) + CELLS  # 0 to 3 CELLS
+    _, cell, counts = np.unique(
+        np.ravel_multi_index(tuple(cells.T), (3 * CELLS + 1,) * 3),
+        return_inverse=True,
+        return_counts=True,
+    )
+    sums = np.stack([np.bincount(cell, some[:, axis]) for axis in range(3)], axis=1)
+    enough = counts >= SHARE * np.median(counts[cell])
+    return np.asarray(sums[enough] / counts[enough, None])
+
+
+def extents(cells: Array, axes: Array) -> Array:
+    """How far an outline (C, 3) extends along each of the axes (3, 3), which are rows: (3,)."""
+    low, high = np.percentile(cells @ axes.T, TRIM, axis=0)
+    return np.asarray(high - low)
+
+
+def principal_axes(cells: Array) -> Array:
+    """Rows (3, 3): the direction along which an outline spreads most comes first."""
+    return np.asarray(np.linalg.eigh(np.cov(cells.T))[1].T[::-1])

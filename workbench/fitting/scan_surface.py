@@ -1,0 +1,107 @@
+"""Normals of a scan, and the area that each of its points stands for.
+
+From faces where there are any; otherwise from neighbours, a few thousand points at a time. The
+normal of a point without faces is the direction in which its neighbours spread least (Hoppe et al.,
+Surface Reconstruction from Unorganized Points, 1992).
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from workbench.arrays import Array, Index
+
+NEIGHBOURS = 16
+FEW = 6  # neighbours, from which on circles around a point are looked at for its area
+AT_ONCE = 20_000  # points
+SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point beside the surface
+
+
+def face_vectors(points: Array, faces: Index) -> Array:
+    """Normals of faces (T, 3), as long as the faces' areas in m^2."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    return np.asarray(np.cross(b - a, c - a) / 2)
+
+
+def normals_of_faces(points: Array, faces: Index) -> Array:
+    """Unit normals (M, 3): the sum over the faces of a point, by area; 0 where it vanishes."""
+    return units(_to_corners(np.repeat(face_vectors(points, faces), 3, axis=0), faces, len(points)))
+
+
+def areas_of_faces(points: Array, faces: Index) -> Array:
+    """A third of the area of the faces around each point, (M,) m^2; the sum is the whole area."""
+    areas = np.linalg.norm(face_vectors(points, faces), axis=1) / 3
+    return _to_corners(np.repeat(areas, 3)[:, None], faces, len(points))[:, 0]
+
+
+def normals_of_neighbours(points: Array) -> Array:
+    """Unit normals (M, 3) of a cloud, on either side: where 16 neighbours spread least."""
+    found = np.empty_like(points)
+    for rows, near in neighbourhoods(points, NEIGHBOURS):
+        found[rows] = least_spread(near)
+    return found
+
+
+def least_spread(near: Array) -> Array:
+    """The unit direction (m, 3) in which each of m sets of points (m, k, 3) spreads least."""
+    spread = near - near.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.eigh(spread.transpose(0, 2, 1) @ spread)[1][:, :, 0])
+
+
+def areas_of_neighbours(points: Array) -> Array:
+    """The area that each point of a cloud stands for, (M,) m^2, from how dense its neighbours are.
+
+    A circle around a point that reaches its k-th neighbour has an area of k times 1 / density in
+    the mean, if points lie on the surface at random; the mean over k from 6 to 16 is taken. So the
+    sum of f times these areas approaches the integral of f over the surface, whatever the density
+    is. Points at an edge count up to twice. A point that is alone beside the surface would stand
+    for a large area: no circle is more than twice as wide as those of its neighbours.
+    """
+    tree = cKDTree(points)
+    queried = tree.query(points, k=NEIGHBOURS + 1)  # the first is the point itself
+    radii, numbers = (np.asarray(found) for found in queried)
+    k = np.arange(FEW, NEIGHBOURS + 1)
+    areas = np.pi * (radii[:, FEW:] ** 2 / k).mean(axis=1)
+    usual = np.array(np.median(areas[numbers[:, 1:]], axis=1))
+    return np.asarray(np.minimum(areas, SPARSE**2 * usual))
+
+
+def filled(points: Array, normals: Array) -> Array:
+    """Unit normals (M, 3); where they are zero or not finite, that of the nearest point."""
+    found = units(normals)
+    there = found.any(axis=1)
+    if there.all() or not there.any():
+        return found
+    nearest = cKDTree(points[there]).query(points[~there])[1]
+    found[~there] = found[there][nearest]
+    return found
+
+
+def towards(normals: Array, points: Array, place: Array) -> Array:
+    """The same normals, each turned to the side on which a place (3,) is."""
+    return np.where(((place - points) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
+
+
+def neighbourhoods(points: Array, count: int) -> Iterator[tuple[slice, Array]]:
+    """For some points at a time their nearest, themselves included: (rows, (m, count, 3))."""
+    tree = cKDTree(points)
+    for start in range(0, len(points), AT_ONCE):
+        rows = slice(start, start + AT_ONCE)
+        yield rows, points[tree.query(points[rows], k=count)[1]]
+
+
+def units(vectors: Array) -> Array:
+    """Vectors (M, 3) divided by their lengths; zero where they are zero or not finite."""
+    with np.errstate(all="ignore"):
+        largest = np.abs(vectors).max(axis=1, keepdims=True)
+        scaled = vectors / largest
+        found = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    found[~np.isfinite(found).all(axis=1)] = 0
+    return np.asarray(found)
+
+
+def _to_corners(rows: Array, faces: Index, M: int) -> Array:
+    """Sums (M, C) over the corners at each point; rows (3 T, C) are in the order of the corners."""
+    at = faces.ravel()
+    return np.stack([np.bincount(at, row, minlength=M) for row in rows.T], axis=1)

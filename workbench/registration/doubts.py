@@ -1,0 +1,138 @@
+"""Whether a fit to a scan can be trusted, judged without the truth."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from workbench.arrays import Array
+from workbench.diagnostics.wording import Finding
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.registration.model_fit import ModelFit
+from workbench.registration.support import Support, support
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """From where on a fit is doubted.
+
+    Attributes:
+        tie: two hypotheses tie whose costs differ by at most this share.
+        apart: in m, the mean distance of vertices from which on hypotheses differ.
+        turned: in rad, the angle from which on two hypotheses face different ways.
+        stray: the share of points without contact that is too large.
+        rough: in m, the robust standard deviation of the distances that is too large.
+        open: in m, the expected error of the vertices that is too large.
+        before: the share of vertices between scan and camera that is too large.
+    """
+
+    tie: float = 0.05
+    apart: float = 0.05
+    turned: float = np.pi / 3
+    stray: float = 0.4
+    rough: float = 0.012
+    open: float = 0.011
+    before: float = 0.05
+
+
+IN_FRONT = 0.05  # m: a vertex nearer to the camera than the scan by more stands before it
+BESIDE = 0.01  # rad between the rays of a vertex and a point that are compared
+AROUND = 5  # points that must all be behind a vertex, which may lie beside an edge of the scan
+MAD = 1.4826  # times the median of absolute values is the standard deviation of a Gaussian
+
+
+def doubts(
+    fit: ModelFit,
+    found: Support | None = None,
+    *,
+    camera: ArrayLike | None = None,
+    limits: Doubts = Doubts(),
+) -> tuple[Finding, ...]:
+    """Warnings in sentences; none if nothing speaks against the fit.
+
+    `found` is the `support` of the fit, if it is known already, and `camera` (3,) m is where the
+    whole scan was taken from, if it was taken from one place.
+    """
+    known = support(fit) if found is None else found
+    here = [*_ties(fit, limits), *_data(known, limits), *_hidden(fit, known, limits)]
+    if camera is not None:
+        here += _before(fit, np.asarray(camera, dtype=float), limits)
+    if fit.stopped:
+        here.append(Finding("run", f"the fit did not end by itself: {fit.stopped}"))
+    return tuple(here)
+
+
+def _ties(fit: ModelFit, limits: Doubts) -> Iterator[Finding]:
+    best, facing = fit.vertices(), _facing(fit, 0)
+    for k, other in enumerate(fit.hypotheses[1:], start=1):
+        gap = (other.cost - fit.cost) / fit.cost
+        off = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
+        if gap > limits.tie or off < limits.apart:
+            continue
+        angle = float(np.arccos(np.clip(facing @ _facing(fit, k), -1, 1)))
+        if angle > limits.turned:
+            yield Finding(
+                "facing",
+                f"which way the body faces is not decided: turned by {np.degrees(angle):.0f} "
+                f"degrees it costs {100 * gap:.1f} % more",
+            )
+        else:
+            yield Finding(
+                "tie",
+                f"another pose, {1e3 * off:.0f} mm away in the mean over the vertices, costs "
+                f"{100 * gap:.1f} % more",
+            )
+
+
+def _facing(fit: ModelFit, k: int) -> Array:
+    """The horizontal unit vector along which the root of a hypothesis faces."""
+    pose = fit.hypotheses[k].values[fit.body.blocks()[0].name]
+    root = matrix_from_vector(pose[0]) @ matrix_from_vector(fit.body.bind_pose[0]).T
+    forward = root[:, 2] * [1.0, 0.0, 1.0]
+    length = float(np.linalg.norm(forward))
+    return np.asarray(forward / length) if length > 0 else np.asarray(root[:, 2])
+
+
+def _data(known: Support, limits: Doubts) -> Iterator[Finding]:
+    stray = 1 - float(known.touching.mean())
+    if stray > limits.stray:
+        yield Finding("stray", f"{100 * stray:.0f} % of the points of the scan touch no surface")
+    if known.touching.any():
+        rough = MAD * float(np.median(np.abs(known.distances[known.touching])))
+        if rough > limits.rough:
+            yield Finding(
+                "rough",
+                f"points that touch the surface are {1e3 * rough:.0f} mm off it (robust sd)",
+            )
+
+
+def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
+    if known.expected_error <= limits.open:
+        return
+    hidden = ~known.seen
+    share = fit.body.vertex_weights[hidden].sum(axis=0)
+    names = [fit.body.joint_names[k] for k in np.argsort(-share)[:3]] if hidden.any() else []
+    yield Finding(
+        "hidden",
+        f"{100 * hidden.mean():.0f} % of the vertices were not seen and rest on the priors, most "
+        f"at {', '.join(names)}; vertices are expected to be "
+        f"{1e3 * known.expected_error:.0f} mm off (root mean square)",
+    )
+
+
+def _before(fit: ModelFit, camera: Array, limits: Doubts) -> Iterator[Finding]:
+    rays = fit.scan.points - camera
+    depth = np.linalg.norm(rays, axis=1)
+    to = fit.vertices() - camera
+    range_ = np.linalg.norm(to, axis=1)
+    off, at = cKDTree(rays / depth[:, None]).query(to / range_[:, None], k=AROUND)
+    behind = (off < BESIDE) & (range_[:, None] < depth[at] - IN_FRONT)
+    share = float(np.mean(behind.all(axis=1)))
+    if share > limits.before:
+        yield Finding(
+            "before",
+            f"{100 * share:.0f} % of the vertices stand between the scan and its camera, where "
+            "they would have been seen",
+        )

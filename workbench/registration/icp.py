@@ -1,0 +1,258 @@
+"""Rigid registration of points to a fixed surface or point cloud by iterated closest points."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, Mask
+from workbench.errors import BadArgument
+from workbench.geometry.rigid import Similarity
+from workbench.registration.icp_losses import LeastSquares, Loss
+from workbench.registration.icp_steps import Contacts, Step, distance_gauss_newton, part_of
+from workbench.registration.point_cloud import Target
+
+STAY = Similarity(np.eye(3), np.zeros(3))
+SQUARES = LeastSquares()
+
+
+class Stopped(Enum):
+    """Why a registration stopped."""
+
+    SETTLED = "no point moves any more"
+    NO_LOWER = "no part of the step lowers the cost; contacts switch here"
+    OUT_OF_ITERATIONS = "the points still move; allow more iterations"
+    NO_CONTACT = "no point has a contact; begin nearer, widen the gate or turn the normals round"
+
+
+@dataclass(frozen=True, eq=False)
+class IcpIterate:
+    """A motion that a registration tried, with the contacts there in a few numbers.
+
+    Attributes:
+        motion: the motion from the points as they were given.
+        cost: m^2, half the sum of losses times weights. A point without a contact costs what one
+            at the gate does; without a gate, it costs nothing.
+        rms: m, the root mean square of the distances in contact; NaN if there are none.
+        in_contact: the share of points that have a contact.
+        moved: m, how far the point that moved farthest came from the iterate before.
+    """
+
+    motion: Similarity
+    cost: float
+    rms: float
+    in_contact: float
+    moved: float
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Where points were moved to by `Icp.align`.
+
+    Attributes:
+        motion: the rigid motion from the points as they were given.
+        stopped: why the registration stopped.
+        trace: all iterates, the start first and the end last.
+    """
+
+    motion: Similarity
+    stopped: Stopped
+    trace: tuple[IcpIterate, ...] = field(repr=False)
+
+    @property
+    def R(self) -> Array:
+        """(3, 3), the rotation."""
+        return self.motion.R
+
+    @property
+    def t(self) -> Array:
+        """(3,) m, the translation after the rotation."""
+        return self.motion.t
+
+    @property
+    def iterations(self) -> int:
+        """The number of steps."""
+        return len(self.trace) - 1
+
+    @property
+    def cost(self) -> float:
+        """m^2, at the end; see `IcpIterate`."""
+        return self.trace[-1].cost
+
+    @property
+    def rms(self) -> float:
+        """m, the root mean square of the distances of points in contact."""
+        return self.trace[-1].rms
+
+    @property
+    def in_contact(self) -> float:
+        """The share of points that have a contact at the end."""
+        return self.trace[-1].in_contact
+
+
+@dataclass(frozen=True)
+class Icp:
+    """Points move rigidly onto a target: contacts, a step, new contacts, until nothing moves.
+
+    Attributes:
+        step: the form: `distance_gauss_newton`, `point_to_plane`, `point_to_point`, or a function
+            of yours from contacts to a motion.
+        loss: what distances cost: `LeastSquares()`, `GemanMcClure(scale)` or `Trimmed(share)`.
+        gate: m; a point that is farther from the target has no contact.
+        facing: the least cosine between the normals of a point and of its contact.
+        max_iterations: at most so many steps.
+        tolerance: m; the registration ends when no point moves farther than this.
+        halvings: how often a step that raises the cost is halved, as Gauss-Newton's can far from
+            the target. If the cost rises along all of its parts, the registration ends. With 0,
+            steps are taken as they are, as `point_to_plane` does in the papers.
+
+    >>> from workbench.registration import PointCloud
+    >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1.5)])
+    >>> found = Icp().align(cube + [0.1, 0.0, -0.2], PointCloud(cube))
+    >>> found.t.round(6), found.stopped.name
+    (array([-0.1,  0. ,  0.2]), 'SETTLED')
+    """
+
+    step: Step = distance_gauss_newton
+    loss: Loss = SQUARES
+    gate: float = np.inf
+    facing: float = 0.5
+    max_iterations: int = 200
+    tolerance: float = 1e-6
+    halvings: int = 5
+
+    def __post_init__(self) -> None:
+        for name, least in (("max_iterations", 0), ("tolerance", 0.0), ("halvings", 0)):
+            if not getattr(self, name) >= least:
+                raise BadArgument(f"{name} must be at least {least}, not {getattr(self, name)}")
+        if not self.gate > 0:
+            raise BadArgument(f"the gate must be a distance above 0 m, not {self.gate}")
+
+    def align(
+        self,
+        points: ArrayLike,
+        target: Target,
+        start: Similarity = STAY,
+        *,
+        weights: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+        callback: Callable[[IcpIterate], None] | None = None,
+    ) -> Alignment:
+        """The motion that takes points (M, 3) m onto the target, from a rigid start.
+
+        `weights` (M,) say how much each point counts; `normals` (M, 3) turn with the points, and
+        contacts must face the same way. `callback` sees every iterate. Raises BadArgument for
+        arrays that do not fit or are not finite, and for a start with a scale.
+        """
+        source = _Source(points, weights, normals)
+        if start.scale != 1:
+            raise BadArgument(f"the start must be rigid, of scale 1, not {start.scale}")
+        trace: list[IcpIterate] = []
+
+        def keep(place: _Place, moved: float) -> None:
+            trace.append(place.iterate(moved))
+            if callback:
+                callback(trace[-1])
+
+        here = _Place(self, source, target, start)
+        keep(here, 0.0)
+        stopped = Stopped.OUT_OF_ITERATIONS
+        for _ in range(self.max_iterations):
+            if not here.contact.any():
+                stopped = Stopped.NO_CONTACT
+                break
+            there = self._next(here)
+            if there is None:
+                stopped = Stopped.NO_LOWER
+                break
+            moved, here = here.to(there), there
+            keep(here, moved)
+            if moved <= self.tolerance:
+                stopped = Stopped.SETTLED
+                break
+        return Alignment(here.motion, stopped, tuple(trace))
+
+    def _next(self, here: "_Place") -> "_Place | None":
+        """The place after one step, or None if the cost falls along no part of it."""
+        motion = self.step(here.contacts())
+        there = here.at(motion)
+        if not self.halvings or there.cost <= here.cost or here.to(there) <= self.tolerance:
+            return there
+        centre = here.points.mean(axis=0)
+        for k in range(1, self.halvings + 1):
+            there = here.at(part_of(motion, 0.5**k, centre))
+            if there.cost <= here.cost:
+                return there
+        return None
+
+
+class _Source:
+    """The points as they were given, their weights and their normals."""
+
+    def __init__(
+        self, points: ArrayLike, weights: ArrayLike | None, normals: ArrayLike | None
+    ) -> None:
+        self.points = np.asarray(points, dtype=float)
+        if self.points.ndim != 2 or self.points.shape[1:] != (3,) or not len(self.points):
+            raise BadArgument(
+                f"points must be an array (M, 3) with M at least 1, not {self.points.shape}"
+            )
+        M = len(self.points)
+        self.weights = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
+        self.normals = None if normals is None else np.asarray(normals, dtype=float)
+        if self.weights.shape != (M,):
+            raise BadArgument(f"weights must be {M} numbers, one a point, not {self.weights.shape}")
+        if self.normals is not None and self.normals.shape != (M, 3):
+            raise BadArgument(f"normals must be of shape {(M, 3)}, not {self.normals.shape}")
+        given = (self.points, self.weights) + (() if self.normals is None else (self.normals,))
+        if not all(np.isfinite(numbers).all() for numbers in given):
+            raise BadArgument(
+                "points, weights and normals must be finite; leave out what was not measured"
+            )
+        if (self.weights < 0).any() or not self.weights.any():
+            raise BadArgument("weights must be at least 0, and one of them above 0")
+
+
+class _Place:
+    """A motion, the points there and their contacts."""
+
+    def __init__(self, icp: Icp, source: _Source, target: Target, motion: Similarity) -> None:
+        self.icp, self.source, self.target, self.motion = icp, source, target, motion
+        self.points: Array = motion(source.points)
+        normals = None if source.normals is None else source.normals @ motion.R.T
+        self.found = target.closest(self.points, icp.gate, normals, icp.facing)
+        touching = np.asarray(self.found.faces) >= 0
+        self.contact: Mask = touching & (source.weights > 0)
+        counted = touching if np.isinf(icp.gate) else np.ones_like(touching)
+        self.distances = np.where(touching, np.abs(self.found.distances), icp.gate)
+        self.pull = np.zeros(len(self.points))
+        self.pull[counted] = icp.loss.weights(self.distances[counted])
+        self.contact &= self.pull > 0
+        self.cost = float(source.weights[counted] @ icp.loss.costs(self.distances[counted]))
+
+    def contacts(self) -> Contacts:
+        """The points that have a contact, with it."""
+        on = self.contact
+        return Contacts(
+            self.points[on],
+            self.found.points[on],
+            self.found.normals[on],
+            (self.source.weights * self.pull)[on],
+        )
+
+    def at(self, step: Similarity) -> "_Place":
+        """The place after a step from here."""
+        return _Place(self.icp, self.source, self.target, step.after(self.motion))
+
+    def to(self, other: "_Place") -> float:
+        """How far, m, the point that moves farthest comes on the way to another place."""
+        return float(np.linalg.norm(other.points - self.points, axis=1).max())
+
+    def iterate(self, moved: float) -> IcpIterate:
+        """What the trace keeps."""
+        on = np.asarray(self.found.faces) >= 0
+        w, d = self.source.weights[on], self.distances[on]
+        rms = float(np.sqrt(w @ d**2 / w.sum())) if w.any() else np.nan
+        return IcpIterate(self.motion, self.cost, rms, float(on.mean()), moved)

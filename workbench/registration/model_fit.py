@@ -1,0 +1,252 @@
+"""A body fitted to a scan that nobody labelled: many starts, coarse to fine."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workbench.arrays import Array, Index, Mask
+from workbench.blocks import Values
+from workbench.bodies.body import Body
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.scan import Scan
+from workbench.interrupts import Interrupts
+from workbench.problem import Problem
+from workbench.registration.scan_starts import scan_starts
+from workbench.residuals import Residual
+from workbench.residuals.contact_forms import Form, distance
+from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
+from workbench.residuals.scans import scan_to_model
+from workbench.solvers.iterate import Iterate
+from workbench.solvers.solution import Hypothesis, Solution, Solver
+from workbench.solvers.trust_region import TrustRegion
+
+SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
+OVER = 3  # iterations, over which a decrease is measured
+FULL = 0.95  # the quantile of the areas from which on all points count fully
+WITHIN = 0.4  # m: a point farther from the surface has no contact
+
+
+@dataclass(frozen=True)
+class FitStage:
+    """One stage of a fit, from coarse to fine.
+
+    Attributes:
+        points: of the scan, drawn at random; all if there are fewer.
+        sigma: in m, how far good points are from the model's surface: noise, and what the model
+            cannot express.
+        reach: in m, the scale of the robust kernel, where bad points begin.
+        starts: how many of the best ends of the stage before are taken up.
+        iterations: the most from each start.
+        settled: a run ends when three iterations together lower the cost by less than this share.
+
+    On the way sigma shrinks with the reach: a wide reach alone would give much clutter its say.
+    """
+
+    points: int
+    sigma: float
+    reach: float
+    starts: int
+    iterations: int
+    settled: float = 0.01
+
+    def __post_init__(self) -> None:
+        least = min(self.points, self.sigma, self.reach, self.starts, self.iterations)
+        if not least > 0 or not 0 <= self.settled < 1:
+            raise BadArgument(f"the numbers of a stage are above zero, and settled < 1: {self}")
+
+
+FIT_STAGES = (
+    FitStage(300, 0.05, 0.10, 16, 20),
+    FitStage(800, 0.02, 0.05, 8, 25),
+    FitStage(3000, 0.005, 0.03, 3, 40, 0.002),
+)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a fit has come; `stage` and `start` count from 1, `cost` is that of its iterate."""
+
+    stage: int
+    stages: int
+    start: int
+    starts: int
+    iteration: int
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFit:
+    """A body on a scan, and what else might be there.
+
+    Attributes:
+        body: the body.
+        scan: the points that were fitted.
+        problem: the problem of the last stage.
+        reach: in m, where bad points begin in it.
+        hypotheses: the ends of the last stage that differ, the lowest cost first. `starts` are
+            their numbers among the ends of the stage before.
+        iterations: of all runs together.
+        seconds: the time of all runs, in s.
+        stopped: why the fit ended early, in a sentence; empty if it did not.
+
+    >>> from workbench import load_body
+    >>> body = load_body("small")
+    >>> scan = Scan(body.vertices())
+    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
+    >>> fit = fit_model(body, scan, stages=stages)
+    >>> bool(np.linalg.norm(fit.vertices() - scan.points, axis=1).mean() < 0.1)  # m
+    True
+    """
+
+    body: Body
+    scan: Scan
+    problem: Problem
+    reach: float
+    hypotheses: tuple[Hypothesis, ...]
+    iterations: int
+    seconds: float
+    stopped: str = ""
+
+    @property
+    def values(self) -> Values:
+        """Pose, betas and trans of the best hypothesis."""
+        return self.hypotheses[0].values
+
+    @property
+    def cost(self) -> float:
+        """The cost of the best hypothesis."""
+        return self.hypotheses[0].cost
+
+    def vertices(self, hypothesis: int = 0) -> Array:
+        """The surface (N, 3) m of a hypothesis."""
+        values = self.hypotheses[hypothesis].values
+        return self.body.vertices(*(values[block.name] for block in self.body.blocks()))
+
+
+def fit_model(
+    body: Body,
+    scan: Scan,
+    *,
+    keep: Mask | None = None,
+    starts: Callable[[Body, Scan], Sequence[Values]] = scan_starts,
+    stages: Sequence[FitStage] = FIT_STAGES,
+    kernel: Kernel = geman_mcclure,
+    form: Form = distance,
+    within: float = WITHIN,
+    priors: Sequence[Residual] | None = None,
+    others: Sequence[Residual] = (),
+    solver: Solver = TrustRegion(gradient_tolerance=1e-4),  # noqa: B008 - it is immutable
+    seed: int = 0,
+    progress: Callable[[Progress], object] | None = None,
+) -> ModelFit:
+    """Find pose, betas and trans of a body from a scan alone; y is up, lengths are in m.
+
+    Every stage minimises the robust distances of some points of the scan to the surface, each
+    weighted by its area, and the priors, `pose_prior` and `shape_prior` unless others are given.
+    Normals of the scan, if it has them, must point outwards: a point is then compared only with
+    surface that faces its way. `keep` (M,) leaves out points, such as those at the boundary of a
+    scan. `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
+
+    The first stage begins at all `starts`; each following one at the best different ends of the
+    one before. `progress` is told of every iterate, and stops the fit by returning True; Ctrl-C
+    does so too. Either way, what was found is returned.
+
+    Raises BadScan for a scan that cannot be of a person, BadArgument for no stages or no starts.
+    """
+    if not stages:
+        raise BadArgument("a fit has at least one stage, such as those of FIT_STAGES")
+    seen = scan if keep is None else scan.some(keep)
+    ends: list[Values] = [dict(start) for start in starts(body, seen)]
+    if not ends:
+        raise BadArgument("there is no start; `scan_starts` makes some")
+    order = np.random.default_rng(seed).permutation(seen.n_points)
+    before = time.perf_counter()
+    iterations, stopped, hypotheses = 0, "", []
+    given = (pose_prior(body), shape_prior(body)) if priors is None else tuple(priors)
+    with Interrupts() as interrupts:
+        for number, stage in enumerate(stages):
+            some = order[: stage.points]
+            data = _data(body, seen, some, stage, kernel, form, within)
+            problem = Problem((data, *given, *others), tuple(b.name for b in body.blocks()))
+            begin, found = ends[: stage.starts], []
+            for k, start in enumerate(begin):
+                told = _Watch(stage, progress, (number + 1, len(stages), k + 1, len(begin)))
+                found.append(solver.solve(problem, start, callback=told))
+                iterations += len(found[-1].trace) - 1
+                if told.stopped or interrupts.pressed:
+                    stopped = found[-1].message
+                    break
+            hypotheses = _different(body, found)
+            ends = [one.values for one in hypotheses]
+            if stopped:
+                break
+    seconds = time.perf_counter() - before
+    return ModelFit(
+        body, seen, problem, stage.reach, tuple(hypotheses), iterations, seconds, stopped
+    )
+
+
+@dataclass
+class _Watch:
+    """The callback of one run: tells the progress, and ends a run that has settled."""
+
+    stage: FitStage
+    progress: Callable[[Progress], object] | None
+    at: tuple[int, int, int, int]
+    costs: list[float] = field(default_factory=list)
+    stopped: bool = False
+
+    def __call__(self, iterate: Iterate) -> bool:
+        self.costs.append(iterate.cost)
+        done = len(self.costs) - 1
+        if self.progress is not None:
+            self.stopped = self.progress(Progress(*self.at, done, iterate.cost)) is True
+        settled = (
+            done > OVER and self.costs[-1 - OVER] - iterate.cost < self.stage.settled * iterate.cost
+        )
+        return self.stopped or settled or done >= self.stage.iterations
+
+
+def _data(
+    body: Body, scan: Scan, some: Index, stage: FitStage, kernel: Kernel, form: Form, within: float
+) -> Residual:
+    """The robust distances of some points of the scan to the body."""
+    weights = None
+    if scan.weights is not None:
+        areas = scan.weights[some]
+        full = float(np.quantile(areas, FULL)) or float(areas.max())
+        weights = np.minimum(areas / full, 1.0) if full > 0 else None
+    return scan_to_model(
+        body.points(*(block.symbol for block in body.blocks())),
+        body.faces,
+        scan.points[some],
+        sigma=stage.sigma,
+        kernel=scaled(kernel, stage.reach / stage.sigma),
+        weights=weights,
+        normals=None if scan.normals is None else scan.normals[some],
+        within=within,
+        form=form,
+        name="scan",
+    )
+
+
+def _different(body: Body, found: Sequence[Solution]) -> list[Hypothesis]:
+    """The ends as hypotheses, the lowest first; ends with joints in the same places are one."""
+    kept: list[Hypothesis] = []
+    placed: list[Array] = []
+    for k in sorted(range(len(found)), key=lambda k: found[k].cost):
+        end = found[k]
+        joints = body.joints(*(end.values[block.name] for block in body.blocks()))
+        off = [float(np.linalg.norm(joints - one, axis=1).mean()) for one in placed]
+        near = next((i for i, d in enumerate(off) if d < SAME), None)
+        if near is None:
+            kept.append(Hypothesis(end.values, end.cost, end.status, (k,), end.violation))
+            placed.append(joints)
+        else:
+            one = kept[near]
+            joined = (*one.starts, k)
+            kept[near] = Hypothesis(one.values, one.cost, one.status, joined, one.violation)
+    return kept
