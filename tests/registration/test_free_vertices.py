@@ -16,7 +16,6 @@ from workbench.registration.free_vertices import (
     MODEL_STAGES,
     NEAR,
     QUICK_STAGES,
-    STAGES,
     posterior_sd,
 )
 
@@ -40,7 +39,7 @@ def bumped() -> Array:
     return np.asarray(body().vertices() + 0.03 * belly()[:, None] * [0, 0, 1])
 
 
-def sampled(vertices: Array, n: int = 4000, seed: int = 0, front: bool = False) -> Scan:
+def sampled(vertices: Array, n: int = 2000, seed: int = 0, front: bool = False) -> Scan:
     """Points on a surface, with normals and areas; of its front half only, if so."""
     rng = np.random.default_rng(seed)
     triangles = vertices[body().faces]
@@ -132,17 +131,18 @@ def test_drawn_deviations_are_those_of_laplaces_approximation() -> None:
     exact = np.sqrt(
         np.diag(np.linalg.inv(problem.linearize(start).dense.T @ problem.linearize(start).dense))
     )
-    drawn = posterior_sd(problem, start, draws=200)
-    assert np.mean(drawn**2 / exact**2) == pytest.approx(1, abs=0.03)
+    drawn = posterior_sd(problem, start, draws=100)
+    assert np.mean(drawn**2 / exact**2) == pytest.approx(1, abs=0.04)
 
 
 def test_without_the_first_stage_more_is_wrong() -> None:
-    """An arm is 20 degrees off: vertices that are free at once are drawn to the nearest places."""
+    """An arm is 20 degrees off: vertices that leave the model there are drawn to wrong places."""
     start = body().start()
     start["pose"][body().joint_names.index("left_shoulder"), 2] += 0.35
     fit = FreeVertices(body(), sampled(bumped()))
-    skipped = fit.register(start, STAGES[len(MODEL_STAGES) :])
-    assert off(fit.register(start).vertices) < 0.5 * off(skipped.vertices)
+    whole = fit.register(start, QUICK_STAGES)
+    skipped = fit.register(start, QUICK_STAGES[len(MODEL_STAGES) :])
+    assert off(whole.vertices) < 0.5 * off(skipped.vertices)
 
 
 def test_how_much_the_scan_counts_does_not_depend_on_its_resolution() -> None:
