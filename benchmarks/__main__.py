@@ -84,7 +84,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         found = sequences.measure(max(3, rounds // 2), seen, lengths=lengths)
         print(table.sequences(found), flush=True)
     if part == "closest":
-        found = closest.measure(max(3, rounds // 2), peers) if closest.BODY in names else {}
+        found = closest.measure(rounds, peers) if closest.BODY in names else {}
         print(table.closest(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
