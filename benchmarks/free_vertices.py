@@ -43,7 +43,7 @@ POSE_OFF, TRANS_OFF = 0.05, 0.01  # rad, m: how far from the truth the model fit
 MM = 1e3
 Method = Callable[[Values, Array], Array]  # from the model fit, its values and vertices (N, 3) m
 PEER = "trimesh nricp_amberg"
-SMOOTH, NORMAL = 3.0, 0.0  # the peer's settings that were best on TUNED_ON
+SMOOTH, NORMAL = 3.0, 0.0  # the peer's settings, not tuned yet: choose them by --tuning
 REACH = 0.03  # of the body's size
 PEER_STEPS = (0.02, 0.01, 0.005, 0.002)  # stiffness of its steps, each times SMOOTH
 
