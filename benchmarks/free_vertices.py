@@ -21,8 +21,8 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.registration import FreeVertices, Stage, by_vertices
-from workbench.registration.free_vertices import MODEL_STAGES, QUICK_STAGES, STAGES
+from workbench.registration import FreeVertices, VertexStage, by_vertices
+from workbench.registration.free_vertices import MODEL_STAGES, QUICK_VERTEX_STAGES, VERTEX_STAGES
 from workbench.synthetic import (
     Clutter,
     Holes,
@@ -95,7 +95,7 @@ def case(body: SkinnedBody, poses: Array, seed: int) -> Case:
     return Case(body, person, simulated, start)
 
 
-def staged(one: Case, stages: Sequence[Stage], fit: FreeVertices) -> Method:
+def staged(one: Case, stages: Sequence[VertexStage], fit: FreeVertices) -> Method:
     """Ours from the model fit."""
     after = tuple(stages[len(MODEL_STAGES) :])
     return lambda values, _: fit.register(values, after).vertices
@@ -123,13 +123,13 @@ def peer(one: Case, smooth: float, normal: float) -> Method:
 def reported(one: Case) -> dict[str, Method]:
     """The methods of the table."""
     edges = FreeVertices(one.body, one.simulated.scan)
-    weakest = replace(QUICK_STAGES[-1], coupling=0.005)
+    weakest = replace(QUICK_VERTEX_STAGES[-1], coupling=0.005)
     return {
-        "edges, model follows": staged(one, STAGES, edges),
-        "edges, model held": staged(one, QUICK_STAGES, edges),
-        "edges, weak at once": staged(one, (*MODEL_STAGES, STAGES[-1]), edges),
+        "edges, model follows": staged(one, VERTEX_STAGES, edges),
+        "edges, model held": staged(one, QUICK_VERTEX_STAGES, edges),
+        "edges, weak at once": staged(one, (*MODEL_STAGES, VERTEX_STAGES[-1]), edges),
         "vertices, model held": staged(
-            one, (*QUICK_STAGES[:-1], weakest), replace(edges, couple=by_vertices)
+            one, (*QUICK_VERTEX_STAGES[:-1], weakest), replace(edges, couple=by_vertices)
         ),
         PEER: peer(one, SMOOTH, NORMAL),
     }
@@ -140,11 +140,11 @@ def tuning(one: Case) -> dict[str, Method]:
     edges = FreeVertices(one.body, one.simulated.scan)
     found: dict[str, Method] = {}
     for sigma in (0.01, 0.015):
-        for name, stages in (("follows", STAGES), ("held", QUICK_STAGES)):
+        for name, stages in (("follows", VERTEX_STAGES), ("held", QUICK_VERTEX_STAGES)):
             chosen = (*stages[:-1], replace(stages[-1], coupling=sigma))
             found[f"edges, {name}, {MM * sigma:g} mm"] = staged(one, chosen, edges)
     for sigma in (0.0025, 0.005, 0.01):
-        chosen = (*QUICK_STAGES[:-1], replace(QUICK_STAGES[-1], coupling=sigma))
+        chosen = (*QUICK_VERTEX_STAGES[:-1], replace(QUICK_VERTEX_STAGES[-1], coupling=sigma))
         by = replace(edges, couple=by_vertices)
         found[f"vertices, held, {MM * sigma:g} mm"] = staged(one, chosen, by)
     for smooth in (0.3, 1.0, 3.0, 10.0, 30.0):

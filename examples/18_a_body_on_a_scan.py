@@ -11,7 +11,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.registration import STAGES, FreeVertices, doubts, fit_model, support
+from workbench.registration import VERTEX_STAGES, FreeVertices, doubts, fit_model, support
 from workbench.synthetic import Clutter, Holes, Noise, people, scan, scanners
 
 SEED = 4
@@ -44,6 +44,6 @@ print(f"model: {model[0]:.1f} mm where it was seen, {model[1]:.1f} mm elsewhere"
 for warning in warnings:
     print("warning:", warning.text)
 
-registered = FreeVertices(body, simulated.scan).register(fit.values, STAGES[2:])
+registered = FreeVertices(body, simulated.scan).register(fit.values, VERTEX_STAGES[2:])
 free = errors(registered.vertices)
 print(f"free vertices: {free[0]:.1f} mm where it was seen, {free[1]:.1f} mm elsewhere")

@@ -10,16 +10,23 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting import Scan
-from workbench.registration import FreeVertices, Registered, ScanTerm, Stage, by_vertices, touched
+from workbench.registration import (
+    FreeVertices,
+    Registered,
+    ScanTerm,
+    VertexStage,
+    by_vertices,
+    touched,
+)
 from workbench.registration.free_vertices import (
     BODY,
     MODEL_STAGES,
     NEAR,
-    QUICK_STAGES,
+    QUICK_VERTEX_STAGES,
     posterior_sd,
 )
 
-WEAK = QUICK_STAGES[-1]
+WEAK = QUICK_VERTEX_STAGES[-1]
 
 
 @cache
@@ -89,7 +96,7 @@ def test_every_stage_is_nearer_to_the_truth_and_the_last_one_has_the_bump() -> N
 
 def test_the_gradient_is_that_of_the_whole_cost_with_contacts_chosen_anew() -> None:
     fit = FreeVertices(body(), sampled(bumped(), 300))
-    problem = fit.problem(Stage("all", (*BODY, "vertices"), 0.01))
+    problem = fit.problem(VertexStage("all", (*BODY, "vertices"), 0.01))
     rng = np.random.default_rng(1)
     values = body().start()
     values["vertices"] = bumped() + 0.004 * rng.standard_normal(bumped().shape)
@@ -140,8 +147,8 @@ def test_without_the_first_stage_more_is_wrong() -> None:
     start = body().start()
     start["pose"][body().joint_names.index("left_shoulder"), 2] += 0.35
     fit = FreeVertices(body(), sampled(bumped()))
-    whole = fit.register(start, QUICK_STAGES)
-    skipped = fit.register(start, QUICK_STAGES[len(MODEL_STAGES) :])
+    whole = fit.register(start, QUICK_VERTEX_STAGES)
+    skipped = fit.register(start, QUICK_VERTEX_STAGES[len(MODEL_STAGES) :])
     assert off(whole.vertices) < 0.5 * off(skipped.vertices)
 
 
@@ -156,9 +163,9 @@ def test_how_much_the_scan_counts_does_not_depend_on_its_resolution() -> None:
 
 def test_stages_that_mean_nothing_are_refused() -> None:
     with pytest.raises(BadArgument, match="the coupling is infinite"):
-        Stage("odd", ("vertices",), 0.0)
+        VertexStage("odd", ("vertices",), 0.0)
     with pytest.raises(BadArgument, match="needs a free block"):
-        Stage("odd", (), 0.01)
+        VertexStage("odd", (), 0.01)
     with pytest.raises(BadArgument, match="one stage or more"):
         FreeVertices(body(), sampled(bumped())).register(body().start(), ())
     with pytest.raises(BadArgument, match=r"above zero, not -0\.1"):

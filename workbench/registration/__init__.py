@@ -4,12 +4,12 @@ from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
 from workbench.registration.doubts import Doubts, doubts
 from workbench.registration.free_vertices import (
-    QUICK_STAGES,
-    STAGES,
+    QUICK_VERTEX_STAGES,
+    VERTEX_STAGES,
     FreeVertices,
     Registered,
-    Stage,
     StageResult,
+    VertexStage,
     posterior_sd,
 )
 from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
@@ -29,8 +29,8 @@ from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "FIT_STAGES",
-    "QUICK_STAGES",
-    "STAGES",
+    "QUICK_VERTEX_STAGES",
+    "VERTEX_STAGES",
     "Alignment",
     "BasinMap",
     "Contacts",
@@ -47,11 +47,11 @@ __all__ = [
     "Progress",
     "Registered",
     "ScanTerm",
-    "Stage",
     "StageResult",
     "Stopped",
     "Support",
     "Trimmed",
+    "VertexStage",
     "arms_lowered",
     "basin_map",
     "by_edges",

@@ -30,7 +30,7 @@ SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller dec
 
 
 @dataclass(frozen=True)
-class Stage:
+class VertexStage:
     """A stage of a registration: what is free, and how strongly vertices are coupled.
 
     Raises BadArgument if nothing is free, for a coupling that is not a length, and for vertices
@@ -88,19 +88,19 @@ class Settled:
 
 
 MODEL_STAGES = (
-    Stage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
-    Stage("model, near", BODY, 0.0, NEAR, OF_MODEL),
+    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
+    VertexStage("model, near", BODY, 0.0, NEAR, OF_MODEL),
 )
-STAGES = (
+VERTEX_STAGES = (
     *MODEL_STAGES,
-    Stage("strong", (*BODY, VERTICES), 0.002, NEAR, TOGETHER),
-    Stage("weak", (*BODY, VERTICES), 0.01, NEAR, TOGETHER),
+    VertexStage("strong", (*BODY, VERTICES), 0.002, NEAR, TOGETHER),
+    VertexStage("weak", (*BODY, VERTICES), 0.01, NEAR, TOGETHER),
 )
 """Infinite coupling, then strong, then weak; the model goes on following the vertices."""
-QUICK_STAGES = (
+QUICK_VERTEX_STAGES = (
     *MODEL_STAGES,
-    Stage("strong", (VERTICES,), 0.002),
-    Stage("weak", (VERTICES,), 0.01),
+    VertexStage("strong", (VERTICES,), 0.002),
+    VertexStage("weak", (VERTICES,), 0.01),
 )
 """The same with the model held once it is fitted: for bodies of many thousand vertices."""
 
@@ -115,7 +115,7 @@ class StageResult:
         vertices: (N, 3) m, the surface at its end.
     """
 
-    stage: Stage
+    stage: VertexStage
     solution: Solution
     vertices: Array
 
@@ -169,7 +169,7 @@ class FreeVertices:
     scan: Scan
     couple: Coupling = by_edges
 
-    def problem(self, stage: Stage) -> Problem:
+    def problem(self, stage: VertexStage) -> Problem:
         """The problem of a stage. Raises UnknownName for a name that nothing reads."""
         pose, betas, trans = (block.symbol for block in self.body.blocks())
         model = self.body.points(pose, betas, trans)
@@ -184,7 +184,7 @@ class FreeVertices:
         )
 
     def register(
-        self, start: Mapping[str, Array], stages: tuple[Stage, ...] = STAGES
+        self, start: Mapping[str, Array], stages: tuple[VertexStage, ...] = VERTEX_STAGES
     ) -> Registered:
         """The stages in turn, each from where the last one ended.
 

@@ -23,7 +23,7 @@ from workbench.blocks.points import jacobian_of, pattern_of
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class ContactNumbers:
     """What contacts say at one place of a surface, and how it changes with the vertices.
 
     Attributes:
@@ -37,7 +37,7 @@ class Contacts:
     found: Mask
 
 
-Search = Callable[[Array], Contacts]  # from the vertices (N, 3) m of a surface
+Search = Callable[[Array], ContactNumbers]  # from the vertices (N, 3) m of a surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class MovingContacts:
         """The names of the blocks that the surface depends on."""
         return self.arithmetic.reads
 
-    def contacts(self, values: Mapping[str, Array]) -> Contacts:
+    def contacts(self, values: Mapping[str, Array]) -> ContactNumbers:
         """The contacts where the blocks have these values."""
         return self.search(self.arithmetic.evaluate(values).points)
 

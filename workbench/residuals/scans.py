@@ -16,7 +16,7 @@ from workbench.errors import BadResidual
 from workbench.geometry.surface_tree import Closest, SurfaceTree
 from workbench.residuals.arguments import expressed, named_after, numbered
 from workbench.residuals.contact_forms import Form, Offsets, distance
-from workbench.residuals.contacts import Contacts, MovingContacts
+from workbench.residuals.contacts import ContactNumbers, MovingContacts
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.residuals.residual import Residual
 
@@ -108,7 +108,7 @@ class _OnModel:
     form: Form
     _first: list[SurfaceTree] = field(default_factory=list)  # what is known of the faces alone
 
-    def __call__(self, vertices: Array) -> Contacts:
+    def __call__(self, vertices: Array) -> ContactNumbers:
         """The contacts with vertices (N, 3) m at these places."""
         if not self._first:
             self._first.append(SurfaceTree(vertices, self.faces))
@@ -120,7 +120,7 @@ class _OnModel:
         pulls = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3 corners, 3)
         columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), pulls.shape)
         slopes = _by_rows(pulls, columns, touched, len(self.scan), vertices.size)
-        return Contacts(numbers, slopes, at.faces >= 0)
+        return ContactNumbers(numbers, slopes, at.faces >= 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +131,7 @@ class _OnScan:
     within: float
     form: Form
 
-    def __call__(self, vertices: Array) -> Contacts:
+    def __call__(self, vertices: Array) -> ContactNumbers:
         """The contacts of vertices (N, 3) m at these places."""
         at = self.tree.closest(vertices, self.within)
         numbers, directions = _compared(self.form, vertices, at, self.within)
@@ -139,7 +139,7 @@ class _OnScan:
         pulls = directions[touched]  # (m, d, 3)
         columns = np.broadcast_to(3 * touched[:, None, None] + np.arange(3), pulls.shape)
         slopes = _by_rows(pulls, columns, touched, len(vertices), vertices.size)
-        return Contacts(numbers, slopes, at.faces >= 0)
+        return ContactNumbers(numbers, slopes, at.faces >= 0)
 
 
 def _compared(form: Form, points: Array, at: Closest, within: float) -> tuple[Array, Array]:
@@ -175,7 +175,7 @@ def _surface(function: str, points: Points | cs.MX, name: str | None) -> tuple[P
 def _residual(
     name: str,
     source: PointSource,
-    search: Callable[[Array], Contacts],
+    search: Callable[[Array], ContactNumbers],
     count: int,
     form: Form,
     sigma: float | Array,
