@@ -1,6 +1,6 @@
 """The part of README.md that is written from the numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +8,16 @@ from benchmarks import table, targets
 from benchmarks.keeping import write_between
 
 BEGIN, END = "<!-- from here on written by `python -m benchmarks` -->", "<!-- up to here -->"
+
+SECTIONS: dict[str, tuple[str, Callable[[Any], str]]] = {
+    "derivatives": ("Derivatives", table.derivatives),
+    "fits": ("Fits", table.fits),
+    "scaling": ("Cost and memory against the number of vertices", table.scaling),
+    "overhead": ("Overhead around NLopt and IPOPT", table.overhead),
+    "vertices": ("A step of a registration with free vertices", table.vertices),
+    "sequences": ("A video as one problem", table.sequences),
+    "closest": ("Closest places on a surface", table.closest),
+}
 
 
 def rewrite(readme: Path, results: Mapping[str, Any]) -> None:
@@ -19,29 +29,25 @@ def text(results: Mapping[str, Any]) -> str:
     """Machine, promises and tables, as Markdown."""
     parts = []
     if any(results.values()):
-        parts += [f"Measured on {machine(next(iter(results.values()))['machine'])}.\n"]
-    found = {name: part["found"] for name, part in results.items()}
+        parts += [f"Measured on {_usual(results)}, unless a table names another machine or day.\n"]
     judged = targets.all_of(results)
     if judged:
         parts += ["## Targets\n", table.promises(judged)]
-    if "derivatives" in found:
-        parts += ["## Derivatives\n", "Milliseconds are minimum / median.\n"]
-        parts += [table.derivatives(found["derivatives"])]
-    if "fits" in found:
-        parts += ["## Fits\n", table.fits(found["fits"])]
-    if "scaling" in found:
-        parts += ["## Cost and memory against the number of vertices\n"]
-        parts += [table.scaling(found["scaling"])]
-    if "overhead" in found:
-        parts += ["## Overhead around NLopt and IPOPT\n", table.overhead(found["overhead"])]
-    if "vertices" in found:
-        parts += ["## A step of a registration with free vertices\n"]
-        parts += [table.vertices(found["vertices"])]
-    if "sequences" in found:
-        parts += ["## A video as one problem\n", table.sequences(found["sequences"])]
-    if found.get("closest"):
-        parts += ["## Closest places on a surface\n", table.closest(found["closest"])]
+    for name, (heading, lines) in SECTIONS.items():
+        if not results.get(name, {}).get("found"):
+            continue
+        parts += [f"## {heading}\n"]
+        if (where := machine(results[name]["machine"])) != _usual(results):
+            parts += [f"Measured on {where}.\n"]
+        if name == "derivatives":
+            parts += ["Milliseconds are minimum / median.\n"]
+        parts += [lines(results[name]["found"])]
     return "\n".join(parts)
+
+
+def _usual(results: Mapping[str, Any]) -> str:
+    """Where the first of the parts was measured."""
+    return machine(next(iter(results.values()))["machine"])
 
 
 def machine(facts: Mapping[str, Any]) -> str:
