@@ -181,7 +181,11 @@ class SkinnedBody:
         return other
 
     def start(self, prefix: str = "") -> Values:
-        """The template as values: bind pose, mean shape, at the origin; free arrays as they are."""
+        """Values at which the body is its template, with keys that begin with `prefix`.
+
+        They are the bind pose, betas and trans of zero, and the present numbers of the arrays that
+        are free.
+        """
         pose, betas, trans = self.blocks(prefix)
         return {
             pose.name: self.bind_pose,

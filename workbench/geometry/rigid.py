@@ -82,7 +82,10 @@ def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = No
 
 
 def segment_motions(source: Array, target: Array, weights: Array) -> list[Similarity]:
-    """The rigid motion of each of K segments, by `procrustes` with its row of weights (K, N)."""
+    """The rigid motion from source to target, both (N, 3), of each of K segments.
+
+    It is that of `procrustes` with the segment's row of the weights (K, N), and raises as it does.
+    """
     return [procrustes(source, target, w) for w in weights]
 
 

@@ -26,6 +26,8 @@ def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual
 def by_vertices(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual:
     """E_C = |V - M|^2: every vertex is drawn to its place on the model, whatever its neighbours do.
 
+    The sigma is in m.
+
     A vertex that was not seen stays where the model puts it, even if all around it are elsewhere.
     """
     return vertices(model, free, sigma=sigma, name="coupling")

@@ -105,8 +105,8 @@ class Icp:
         max_iterations: at most so many steps.
         tolerance: m; the registration ends when no point moves farther than this.
         halvings: how often a step that raises the cost is halved, as Gauss-Newton's can far from
-            the target. If the cost rises along all of its parts, the registration ends. With 0,
-            steps are taken as they are, as `point_to_plane` does in the papers.
+            the target. If even the shortest of these steps raises the cost, the registration ends.
+            With 0, steps are taken as they are, as `point_to_plane` does in the papers.
 
     >>> from workbench.registration import PointCloud
     >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1.5)])

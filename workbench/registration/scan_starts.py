@@ -1,4 +1,6 @@
-"""Where to begin a fit of a body to a scan that nobody labelled: facings, arms, a place."""
+"""Where to begin the fit of a body to a scan without labels: which way it faces, how its arms hang,
+and where it stands.
+"""
 
 import numpy as np
 

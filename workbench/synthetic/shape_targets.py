@@ -39,12 +39,12 @@ GIRTH_WORDS = ("fat", "circ", "volume", "scale-depth", "scale-horiz")
 
 @dataclass(frozen=True)
 class Person:
-    """The traits of one adult, each from 0 to 1.
+    """The traits of one adult, each from 0 (least) to 1 (most), as Anny names them.
 
     Attributes:
         gender: 0 is male, 1 female.
         age: 0 is about 25 years, 1 about 90.
-        race: the weights of the three levels.
+        race: the weights of the three levels, which sum to one.
         local: from -1 to 1, one for each local change.
     """
 
