@@ -136,7 +136,9 @@ def _check(p: Array, q: Array, w: Array) -> None:
             "each source point"
         )
     if w.shape != (len(p),):
-        raise BadArgument(f"the weights must be {len(p)} numbers, one a point, not {w.shape}")
+        raise BadArgument(
+            f"the weights must be {len(p)} numbers, one for each point, not {w.shape}"
+        )
     if not (np.isfinite(p).all() and np.isfinite(q).all()):
         raise BadArgument("a point has a coordinate that is not finite; leave such points out")
     if not np.isfinite(w).all() or (w < 0).any() or not w.any():

@@ -203,7 +203,9 @@ class _Source:
         self.weights = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
         self.normals = None if normals is None else np.asarray(normals, dtype=float)
         if self.weights.shape != (M,):
-            raise BadArgument(f"weights must be {M} numbers, one a point, not {self.weights.shape}")
+            raise BadArgument(
+                f"weights must be {M} numbers, one for each point, not {self.weights.shape}"
+            )
         if self.normals is not None and self.normals.shape != (M, 3):
             raise BadArgument(f"normals must be of shape {(M, 3)}, not {self.normals.shape}")
         given = (self.points, self.weights) + (() if self.normals is None else (self.normals,))

@@ -34,7 +34,9 @@ def scan_starts(
     as the body, or less than a tenth, and BadArgument for no facings or no arms.
     """
     if yaws < 1 or not arms:
-        raise BadArgument(f"a start needs one facing and one pose of the arms, not {yaws}, {arms}")
+        raise BadArgument(
+            f"starts need one facing and one pose of the arms or more, not {yaws} and {arms}"
+        )
     _check_size(body, scan)
     low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
     middle = np.median(scan.points, axis=0)
