@@ -221,8 +221,8 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
 class ChosenAnew(Protocol):
     """What a PointSource provides in addition if something in it is chosen anew at every point.
 
-    Contacts between a scan and a surface are an example. Such a source has no graph, but the one
-    that it gives with the choice held has.
+    Contacts between a scan and a surface are an example. Such a source has no graph;
+    `frozen` gives one that has, because its choice is held.
     """
 
     def frozen(self, values: Mapping[str, Array]) -> PointSource:

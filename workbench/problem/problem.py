@@ -95,7 +95,10 @@ class Problem:
         return Problem(residuals, names, bounds, self._named, kept)
 
     def for_judging(self) -> "Problem":
-        """The same, for questions beside the end of a run, which are no part of the run."""
+        """The problem for evaluations that judge the end of a run, and are not counted as its own.
+
+        For a plain problem this is the problem itself; a metered one has another.
+        """
         return self
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:

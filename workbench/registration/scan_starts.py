@@ -25,10 +25,10 @@ def scan_starts(
     """Values of pose, betas and trans for each of `yaws` facings and each pose of the arms.
 
     y is up. The facings are evenly distributed about the vertical; `arms` are in rad below the
-    horizontal, and everything else of the pose is the bind pose. The medians of the scan and the
-    body lie above each other, and the feet are at the first percentile of the heights, so that a
-    few loose points below do not matter. A scan that is less than 0.6 times as high as the body
-    shows only part of it: then the medians of the heights agree instead.
+    horizontal, and everything else of the pose is the bind pose. Seen from above, the medians of
+    the scan and of the body coincide, and the feet are at the first percentile of the heights, so
+    that a few loose points below do not matter. A scan that is less than 0.6 times as high as the
+    body shows only part of it: then the medians of the heights agree instead.
 
     Raises BadScan for a scan of fewer than 20 points, or one that is more than five times as large
     as the body, or less than a tenth, and BadArgument for no facings or no arms.

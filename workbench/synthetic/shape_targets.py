@@ -94,9 +94,9 @@ def _two_ends(x: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class ShapeTargets:
-    """Displacements (T, 3 V) m: one for each combination of levels, then the local ones.
+    """Displacements (T, 3 V) m: one for each combination of levels, then those of local changes.
 
-    Of these, those for more of each property come first, and then those for less of it.
+    Among the local ones, those for more of each property come first, and then those for less of it.
     """
 
     combinations: tuple[tuple[str, ...], ...]
