@@ -549,6 +549,6 @@ print(f"with 4 numbers held: {held.shape[1]} unknowns, rank {held.rank}")
 # - Multi-pose teaches joints, weights, $P$; multi-shape teaches $\bar T$, $S$.
 # - Rest surfaces, joints and $P$ together are one linear problem; weights another; only poses are not.
 #   Taking turns never raises the cost, and creeps.
-# - Penalties are chosen on held-out poses. Regressed with shares, joints stay inside the skin and move
-#   along with it.
+# - Penalties are chosen on held-out poses. Regressed with shares, joints stay inside the hull of the skin
+#   and move along with it.
 # - Some directions are not determined by any data. Know them by name.
