@@ -91,7 +91,7 @@ class MeteredFunction:
         return repr(self._function)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        """The outputs, as a CasADi function returns them; numbers are counted."""
+        """The outputs, as a CasADi function returns them; a call with numbers is counted."""
         function = self._function
         return self._answered(lambda: function(*arguments, **named), arguments, named)
 

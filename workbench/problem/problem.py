@@ -95,10 +95,7 @@ class Problem:
         return Problem(residuals, names, bounds, self._named, kept)
 
     def for_judging(self) -> "Problem":
-        """The problem for evaluations that judge the end of a run, and are not counted as its own.
-
-        For a plain problem this is the problem itself; a metered one has another.
-        """
+        """This problem, or of a metered one a copy whose points are never the best of the run."""
         return self
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:
