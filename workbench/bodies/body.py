@@ -83,9 +83,9 @@ class Body(Protocol):
         """Every block that this body has made so far."""
 
     def start(self, prefix: str = "") -> Values:
-        """Values at which the body is its template, with keys that begin with `prefix`.
+        """Values at which the body is its template.
 
-        They are the bind pose, and betas and trans of zero.
+        They are the bind pose, and betas and trans of zero, under names that begin with `prefix`.
         """
 
     def points(

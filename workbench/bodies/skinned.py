@@ -181,10 +181,10 @@ class SkinnedBody:
         return other
 
     def start(self, prefix: str = "") -> Values:
-        """Values at which the body is its template, with keys that begin with `prefix`.
+        """Values at which the body is its template.
 
-        They are the bind pose, betas and trans of zero, and the present numbers of the arrays that
-        are free.
+        They are the bind pose, and betas and trans of zero, under names that begin with `prefix`;
+        and the present numbers of the arrays that are free, under names of their own.
         """
         pose, betas, trans = self.blocks(prefix)
         return {

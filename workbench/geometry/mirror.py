@@ -37,8 +37,7 @@ class Mirror:
     def features(self) -> Index:
         """For each pose feature, the one on the other side of the body, (9 (K - 1),).
 
-        Feature 9 (k - 1) + 3 r + c is entry (r, c) of the rotation matrix of joint k, less that of
-        the identity.
+        Feature 9 (k - 1) + 3 r + c belongs to entry (r, c) of the rotation matrix of joint k.
         """
         return (9 * (self.joints[1:, None] - 1) + np.arange(9)).ravel()
 

@@ -22,7 +22,7 @@ def template(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
 
 
 def directions(body: SkinnedArrays, name: str, vertices: Vertices = ALL) -> cs.MX:
-    """`shapedirs` (3 N, B) or `posedirs` (3 N, 9 (K - 1)); sparse unless they are free.
+    """`shapedirs` (3 N, B), or `posedirs` with a column for each pose feature; sparse unless free.
 
     The rows are the coordinates of the points, x, y and z of one point after the other.
     """
