@@ -19,7 +19,7 @@ COURSE = (
         "Rotations",
         question="Which numbers do we hand to an optimizer that has to turn a joint?",
         minutes=60,
-        assumes="matrices, derivatives of functions of several variables",
+        assumes="matrices, singular values, derivatives of functions of several variables",
         teaches="rotation matrices, projection, the exponential map, Rodrigues at 0 and at 2 pi",
     ),
     Lecture(
@@ -101,7 +101,7 @@ COURSE = (
         "One problem, many solvers",
         question="Which solver should we take, and how would we know?",
         minutes=45,
-        assumes="lectures 6 and 7",
+        assumes="lectures 2, 6 and 7",
         teaches="directions and steps, fair comparison, performance profiles",
     ),
     Lecture(
@@ -119,7 +119,7 @@ COURSE = (
         "Training a body model",
         question="Where do the model's own numbers come from?",
         minutes=60,
-        assumes="lectures 5 and 6",
+        assumes="lectures 5, 7 and 8",
         teaches="registrations, what is linear, alternation, regressor, weights, shape directions",
     ),
     Lecture(

@@ -1,4 +1,4 @@
-"""The kinds of NumPy arrays that annotations name."""
+"""The types of NumPy arrays that annotations use."""
 
 import numpy as np
 from numpy.typing import NDArray

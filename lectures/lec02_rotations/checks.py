@@ -32,7 +32,10 @@ def hat_transposed(w):
     return -solutions.hat(w)
 
 
-@mistake("hat", "this is symmetric; a cross product is not: w x w = 0 needs one of each two signs")
+@mistake(
+    "hat",
+    "this is symmetric; of each two entries that mirror each other one needs a minus, so that w x w = 0",
+)
 def hat_without_signs(w):
     return np.abs(solutions.hat(np.ones(3))) * np.array(
         [[0, w[2], w[1]], [w[2], 0, w[0]], [w[1], w[0], 0]]
@@ -261,7 +264,7 @@ def one_turn_less(w):
 
 @mistake(
     "shorter",
-    "a full turn is 2 pi, not pi: what is left over pi is not zero turns but half of one",
+    "a full turn is 2 pi, not pi: half a turn less is another rotation",
 )
 def modulo_half_a_turn(w):
     t = np.linalg.norm(w)
@@ -274,7 +277,10 @@ def shorter_dividing_by_zero(w):
     return w / t * ((t + np.pi) % (2 * np.pi) - np.pi)
 
 
-@mistake("shorter", "what is left beyond half a turn goes the other way: 2 pi - t about -w")
+@mistake(
+    "shorter",
+    "beyond half a turn the shorter way is by 2 pi - t about -w; here the axis has the other sign",
+)
 def the_wrong_way_round(w):
     t = np.linalg.norm(w)
     return w if t <= np.pi else -solutions.shorter(w)

@@ -65,7 +65,7 @@ def stretch(M):
     return max(ratio), min(ratio)
 
 
-print("distances in the hand, times: {:.2f} to {:.2f}".format(*stretch(M)[::-1]))
+print("distances in the hand are multiplied by {:.2f} to {:.2f}".format(*stretch(M)[::-1]))
 sigmas = np.array([0.5, 1, 2, 5, 10, 20]) * 1e-3  # m
 
 
@@ -81,7 +81,7 @@ def mean_stretch(sigma, n=8, draws=200):
 spread = [mean_stretch(sigma) for sigma in sigmas]
 for n in (8, 16, 32):
     print(
-        "{:2} markers, 5 mm of noise: the hand by {:.2f} to {:.2f} in the mean".format(
+        "{:2} markers, 5 mm of noise: multiplied by {:.2f} to {:.2f} in the mean".format(
             n, *mean_stretch(0.005, n)[::-1]
         )
     )
@@ -99,7 +99,7 @@ with house_style():
         right.semilogx(1e3 * sigmas, shown, f"k{mark}-", label=f"{name} of its distances")
     right.axhline(1, color="0.5", lw=0.8)
     right.legend(loc="upper left")
-    right.set(xlabel="noise of the markers (mm)", ylabel="stretch of the hand (share)")
+    right.set(xlabel="noise of the markers (mm)", ylabel="factor on distances in the hand")
 Picture(
     figure,
     "Left: the hand as it is, and as the fit of nine free numbers makes it with 5 mm of noise, "
@@ -129,7 +129,7 @@ source(nearest_rotation)
 
 # %%
 R = nearest_rotation(M)
-print("distances in the hand, times: {:.2f} to {:.2f}".format(*stretch(R)[::-1]))
+print("distances in the hand are multiplied by {:.2f} to {:.2f}".format(*stretch(R)[::-1]))
 print(f"R'R = I to {np.abs(R.T @ R - np.eye(3)).max():.0e}, det R = {np.linalg.det(R):.6f}")
 mirrored = np.diag([1.0, 1.0, -1.0])
 U, _, Vt = np.linalg.svd(mirrored)
@@ -316,8 +316,9 @@ for name, R in ways.items():
 # b = \frac{1 - \cos t}{t^2} = \frac12 - \frac{t^2}{24} + \dots
 # $$
 #
-# as series in $t^2$. They are smooth; only the way of writing them was not. In the library's own
-# lines, `_series(t2, k)` sums eight or nine terms of these series (cosine, $a$, $b$ for $k = 0, 1, 2$),
+# as series in $t^2$, and write $R = I + a\,[w]_\times + b\,[w]_\times^2$, which divides by nothing. Both
+# functions are smooth; only the way of writing them was not. In the library's own lines, `_series(t2, k)`
+# sums eight or nine terms of these series (cosine, $a$, $b$ for $k = 0, 1, 2$),
 # and `SERIES_BELOW = 0.25` rad² is where it changes over to the closed forms.
 
 # %%
@@ -342,9 +343,9 @@ print(f"distances |R(t) - I| of 200 angles are off this law by up to {off:.0e}")
 # %% [markdown]
 # ## At a full turn
 #
-# To describe a rotation by three numbers has a price. How fast does $R$ change with $w$? The singular
-# values of the $9 \times 3$ derivative of $R$ say so: along the axis it is always $\sqrt 2$, and in the
-# two directions across it
+# Describing a rotation by three numbers has a price. How fast does $R$ change with $w$? The singular
+# values of the $9 \times 3$ derivative of $R$ say so. For a change of $w$ along the axis the value is always
+# $\sqrt 2$, and in the two directions across it
 #
 # $$ \sqrt 2\; \left| \frac{2 \sin(t/2)}{t} \right| , $$
 #

@@ -46,20 +46,25 @@ def does_not_mind_units(rank):
             equal(rank(scale * J), r, f"the rank of {scale} times a matrix of rank {r}")
 
 
-@mistake("rank", "zero but for rounding is not zero: compare with the largest, times about 1e-16")
+@mistake(
+    "rank",
+    "rounding leaves no singular value exactly 0: compare with the largest, times about 1e-16 max(m, n)",
+)
 def of_exact_zeros(J):
     return int(np.sum(np.linalg.svd(J, compute_uv=False) > 0))
 
 
 @mistake(
     "rank",
-    "a fixed border goes wrong in other units: make it relative to the largest singular value",
+    "a fixed limit goes wrong in other units: make it relative to the largest singular value",
 )
 def with_a_fixed_border(J):
     return int(np.sum(np.linalg.svd(J, compute_uv=False) > 1e-10))
 
 
-@mistake("rank", "as many equations or unknowns as there are is a bound; some may say the same")
+@mistake(
+    "rank", "the number of equations or unknowns is only a bound: some equations may say the same"
+)
 def of_the_shape(J):
     return min(J.shape)
 
@@ -120,7 +125,7 @@ def as_rows(J):
     return solutions.null_space(J).T
 
 
-@mistake("null_space", "every column but its length: they have to have length 1")
+@mistake("null_space", "the directions are right, but columns have to have length 1")
 def not_of_length_one(J):
     return 2 * solutions.null_space(J)
 

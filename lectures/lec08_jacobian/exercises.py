@@ -55,8 +55,8 @@ def rank_of_tree(parents: list[int]) -> int:
 def sigmas(J: Array) -> Array:
     """How well each unknown is known, to first order, from whitened residuals (one sigma each).
 
-    Infinite for an unknown that takes part in a direction that no residual notices: whose entry in
-    an orthonormal basis of the null space is above 1e-8 in size.
+    Infinite for an unknown that takes part in a direction that no residual notices: for one whose
+    row in an orthonormal basis of the null space, as columns, is longer than 1e-8.
 
     J (m, n) -> (n,), standard deviations
     """
@@ -68,7 +68,8 @@ def markers() -> list[int]:
 
     That is: joints and these vertices, as functions of the 72 numbers of the pose, have rank 72 at
     random poses. Which vertices, and how you find them, is up to you: look where the twists are,
-    or let the computer try. (32 directions are left and a vertex tells at most 3, so 11 at least.)
+    or let the computer try. (32 directions are left, and a vertex tells at most 3, so that at
+    least 11 are needed.)
 
     `import workbench as wb` and `body = wb.load_body("small")` have what you need: body.joints(pose)
     (24, 3) m and body.vertices(pose) (369, 3) m for a pose (24, 3) rad, vertices numbered 0 to 368;

@@ -75,14 +75,14 @@ Picture(
 
 # %% [markdown]
 # No solver is to blame: there are many poses with these joints, and it found one. Counting equations
-# did not tell. What does?
+# did not show this. What does?
 #
 # ## A direction that nobody notices
 #
 # Take a step $p$ from the truth. To first order the residual changes by $J p$. If $J p = 0$, no
 # equation notices. Such $p$ form the **null space** of the Jacobian, and the number of directions
-# that *are* noticed is its **rank**. Singular values tell: $J = U S V^\top$, and the direction $v_i$
-# changes the residual by $s_i$.
+# that *are* noticed is its **rank**. Singular values tell: $J = U S V^\top$, and a unit step along
+# column $v_i$ of $V$ changes the residual by $s_i$.
 
 # %%
 there = given | {"pose": truth}
@@ -122,7 +122,7 @@ source(wb.Linearization.tolerance)
 #
 # - A **leaf** (a hand, a foot, the head) has nothing hanging on it. Its rotation moves no joint:
 #   $0$ of $3$ are seen.
-# - A joint with **one child** can turn about the bone to it, for $\omega \times e = 0$ where
+# - A joint with **one child** can turn about the bone $e$ to it, for $\omega \times e = 0$ where
 #   $\omega \parallel e$. That turns the rest of the limb too; but the child can turn back. So $2$ are
 #   seen.
 # - A joint with **several children** has no axis that leaves all of them in place, unless the bones to
@@ -143,7 +143,7 @@ print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} 
 # (In the last line three points are seen, and each can be moved alone in all three directions by the
 # joints above it: three times three.) The workbench does not stop at the number: it says which
 # directions these are. The singular vectors are a basis of the null space that mixes all of them. The
-# workbench looks in small named subspaces, the smallest first, and there a twist is a twist.
+# workbench looks in small named subspaces, the smallest first, so that each twist is found by itself.
 
 # %%
 print(diagnosis)
@@ -192,11 +192,11 @@ print(
 
 # %% [markdown]
 # The pattern knows of the leaves: 15 columns are empty, so the rank is at most 57. It does not know
-# of the twists, which are a matter of numbers. That is why both are looked at. And it is why columns
-# of zeros are a warning worth having before any solver is started.
+# of the twists, which are a matter of numbers. That is why both are looked at. The pattern
+# alone shows columns of zeros, a warning worth having before any solver is started.
 #
 # So, dense or sparse? The Jacobian of joints is sparse by nature. That of SMPL's vertices is not: its
-# pose blend shapes let every vertex depend on 23 rotations. But it has only 82 columns, and its 14 MB
+# pose blend shapes (lecture 5) let every vertex depend on 23 rotations. But it has only 82 columns, and its 14 MB
 # are easily kept as a dense matrix. With so few unknowns the pattern is worth more for what it tells
 # than for the zeros that it saves; with thousands of them it is the other way round.
 #
@@ -249,8 +249,8 @@ for name in ("left_hand", "left_elbow", "left_hip"):
 # ## What to do about it
 #
 # Three things help. The diagnosis says where help is needed, and the choice is ours: see more (a marker
-# off the bone's axis ends a twist), free less (leave the leaves fixed), or believe something. A prior is more residuals, here
-# that each number of the pose is about 0.3 rad from zero:
+# off the bone's axis ends a twist), free less (leave the leaves fixed), or believe something. A prior is
+# further residuals, which here say that each number of the pose is about 0.3 rad from zero:
 
 # %%
 prior = wb.residuals.gaussian(pose, mean=0.0, covariance=0.3**2)

@@ -86,7 +86,10 @@ def of_the_whole_run(costs, efforts, goal):
     return efforts[-1] if costs.min() <= goal else INF
 
 
-@mistake("effort_until", "who never gets there is infinite; else it pays to give up early")
+@mistake(
+    "effort_until",
+    "a run that never gets there has infinite effort; otherwise it pays to give up early",
+)
 def as_if_met(costs, efforts, goal):
     below = np.flatnonzero(costs <= goal)
     return efforts[below[0]] if len(below) else efforts[-1]
@@ -231,8 +234,8 @@ def has_known_values(wilson):
 
 @mistake(
     "wilson",
-    "this is p plus and minus z standard errors: for 0 or all it is a point, and elsewhere it leaves "
-    "0 to 1",
+    "this is p plus and minus z standard errors: with no successes, or with nothing else, it is a "
+    "point, and near these it reaches below 0 or above 1",
 )
 def by_the_standard_error(successes, trials):
     p = successes / trials
@@ -246,7 +249,7 @@ def not_divided(successes, trials):
     return low * (1 + 1.96**2 / trials), high * (1 + 1.96**2 / trials)
 
 
-@mistake("wilson", "the interval is not about p: its middle is p + z^2 / (2 n), divided")
+@mistake("wilson", "the middle is not p, but p + z^2 / (2 n), divided by 1 + z^2 / n")
 def about_the_share(successes, trials):
     low, high = solutions.wilson(successes, trials)
     p = successes / trials

@@ -4,7 +4,7 @@
 # **Which solver should we take, and how would we know?**
 #
 # The workbench has more than twenty solvers, and each is the best one in some paper. We let four of them run
-# on sixteen classical problems, fall for all the usual ways of comparing them, and end with the ones
+# on sixteen classical problems, fall for all the usual ways of comparing them, and end with ways
 # that hold: targets common to all, effort in one currency, failures counted, and intervals around what
 # was counted. Costs here are pure numbers, and so is effort: it is counted in residuals.
 
@@ -88,14 +88,15 @@ for name in ("bard-far", "freudenstein-roth"):
 # On the second problem three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached.
 # They are not wrong: the gradient does vanish there. A *stationary point* is all that these methods can
 # see. On the first problem Gauss-Newton ends at more than two thousand times the least cost, where the
-# cost still falls a little while unknowns run off, and says `VALLEY`. But whoever counts "converged"
+# cost still falls a little while unknowns run off, and says `VALLEY`. So whoever counts "converged"
 # counts all stationary points, and whoever compares times lets a solver win by stopping early.
 #
 # ## Counting what was spent
 #
 # A fair comparison needs a common currency. The workbench counts what each solver asked for, whatever it
 # says. We say that a residual costs 1, a gradient 4 (going backwards through a program costs a few times
-# the program, whatever the number of unknowns), and a Jacobian as much as residuals for $n$ differences.
+# the program, whatever the number of unknowns), and a Jacobian $n$, one residual for each unknown, as
+# finite differences need them.
 # These prices are a choice, and one that is easily made in somebody's favour; so it has to be said.
 
 
@@ -142,7 +143,7 @@ Picture(
 # $$ f - f^* \le \tau\, (f_0 - f^*) , $$
 #
 # and its effort is what it had spent by then, or infinite if it never meets the target. The workbench
-# has the same, with room for rounding:
+# does the same, with room for rounding:
 
 # %%
 source(Yardstick.target)
@@ -251,7 +252,7 @@ for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
 
 # %% [markdown]
 # Prices matter, too. A Jacobian may be as cheap as one residual, where both share their work, or as
-# expensive as ten, because somebody else's code takes ten for it. With these prices:
+# expensive as ten, where it comes from slower code. With these prices:
 
 # %%
 for price, said in ((1, "1 residual"), (10, "10 residuals")):
@@ -296,8 +297,8 @@ for s, solver in enumerate(NAMES):
 
 # %% [markdown]
 # The intervals overlap: sixteen problems do not tell which of these four is the most reliable. That is
-# a result, too. More starts are cheap. And since all four had the same starts, one may look at pairs
-# only, and there at the problems on which exactly one of the two arrived.
+# a result, too. Pairs tell more: since all four had the same starts, one may compare two solvers at a
+# time, on the problems on which exactly one of the two arrived.
 #
 # Two warnings. Wilson's interval covers the truth in 95 % of the cases *on average* over all true shares;
 # for some of them it covers less. With three trials, how often does it cover the true share, for the share where
@@ -320,7 +321,7 @@ def worst(interval, trials):
 
 for interval in (wilson, rate):
     print(
-        f"{interval.__name__}: covers the worst share of 3 trials "
+        f"{interval.__name__}: with 3 trials covers the true share, where it does worst, "
         f"in {100 * worst(interval, 3):.1f} % of the cases"
     )
 
@@ -390,7 +391,7 @@ for form, (problem, start) in forms.items():
 
 # %% [markdown]
 # All that answer find the same turn. But on the way the nine numbers are no rotation: the equations hold at the
-# end and nowhere between.
+# end and nowhere in between.
 
 
 # %%
@@ -415,8 +416,8 @@ Picture(
 )
 
 # %% [markdown]
-# Who only wants a rotation is better off with three numbers here: fewer unknowns, no equations, and every
-# point on the way is a turn. Over twenty noises and five problems, `examples/16_nine_numbers_or_three.py`
+# Whoever only wants a rotation is better off with three numbers here: fewer unknowns, no equations, and every
+# point on the way is a turn. Over five problems with twenty draws of noise, `examples/16_nine_numbers_or_three.py`
 # measures when that holds and when not. Equations are the way where no such coordinates exist: feet that
 # stand on the floor, weights that sum to one.
 #
@@ -427,6 +428,6 @@ Picture(
 #   effort of a failure is infinite.
 # - Take no mean over successes. A profile shows at its left who is quick and at its right who is
 #   reliable, and does not rank many solvers.
-# - A share of a few problems has an interval. Say it.
+# - A share of a few problems has an interval. State it.
 # - Bounds and equations are taken by few solvers. The others refuse the problem; none of them ignores an
 #   equation.

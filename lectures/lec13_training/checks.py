@@ -141,7 +141,7 @@ def without_the_penalty(F, D, penalty):
     return np.linalg.lstsq(F, D, rcond=None)[0].T
 
 
-@mistake("ridge", "the sign of the penalty: it is added to F'F")
+@mistake("ridge", "the penalty has the wrong sign: it is added to F'F")
 def rewarded(F, D, penalty):
     return solutions.ridge(F, D, -penalty)
 
@@ -162,7 +162,8 @@ def with_half_the_penalty(F, D, penalty):
 
 
 @mistake(
-    "ridge", "only P is shrunk by adding the penalty to the equations; this scales the whole answer"
+    "ridge",
+    "adding the penalty to F'F shrinks some directions more than others; this shrinks all alike",
 )
 def scaled(F, D, penalty):
     return without_the_penalty.answer(F, D, penalty) / (1 + penalty)
@@ -393,7 +394,7 @@ def the_first(meshes):
 
 @mistake(
     "rest_shape",
-    "one turn is not the end: align to the mean that came out, and again, until it stays",
+    "one round is not enough: align all meshes to the mean that came out, and repeat until it stays",
 )
 def one_round(meshes):
     return np.mean([solutions.aligned(meshes[0], V) for V in meshes], axis=0)

@@ -88,7 +88,7 @@ print(
     1 + np.argmax(explained(raw) > 0.99),
 )
 print(
-    "of the first coordinates a linear function of pose explains:",
+    "share of the first coordinates that a linear function of pose explains:",
     ", ".join(f"{share:.0%}" for share in shares),
 )
 
@@ -128,12 +128,12 @@ with house_style():
 Picture(
     figure,
     "200 tubes with three directions of shape. Un-posed, three directions explain all; as they stand, "
-    "the first two are pose, and there is no end of them.",
+    "the first two are pose, and many more are needed.",
 )
 
 # %% [markdown]
-# The directions are then the library's `learn_shape_space`. Each is as long as one standard deviation:
-# the singular values divided by $\sqrt{n - 1}$ are in it, so that $\beta$ has variance one.
+# The library's `learn_shape_space` then finds the directions. The length of each is one standard deviation,
+# a singular value divided by $\sqrt{n - 1}$, so that $\beta$ has variance one.
 
 # %%
 source(learn_shape_space)
@@ -145,7 +145,7 @@ print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
 
 # %% [markdown]
 # But un-posing needed the poses, the weights and $P$, which are what we do not know: which came first,
-# the hen or the egg?
+# the chicken or the egg?
 #
 # ## What is linear
 #
@@ -192,7 +192,8 @@ for names in (
 source(SkinningPass.points)
 
 # %% [markdown]
-# Only the pose is really nonlinear; $\mathcal W$ and $P$ are multiplied. So training can take turns:
+# Only the pose is really nonlinear; $\mathcal W$ and $P$ are multiplied by each other, and the model is linear
+# in each alone. So training can take turns:
 #
 # - **poses**: each registration by itself, nonlinear least squares (lectures 6 and 7);
 # - **surfaces**: $\hat T$, $\hat J$ and $P$, all people at once: *one* linear least-squares problem;
@@ -279,7 +280,7 @@ Picture(
 #
 # ## How large may blend shapes be?
 #
-# In SMPL there are 207, and few poses cannot tell them all. The effect of $\lambda_P$ shows best when
+# In SMPL there are 207, and few poses cannot determine them all. The effect of $\lambda_P$ shows best when
 # everything but $P$ is known. Then, with a row $f_j$ of features and a row $d_j$ of un-posed
 # displacements for each of 40 meshes,
 #
@@ -318,7 +319,7 @@ for lam in lambdas:
 best = int(np.argmin(unseen))
 for i in (0, best, -1):
     print(
-        f"lambda {lambdas[i]:8.4f}: |P| {sizes[i]:.3f} m, in the lesson {learned[i]:.2f} mm, "
+        f"lambda {lambdas[i]:8.4f}: |P| {sizes[i]:.3f} m, training error {learned[i]:.2f} mm, "
         f"in unseen poses {unseen[i]:.2f} mm"
     )
 print("|P| falls all the way:", bool((np.diff(sizes) < 0).all()))
@@ -326,7 +327,7 @@ print(f"no blend shapes: {1e3 * np.sqrt(np.mean(D_test**2)):.2f} mm in unseen po
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.6)
-    ax.semilogx(lambdas, learned, "s--", ms=4, label="in the lesson (with noise)")
+    ax.semilogx(lambdas, learned, "s--", ms=4, label="training error (with noise)")
     ax.semilogx(lambdas, unseen, "o-", ms=4, label="in unseen poses (without)")
     ax.set(xlabel="lambda", ylabel="displacements off by (mm, rms)", ylim=(0, None))
     ax.legend(loc="upper center")
@@ -452,7 +453,7 @@ for name, change in known.items():
 # ## Every term on symbols
 #
 # The same can be done with all terms and all unknowns of SMPL's training. The workbench writes each term as
-# residuals on symbols, and `train` above minimises the same sum by blocks. For a body of 20 vertices, with a
+# residuals on symbols, and `train_poses` above minimises the same sum by blocks. For a body of 20 vertices, with a
 # root and one joint for its upper half, the whole Jacobian can be looked at. Two synthetic people are
 # registered in ten poses each, without noise, and we look at the Jacobian at the true values, where the
 # registrations are met exactly.
@@ -519,8 +520,8 @@ for direction in whole.null_directions:
 # Registrations alone leave 19 directions open, and each has a name:
 #
 # - 6 **shifts**, three for each person: template and joints move, and all places move back;
-# - 6 moves of a **root joint**: nothing hangs on where the root's centre of rotation is, since each
-#   registration has a place of its own to undo it;
+# - 6 moves of a **root joint**: wherever the root's centre of rotation is, the place of each registration
+#   makes up for it;
 # - 3 **turns** of everything at rest, blend shapes included, which every root turns back;
 # - 4 kinds of **blend shapes** that push the whole surface along the joint's axis, which the joint's rotation
 #   leaves as it is, and which the places undo.
@@ -539,14 +540,15 @@ held = wb.diagnose(
 print(f"with 4 numbers held: {held.shape[1]} unknowns, rank {held.rank}")
 
 # %% [markdown]
-# The rank is full, and it is the rank from before: to hold a gauge takes nothing from what the model can
-# explain.
+# The rank is full, and it is the rank from before: holding numbers that nothing determines takes nothing
+# from what the model can explain.
 #
 # ## What to remember
 #
-# - Principal components of meshes that are not pose-normalised learn poses.
+# - Principal components of meshes that were not un-posed learn poses.
 # - Multi-pose teaches joints, weights, $P$; multi-shape teaches $\bar T$, $S$.
 # - Rest surfaces, joints and $P$ together are one linear problem; weights another; only poses are not.
 #   Taking turns never raises the cost, and creeps.
-# - Penalties are chosen on held-out poses. With shares, the joints of new people are right as well.
+# - Penalties are chosen on held-out poses. Regressed with shares, joints stay inside the hull of the skin
+#   and move along with it.
 # - Some directions are not determined by any data. Know them by name.

@@ -98,7 +98,7 @@ def test_coco_results_are_a_plain_list(tmp_path: Path) -> None:
         ({"annotations": [{"keypoints": None}]}, "keypoints must be numbers, not None"),
         ({"annotations": [{"keypoints": [[1], [2, 3]]}]}, "keypoints must be numbers"),
         ({"annotations": [{"keypoints": [10**400] * 51}]}, "keypoints must be numbers"),
-        ({"annotations": [{"keypoints": [1, 2]}]}, "but are 2 numbers"),
+        ({"annotations": [{"keypoints": [1, 2]}]}, "but 2 numbers are not a multiple of three"),
         ({"annotations": [{"keypoints": person(17, confidence=-1)}]}, "0 has confidence -1"),
         ({"annotations": [{"keypoints": person(17, at=float("nan"))}]}, r"nose at \[nan, nan\]"),
         ({"annotations": [{"keypoints": person(17, at=1e300)}]}, r"has nose at \[1e\+300"),

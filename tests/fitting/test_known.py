@@ -28,15 +28,15 @@ def test_what_is_known_comes_with_the_setup() -> None:
 @pytest.mark.parametrize(
     ("facts", "said"),
     [
-        ({"source": " "}, "needs a source"),
-        ({"source": None}, "needs a source"),
+        ({"source": " "}, "needs its source as a text"),
+        ({"source": None}, "needs its source as a text"),
         ({"cost": -1.0}, "known cost must be a number from 0 on, not -1.0"),
         ({"cost": np.nan}, "known cost"),
         ({"cost": True}, "known cost"),
         ({"cost": "1"}, "known cost must be a number"),
         ({"residual_deviation": np.inf}, "known residual_deviation"),
         ({"values": [1.0, 2.0]}, "dict of arrays"),
-        ({"deviations": {"x": np.ones(2)}}, "need values"),
+        ({"deviations": {"x": np.ones(2)}}, "which are missing; give them too"),
         ({"values": {"y": np.ones(2)}}, "hold y, which is not free; the free blocks are x"),
         ({"values": {}}, "not the problem's: block 'x'"),
         ({"values": {"x": np.ones(3)}}, "not the problem's: block 'x' has shape"),

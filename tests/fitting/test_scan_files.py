@@ -195,7 +195,9 @@ def test_text_may_begin_with_titles_a_count_or_comments_and_end_in_words(tmp_pat
 def test_arrays_of_several_people_have_to_be_named(tmp_path: Path) -> None:
     path = tmp_path / "people.npz"
     np.savez(path, ann=SURFACE, bob=1000 * SURFACE, bob_normals=SURFACE, floor=np.zeros(4))
-    with pytest.raises(BadFile, match="one has to be named: ann, bob"):
+    with pytest.raises(
+        BadFile, match="several of its arrays may be the points; name one of ann, bob"
+    ):
         read_scan(path)
     read = read_scan(path, name="bob")
     assert read.unit == "mm"
@@ -272,7 +274,7 @@ BAD: dict[str, tuple[Callable[[], Array], str]] = {
     "all NaN": (lambda: np.full((500, 3), np.nan), "0 different points.*500 points are NaN"),
     "far too large": (lambda: 1e6 * SURFACE, "in none of cm, in, m, mm is this the size of a body"),
     "far too small": (lambda: 1e-9 * SURFACE, "in none of cm, in, m, mm is this the size"),
-    "two columns": (lambda: SURFACE[:, :2], r"has shape \(4000, 2\), not \(N, 3\)"),
+    "two columns": (lambda: SURFACE[:, :2], r"an array of shape \(4000, 2\), not points \(N, 3\)"),
     "one number": (lambda: np.array(3.0), r"holds float64 of shape \(\), not points"),
     "truths": (lambda: SURFACE > 0, "holds bool of shape"),
 }
@@ -295,7 +297,7 @@ def test_arguments_are_checked(tmp_path: Path) -> None:
         read_scan(path, up="w")
     with pytest.raises(BadScan, match=r"in mm the scan is 0.001\d+ m long, and no body is"):
         read_scan(path, unit="mm")
-    with pytest.raises(BadArgument, match="three numbers"):
+    with pytest.raises(BadArgument, match="three finite numbers"):
         read_scan(path, camera_position=[1, 2])
     with pytest.raises(BadArgument, match="at least 1,000 points"):
         read_scan(path, most=3)

@@ -179,7 +179,12 @@ def test_points_in_a_plane_leave_nothing_open() -> None:
         (POINTS[:, :2], POINTS, None, r"the source must be points \(N, 3\)"),
         (POINTS[:0], POINTS[:0], None, "at least one"),
         (POINTS, POINTS[:5], None, "one target point for each source point"),
-        (POINTS, POINTS, np.ones(3), r"the weights must be 20 numbers, one a point, not \(3,\)"),
+        (
+            POINTS,
+            POINTS,
+            np.ones(3),
+            r"the weights must be 20 numbers, one for each point, not \(3,\)",
+        ),
         (POINTS, np.where(POINTS > 1, np.nan, POINTS), None, "not finite; leave such points out"),
         (POINTS, POINTS, -np.ones(20), "at least 0, and one of them above 0"),
         (POINTS, POINTS, np.zeros(20), "at least 0, and one of them above 0"),

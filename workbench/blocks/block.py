@@ -61,7 +61,7 @@ class Block:
 
     @staticmethod
     def part(whole: "Block", entries: Iterable[int]) -> "Block":
-        """Some entries of a block, as a block that has the same name for each of them.
+        """Some entries of a block, as a block of the same name in which each entry keeps its label.
 
         Rows that are taken as a whole stay rows, (k, 3); other entries are (k,).
         """

@@ -107,7 +107,10 @@ class NumericFrames:
         return {name: block.framed for name, block in self.blocks.items()}
 
     def pattern(self, name: str) -> csc_array | None:
-        """Each frame's points read their own part of a block; see SparsePoints."""
+        """Where the derivative by a block can be nonzero, None if it is dense; see SparsePoints.
+
+        The points of each frame depend on their own part of a framed block.
+        """
         block, own = self.blocks[name], pattern_of(self.source, name)
         if not block.framed:
             return None if own is None else csc_array(vstack([own] * len(self.some)))
@@ -148,7 +151,7 @@ class NumericFrames:
 
 @dataclass(frozen=True, eq=False)
 class FramesAt:
-    """The points at one set of values; see PointsAt.
+    """The points of all frames at one set of values; see PointsAt.
 
     Attributes:
         of: the arithmetic of all frames.

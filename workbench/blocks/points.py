@@ -221,8 +221,8 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
 class ChosenAnew(Protocol):
     """What a PointSource provides in addition if something in it is chosen anew at every point.
 
-    Contacts between a scan and a surface are an example. Such a source has no graph, but the one
-    that it gives with the choice held has.
+    Contacts between a scan and a surface are an example. Such a source has no graph;
+    `frozen` gives one that has, because its choice is held.
     """
 
     def frozen(self, values: Mapping[str, Array]) -> PointSource:
@@ -249,7 +249,7 @@ class SparsePoints(Protocol):
 
 
 class SparsePointsAt(Protocol):
-    """What PointsAt of such points provide in addition."""
+    """What PointsAt of SparsePoints provide in addition."""
 
     def jacobian(self, name: str) -> csc_array:
         """The points' derivative by a block that has a pattern, (3 N, size), each entry once.
@@ -266,7 +266,10 @@ def pattern_of(source: NumericPoints, name: str) -> csc_array | None:
 
 
 def nonzeros_of(source: NumericPoints, name: str) -> int | None:
-    """How many nonzeros a derivative has whose nonzeros change their places; None for others."""
+    """How many nonzeros the derivative by a block has at most, if their places change.
+
+    None for a block by which they keep their places, or by which the derivative is dense.
+    """
     if not hasattr(source, "nonzeros"):
         return None
     return cast(SparsePoints, source).nonzeros(name)

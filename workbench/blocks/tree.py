@@ -1,4 +1,4 @@
-"""The kinematic tree behind a pose, and where the numbers of its joints stand."""
+"""The kinematic tree of a pose, and which entries of which blocks turn each joint."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -83,7 +83,10 @@ class Body(Protocol):
         """Every block that this body has made so far."""
 
     def start(self, prefix: str = "") -> Values:
-        """The template as values: bind pose, mean shape, at the origin."""
+        """Values at which the body is its template.
+
+        They are the bind pose, and betas and trans of zero, under names that begin with `prefix`.
+        """
 
     def points(
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None

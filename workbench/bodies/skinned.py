@@ -181,7 +181,11 @@ class SkinnedBody:
         return other
 
     def start(self, prefix: str = "") -> Values:
-        """The template as values: bind pose, mean shape, at the origin; free arrays as they are."""
+        """Values at which the body is its template.
+
+        They are the bind pose, and betas and trans of zero, under names that begin with `prefix`;
+        and the present numbers of the arrays that are free, under names of their own.
+        """
         pose, betas, trans = self.blocks(prefix)
         return {
             pose.name: self.bind_pose,

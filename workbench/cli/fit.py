@@ -67,7 +67,7 @@ def fit(
     model = load_body(body)
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:
-            raise BadFile("give one mesh at a time")
+            raise BadFile(f"a body is fitted to one mesh at a time, not to {len(files)}; give one")
         given = {"--cameras": cameras, "--size": size, "--focal": focal, "--person": person}
         for option in (option for option, value in given.items() if value is not None):
             warn_without_effect(console, option, "it is for keypoints, and this is a mesh")

@@ -52,8 +52,9 @@ def solver_table(table: Table) -> RichTable:
 
 
 def say(console: Console, text: str) -> None:
-    """Print marked-up text whose numbers keep the colour of the rest, and which only a terminal
-    breaks into lines.
+    """Print text with markup, numbers in the colour of the text around them.
+
+    Long lines are left for the terminal to break.
     """
     console.print(text, highlight=False, soft_wrap=True)
 

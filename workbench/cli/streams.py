@@ -44,7 +44,10 @@ def nowhere() -> bool:
 
 
 def failure(stream: TextIO) -> OSError | None:
-    """The reason why printed text cannot be written, if there is one; the rest is discarded."""
+    """The error by which text printed to the stream could not be written; None if it was written.
+
+    After an error, whatever else is printed to the stream is discarded.
+    """
     try:
         stream.flush()
     except OSError as error:

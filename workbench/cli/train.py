@@ -93,7 +93,10 @@ def train(
         unknown = open_folder(held_out, len(guess.template), guess.faces)
         people, standing = unknown.only("poses"), unknown.only("shapes")
         if not people.rows:
-            raise BadArgument(f"{held_out} has no registrations of the set 'poses'")
+            raise BadArgument(
+                f"{held_out} has no registrations of the set 'poses', on which a body is measured; "
+                "give a folder that has some, or leave --held-out out"
+            )
     plan = alternation(rounds=rounds, reach=None if folder is None else reach)
     make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"

@@ -40,9 +40,9 @@ class Budget:
                 raise BadArgument(f"{field.name} of a budget must be above 0, not {value!r}")
 
     def given(self, solver: Solver, repetition: int = 0) -> Solver:
-        """The solver with these limits, as far as it has the house's options for them.
+        """The solver with these limits, as far as it has options of the workbench's names for them.
 
-        If it has a seed, each repetition gets another.
+        If it has a seed, this is the number of the repetition.
         """
         wanted = {
             "max_evaluations": self.max_evaluations,

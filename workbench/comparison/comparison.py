@@ -147,7 +147,7 @@ class Comparison:
 
     @cached_property
     def outcomes(self) -> dict[tuple[str, str], TargetOutcome]:
-        """What became of each run."""
+        """The target outcome of each run, by instance and solver."""
         found = {}
         for (instance, solver), record in self.records.items():
             yardstick, basin = self.yardsticks[instance], self.basins.get((instance, solver))

@@ -91,12 +91,12 @@ class MeteredFunction:
         return repr(self._function)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        """As of a CasADi function."""
+        """The outputs, as a CasADi function returns them; a call with numbers is counted."""
         function = self._function
         return self._answered(lambda: function(*arguments, **named), arguments, named)
 
     def call(self, arguments: Any, *inlined: bool) -> Any:
-        """As of a CasADi function: a list or a dict of arguments to one of outputs."""
+        """Like `call` of a CasADi function: a list or a dict of arguments to one of outputs."""
         function = self._function
         named = arguments if isinstance(arguments, dict) else {}
         ordered = () if isinstance(arguments, dict) else tuple(arguments)
@@ -111,7 +111,7 @@ class MeteredFunction:
         return mapped
 
     def expand(self, *arguments: Any) -> Any:
-        """As of a CasADi function."""
+        """Like `expand` of a CasADi function; calls of what it returns are still counted."""
         return self._of(self._function.expand(*arguments))
 
     def __getattr__(self, name: str) -> Any:

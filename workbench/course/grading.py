@@ -25,10 +25,12 @@ class Answers(Protocol):
     """Something that answers exercises: an `answer_process.Answerer`, or a process with one."""
 
     def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
-        """Begin an exercise: {"unfit": why it cannot be tried, in three texts, or None}."""
+        """Begin an exercise. Returns {"unfit": why it cannot be tried, in three texts, or None}."""
 
     def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """Answer: {"value": sealed}, or {"raised": [class, message, whether it is unsolved]}."""
+        """Call the function. Returns {"value": its answer in the form of `plain.sealed`} or
+        {"raised": [class of the error, its message, whether the exercise is unsolved]}.
+        """
 
 
 class Ended(Exception):

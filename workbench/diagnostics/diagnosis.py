@@ -31,8 +31,9 @@ from workbench.problem import Linearization, Problem
 class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
-    Directions that bounds and constraints forbid here count as seen, in rank, null directions and
-    sigmas. Whether a direction is weak is judged relative to yardsticks: see `point`.
+    Directions that bounds and constraints forbid at this point count as determined, in rank, null
+    directions and sigmas. Whether a direction is weak is judged relative to yardsticks: see
+    `point`.
 
     `str` gives a summary, `report()` everything in words, `data()` the same as JSON.
 
@@ -275,7 +276,7 @@ class Diagnosis:
         return tuple(finding for finding in self.findings if finding.warning)
 
     def assert_rank(self, rank: int) -> None:
-        """Raise an AssertionError that names what is not seen, unless the rank is `rank`."""
+        """Raise an AssertionError that names the null directions, unless the rank is `rank`."""
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:

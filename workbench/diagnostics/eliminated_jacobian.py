@@ -74,9 +74,9 @@ class EliminatedJacobian:
         return np.asarray(np.maximum(found, 0.0))
 
     def covariance_times(self, B: Array) -> Array:
-        """A generalized inverse of J'J along what may move, times B (n, q).
+        """C B for B (n, q), where C is a generalized inverse of J'J in the allowed directions.
 
-        It is the covariance of whatever no null direction moves.
+        For every combination of unknowns that no null direction changes, C gives its covariance.
         """
         found = self._generalized(B)
         if len(self.forbidden):
@@ -120,7 +120,7 @@ class EliminatedJacobian:
         return max(0, below - self.nullity)
 
     def count_mostly_from(self, others: Mask) -> int:
-        """Of how many directions the rows that are not `others` (m,) tell more than these do."""
+        """How many directions all other rows determine better than the rows in `others` (m,) do."""
         signs = np.where(others, -1.0, 1.0)
         shift = np.full(len(self.lengths), NOISE if self.nullity else 0.0)
         less = self._negative(signs, shift)

@@ -28,7 +28,8 @@ class NullDirections:
         frames: the frames that they move.
         count: how many there are in all frames together.
         tied: whether each of them moves several frames at once; otherwise each moves one frame.
-        shared: whether they move unknowns that all frames share; these are then undone in `frames`.
+        shared: whether they move unknowns that all frames share; `frames` are then those whose own
+            unknowns undo this.
     """
 
     name: str

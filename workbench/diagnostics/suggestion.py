@@ -58,7 +58,7 @@ class Suggestion:
 
     @property
     def cured(self) -> bool:
-        """Whether every direction is seen afterwards."""
+        """Whether every direction is determined afterwards."""
         return self.after.rank == self.after.unknowns
 
 

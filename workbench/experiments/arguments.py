@@ -1,4 +1,4 @@
-"""Converting arguments of an experiment, given or typed, to what its builder annotates."""
+"""Arguments of an experiment, from Python or typed, converted to the types its builder names."""
 
 import json
 import math

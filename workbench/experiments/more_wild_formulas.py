@@ -29,13 +29,13 @@ def up_to(m: int) -> cs.DM:
 
 
 def linear_full_rank(x: cs.MX, m: int) -> cs.MX:
-    """x_i - s, then -s alone, s = 2/m sum x + 1."""
+    """x_i - s for i up to n, then m - n rows of -s, where s = 2/m sum x + 1."""
     s = 2 / m * cs.sum1(x) + 1
     return cs.vertcat(x, cs.DM.zeros(m - x.shape[0])) - s
 
 
 def linear_rank_one(x: cs.MX, m: int) -> cs.MX:
-    """i sum_j j x_j - 1."""
+    """Row i is i sum_j j x_j - 1."""
     return up_to(m) * cs.dot(up_to(x.shape[0]), x) - 1
 
 

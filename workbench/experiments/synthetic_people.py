@@ -26,7 +26,10 @@ MADE_OF_THE_MODEL = (
 
 
 def person_at_origin(body: Body, rng: np.random.Generator, pose_sigma: float) -> Values:
-    """A random person: each angle off the bind pose by pose_sigma rad, each beta by 1, rms."""
+    """A random person at the origin: normal angles about the bind pose, and normal betas.
+
+    The standard deviation of the angles is `pose_sigma` rad, that of the betas 1.
+    """
     names = (block.name for block in body.blocks())
     pose = body.bind_pose + pose_sigma * rng.standard_normal((body.n_joints, 3))
     return dict(zip(names, (pose, rng.standard_normal(body.n_betas), np.zeros(3)), strict=True))

@@ -43,7 +43,10 @@ def read_calibration(path: str | Path) -> Calibration:
     if not listed:
         raise BadFile(f"{path} holds no cameras; see `workbench fit --help` for the formats")
     if len(listed) > MOST_CAMERAS:
-        raise BadFile(f"{path} holds {len(listed):,} cameras; at most {MOST_CAMERAS:,} are read")
+        raise BadFile(
+            f"{path} holds {len(listed):,} cameras, and at most {MOST_CAMERAS:,} are read; leave "
+            "out those that saw nothing"
+        )
     cameras = {name: _camera(path, name, given) for name, given in listed}
     if len(cameras) < len(listed):
         raise BadFile(f"{path} holds two cameras of one name; give each its own")
@@ -53,17 +56,24 @@ def read_calibration(path: str | Path) -> Calibration:
 def _name(path: Path, key: str, table: dict[str, Any]) -> str:
     name = table.get("name", key)
     if not isinstance(name, str | int):
-        raise BadFile(f"{path}: the name of camera table [{cut(key, 60)}] is {shown(name)}")
+        raise BadFile(
+            f"{path}: the name of camera table [{cut(key, 60)}] must be a text, not {shown(name)}"
+        )
     return str(name)
 
 
 def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
     if len(name) > LONGEST_NAME:
-        raise BadFile(f"{path}: camera {shown(name)} has a name of {len(name):,} characters")
+        raise BadFile(
+            f"{path}: camera {shown(name)} has a name of {len(name):,} characters; give it one "
+            f"of at most {LONGEST_NAME:,}"
+        )
     entries = given if isinstance(given, dict) else {}
     missing = [key for key in ("K", "R", "t") if entries.get(key) is None]
     if missing:
-        raise BadFile(f"{path}: camera {shown(name)} lacks {', '.join(missing)}")
+        raise BadFile(
+            f"{path}: camera {shown(name)} lacks {', '.join(missing)}; a camera needs K, R and t"
+        )
     of = f"camera {shown(name)}"
     if entries.get("fisheye"):
         raise BadFile(

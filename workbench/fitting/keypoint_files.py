@@ -66,7 +66,10 @@ def read_person(
     kind = OPENPOSE if isinstance(data, dict) and "people" in data else COCO_FILES
     entries = _objects(path, "people", data["people"]) if kind is OPENPOSE else _coco(path, data)
     if len(entries) > MOST_PEOPLE:
-        raise BadFile(f"{path} holds {len(entries):,} people; at most {MOST_PEOPLE:,} are read")
+        raise BadFile(
+            f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
+            "file with fewer"
+        )
     people = [
         _person(path, where, given) if (given := one.get(kind.main, NOBODY)) != NOBODY else UNSEEN
         for where, one in entries
@@ -164,8 +167,8 @@ def _person(path: str | Path, where: str, given: Any) -> Array:
     numbers = numbers_in(path, f"{where}: keypoints", given)
     if numbers.size % 3:
         raise BadFile(
-            f"{path}: {where}: keypoints must be u, v, confidence of each, but are "
-            f"{numbers.size} numbers"
+            f"{path}: {where}: keypoints must be three numbers each, u, v and confidence, but "
+            f"{numbers.size} numbers are not a multiple of three"
         )
     points = numbers.reshape(-1, 3)
     unsure = ~(np.isfinite(points[:, 2]) & (points[:, 2] >= 0))

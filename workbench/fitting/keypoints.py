@@ -149,7 +149,10 @@ def camera_values(camera: Camera, photo: Photograph) -> Values:
 
 
 def focal_prior(camera: Camera, start: Values) -> Residual:
-    """A prior on log f_x with a standard deviation of 0.3, and on square pixels of 1 %."""
+    """A prior on log f_x with a standard deviation of 0.3, and one on log f_y - log f_x of 0.01.
+
+    The first is centred on the focal length of the start, the second on square pixels.
+    """
     f = camera.focal.symbol
     guess = np.log(start[camera.focal.name][0])
     logs = cs.vertcat((cs.log(f[0]) - guess) / FOCAL_SIGMA, (cs.log(f[1]) - cs.log(f[0])) / 0.01)

@@ -37,7 +37,7 @@ class KnownAnswer:
 
     def __post_init__(self) -> None:
         if not isinstance(self.source, str) or not self.source.strip():
-            raise BadSetup(f"what is known needs a source, a text, not {self.source!r:.80}")
+            raise BadSetup(f"a known answer needs its source as a text, not {self.source!r:.80}")
         for name in ("cost", "residual_deviation"):
             number = getattr(self, name)
             if number is None:
@@ -55,7 +55,9 @@ class KnownAnswer:
                     f"{given!r:.80}"
                 )
         if self.deviations is not None and self.values is None:
-            raise BadSetup("the known deviations need values that they are deviations of")
+            raise BadSetup(
+                "known deviations are those of known values, which are missing; give them too"
+            )
 
     def check(self, problem: Problem) -> None:
         """Raise BadSetup unless values and deviations cover exactly the problem's free blocks."""

@@ -57,7 +57,9 @@ class Photograph:
                 f"{self.confidence[row]}; give finite numbers, or confidence 0 if it was not seen"
             )
         if not (self.confidence > 0).any():
-            raise BadObservation(f"{self.name}: no keypoint has a confidence above 0")
+            raise BadObservation(
+                f"{self.name}: no keypoint has a confidence above 0; leave out this camera"
+            )
 
 
 @dataclass(frozen=True, eq=False)

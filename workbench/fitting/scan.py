@@ -64,10 +64,13 @@ class Scan:
             if (self.weights < 0).any():
                 at = int(np.argmax(self.weights < 0))
                 raise BadScan(
-                    f"weight {at} is {self.weights[at]:g} m^2; give 0 to leave a point out"
+                    f"weight {at} is {self.weights[at]:g} m^2, and no area is below 0; give 0 to "
+                    "leave a point out"
                 )
             if not self.weights.any():
-                raise BadScan("all weights are 0, so that no point of the scan counts")
+                raise BadScan(
+                    "all weights are 0, so that no point of the scan counts; give the areas in m^2"
+                )
 
     @property
     def n_points(self) -> int:
@@ -95,7 +98,9 @@ class Scan:
 
 def _check_shape(name: str, array: Array, expected: tuple[int, ...]) -> None:
     if array.shape != expected:
-        raise BadScan(f"the {name} of {expected[0]} points are {expected}, not {array.shape}")
+        raise BadScan(
+            f"the {name} of {expected[0]} points must have the shape {expected}, not {array.shape}"
+        )
 
 
 def _check_finite(name: str, array: Array) -> None:

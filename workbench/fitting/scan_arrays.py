@@ -69,7 +69,7 @@ def _points(candidates: tuple[str, ...], archive: Archive, name: str | None) -> 
         return (known or list(candidates))[0]
     if not candidates:
         raise BadFile(f"no array has the shape (N, 3) of points; it holds {some(archive.headers)}")
-    raise BadFile(f"several arrays may be its points, and one has to be named: {some(candidates)}")
+    raise BadFile(f"several of its arrays may be the points; name one of {some(candidates)}")
 
 
 def _first(

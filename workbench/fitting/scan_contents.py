@@ -108,7 +108,7 @@ def _npy(path: Path, name: str | None) -> Contents:
             raise BadFile(f"it holds {array.dtype} of shape {array.shape}, not points (N, 3)")
         rows = array.reshape(-1, array.shape[-1]) if array.shape[-1] == 3 else array
         if rows.ndim != 2 or rows.shape[1] < 3:
-            raise BadFile(f"it has shape {array.shape}, not (N, 3)")
+            raise BadFile(f"it holds an array of shape {array.shape}, not points (N, 3)")
         return _of_columns(rows[:, :6], rows.shape[1])
 
 

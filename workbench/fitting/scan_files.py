@@ -74,7 +74,7 @@ def read_scan(
     """
     path = Path(path)
     if most < 1000:
-        raise BadArgument(f"at least 1,000 points of a scan are read, not {most}")
+        raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
     contents = contents_of(path, name)
     if camera_position is not None:
         contents = replace(contents, camera_position=_place(camera_position))
@@ -83,7 +83,9 @@ def read_scan(
     except BadScan as error:
         raise BadScan(f"cannot use the scan {path}: {cut(error, 500)}") from error
     except MemoryError as error:
-        raise BadFile(f"there is not enough memory for the scan {path}") from error
+        raise BadFile(
+            f"there is not enough memory for the scan {path}; give one with fewer points"
+        ) from error
 
 
 def _read(contents: Contents, suffix: str, unit: str | None, up: str | None, most: int) -> ReadScan:
@@ -133,9 +135,11 @@ def _place(given: ArrayLike) -> Array:
     try:
         place = np.asarray(given, dtype=np.float64)
     except (ValueError, TypeError) as error:
-        raise BadArgument(f"a camera's position is three numbers ({cut(error)})") from error
+        raise BadArgument(
+            f"a camera's position is three numbers, not this: {cut(error)}"
+        ) from error
     if place.shape != (3,) or not np.isfinite(place).all():
-        raise BadArgument(f"a camera's position is three numbers, not an array {place.shape}")
+        raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
     return place
 
 

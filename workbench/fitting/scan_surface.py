@@ -56,7 +56,7 @@ def areas_of_neighbours(points: Array) -> Array:
     the mean, if points lie on the surface at random; the mean over k from 6 to 16 is taken. So the
     sum of f times these areas approaches the integral of f over the surface, whatever the density
     is. Points at an edge count up to twice. A point that is alone beside the surface would stand
-    for a large area: no circle is more than twice as wide as those of its neighbours.
+    for a large area; no area is therefore larger than four times the median of its neighbours'.
     """
     tree = cKDTree(points)
     queried = tree.query(points, k=NEIGHBOURS + 1)  # the first is the point itself

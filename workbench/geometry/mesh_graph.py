@@ -24,7 +24,7 @@ class NoMirror(WorkbenchError):
 def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.SuperLU:
     """One implicit step of the graph's heat equation, I + spread^2 L / 2, ready to be solved.
 
-    What is solved for spreads by about so many metres; every column's sum over the mesh stays.
+    Solving with it spreads each column by about `spread` metres over the mesh, and keeps its sum.
     """
     edges, N = mesh_edges(faces), len(vertices)
     lengths = np.linalg.norm(np.subtract(*vertices[edges].transpose(1, 0, 2)), axis=1)

@@ -35,7 +35,10 @@ class Mirror:
 
     @cached_property
     def features(self) -> Index:
-        """The pose feature 9 (k - 1) + 3 r + c on the other side of each, (9 (K - 1),)."""
+        """For each pose feature, the one on the other side of the body, (9 (K - 1),).
+
+        Feature 9 (k - 1) + 3 r + c belongs to entry (r, c) of the rotation matrix of joint k.
+        """
         return (9 * (self.joints[1:, None] - 1) + np.arange(9)).ravel()
 
     @cached_property

@@ -82,7 +82,10 @@ def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = No
 
 
 def segment_motions(source: Array, target: Array, weights: Array) -> list[Similarity]:
-    """The rigid motion of each of K segments, by `procrustes` with its row of weights (K, N)."""
+    """The rigid motion from source to target, both (N, 3), of each of K segments.
+
+    It is that of `procrustes` with the segment's row of the weights (K, N), and raises as it does.
+    """
     return [procrustes(source, target, w) for w in weights]
 
 
@@ -133,7 +136,9 @@ def _check(p: Array, q: Array, w: Array) -> None:
             "each source point"
         )
     if w.shape != (len(p),):
-        raise BadArgument(f"the weights must be {len(p)} numbers, one a point, not {w.shape}")
+        raise BadArgument(
+            f"the weights must be {len(p)} numbers, one for each point, not {w.shape}"
+        )
     if not (np.isfinite(p).all() and np.isfinite(q).all()):
         raise BadArgument("a point has a coordinate that is not finite; leave such points out")
     if not np.isfinite(w).all() or (w < 0).any() or not w.any():

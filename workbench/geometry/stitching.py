@@ -81,9 +81,10 @@ class Stitching:
         return np.asarray(self.A.T @ np.asarray(edges, dtype=float).reshape(2 * len(self.faces), 3))
 
     def vertices(self, edges: ArrayLike, centroids: ArrayLike | None = None) -> Array:
-        """V (N, 3) m nearest to edges (F, 2, 3) m, its components' centroids (C, 3) m as given.
+        """The vertices V (N, 3) m whose edges are nearest to the given edges (F, 2, 3) m.
 
-        None puts them at the origin.
+        The edges leave the place of each of C components open: its vertices have their mean at
+        the given one of the centroids (C, 3) m, or at the origin.
         """
         V = self.solve(self.pulled(edges))
         wanted = np.zeros((self.n_components, 3)) if centroids is None else np.asarray(centroids)

@@ -1,4 +1,4 @@
-"""A surface where its vertices are now: its triangles as searches read them, in boxes of boxes."""
+"""A tree of boxes around the triangles of a surface, fitted to where its vertices are now."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same searches by compiled code, one point after the other; see surface_tree.c."""
+"""Closest places on a surface by compiled code, with the numbers of NumPy; see surface_tree.c."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ Word = NDArray[np.generic] | int | float | None
 
 
 def quickest() -> Way:
-    """By compiled code; by NumPy where there is no compiler."""
+    """The search by compiled code, or by NumPy where there is no compiler."""
     return compiled() or IN_NUMPY
 
 
 @cache
 def compiled() -> Way | None:
-    """By compiled code, loaded once per process; None where there is no compiler."""
+    """The search by compiled code, loaded once per process; None where there is no compiler."""
     try:
         source = files(__package__).joinpath("surface_tree.c").read_text(encoding="utf-8")
         loaded = Loaded(library(NAME, source, _agrees, EXACT))
@@ -54,7 +54,7 @@ class Loaded:
     library: ctypes.CDLL
 
     def boxes(self, order: Order, vertices: Array) -> Boxes:
-        """As IN_NUMPY."""
+        """The boxes around vertices (N, 3) m, with the same numbers as `Boxes.of`."""
         F, levels = len(order.faces), order.levels
         triangles = np.empty((len(order.leaves), ROWS, WIDE))
         nodes = np.empty((sum(levels[:-1]), 6, WIDE))
@@ -66,7 +66,7 @@ class Loaded:
         return Boxes(order, vertices, triangles, nodes, normals, areas, turns)
 
     def search(self, boxes: Boxes, asked: Asked) -> Found:
-        """As IN_NUMPY."""
+        """The closest triangle of each point, with the same numbers as `by_numpy`."""
         order, M = boxes.order, len(asked.points)
         found = Found(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
         offsets, features = np.cumsum((0, *order.levels), dtype=np.intp), order.features

@@ -58,11 +58,11 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """How boxes are fitted and searches made.
+    """The two functions of a search, in NumPy or compiled.
 
     Attributes:
-        boxes: from the order of the triangles and the vertices (N, 3) m.
-        search: what is asked for, in boxes of its own making.
+        boxes: makes the boxes, from the order of the triangles and the vertices (N, 3) m.
+        search: finds what is asked for, in boxes that `boxes` has made.
     """
 
     boxes: Callable[[Order, Array], Boxes]

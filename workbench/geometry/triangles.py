@@ -61,7 +61,8 @@ def gradient_slopes(template: ArrayLike, directions: ArrayLike, faces: Index) ->
     """How X_f begins to change as the template moves along `directions` (N, 3, B): (F, 3, 3, B).
 
     Within the face's plane X_f is linear in the vertices, so these slopes are exact there at any
-    distance; the third axis turns and grows, and they are its tangent. Raises BadMesh as above.
+    distance; the third axis turns and grows, and they are its tangent. Raises BadMesh if a
+    face of the template is a line.
     """
     moved = np.moveaxis(np.asarray(directions, dtype=float), 2, 0)  # (B, N, 3)
     e, de = edges(template, faces), edges(moved, faces)

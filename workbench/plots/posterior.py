@@ -20,7 +20,11 @@ SHOWN = 5000  # draws
 
 
 def widest(posterior: Posterior, approximation: Posterior | None, most: int = MOST) -> list[int]:
-    """The entries to show if there are too many: those that mix slowly, or unlike Laplace's."""
+    """The numbers of at most `most` entries to show: all, if there are no more than that.
+
+    Otherwise these are the entries whose chains mix most slowly, and those whose mean or standard
+    deviation differs most from the approximation's, such as that of Laplace.
+    """
     if posterior.size <= most:
         return list(range(posterior.size))
     interest = posterior.mixing.times / posterior.mixing.times.max()

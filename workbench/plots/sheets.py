@@ -1,4 +1,4 @@
-"""Plots as figures of their own whose size, legend or scale depends on what is drawn."""
+"""Whole figures whose size, legend or scale depends on what is drawn in them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

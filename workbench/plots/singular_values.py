@@ -19,7 +19,7 @@ FAR = 1e4  # times the tolerance: above it no singular value is near
 def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     """Singular values, largest first, on a logarithmic axis; hollow below the tolerance.
 
-    Beside them stands in words what the hollow ones are directions of.
+    The directions of the hollow ones are named beside them.
     """
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
     floor = _floor(diagnosis)

@@ -70,7 +70,9 @@ class JointLimits:
 
 
 def joint_limits(name: str = "anatomical") -> JointLimits:
-    """`anatomical`: normal ranges of motion as measured on people, for hips, knees, ankles,
+    """The joint limits of this name.
+
+    `anatomical`: normal ranges of motion as measured on people, for hips, knees, ankles,
     shoulders, elbows and wrists. `recorded`: the extremes in the motion capture that the pose
     prior was learned from, for every joint that it moves. Raises UnknownName.
 

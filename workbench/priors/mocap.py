@@ -88,7 +88,10 @@ def _elbows_bend_forwards(poses: Array, names: tuple[str, ...]) -> Mask:
 
 
 def held_out_poses(path: Path) -> Array:
-    """The good frames of every fifth clip, (F, 24, 3) rad, in which the pelvis is not turned."""
+    """The good frames of every fifth clip, (F, 24, 3) rad, with the pelvis' rotation set to zero.
+
+    Raises BadFile as `read_mocap` does.
+    """
     _, clips = read_mocap(path).split()
     poses = clips.poses.copy()
     poses[:, 0] = 0

@@ -108,7 +108,10 @@ def _with_pelvis(flat: Array) -> Array:
 
 
 def draw_poses(prior: PoseGaussian | PoseMixture, n: int, rng: np.random.Generator) -> Array:
-    """Draw `n` poses (n, 24, 3) rad of the prior, without those with a joint turned too far."""
+    """Draw `n` poses (n, 24, 3) rad of the prior, none with a joint turned by 150 degrees or more.
+
+    They are the first `n` such poses among 2 n draws; of a very wide prior there may be fewer.
+    """
     poses = prior.draw(2 * n, rng)
     possible = (np.linalg.norm(poses, axis=2) < LARGEST_ANGLE).all(axis=1)
     drawn: Array = poses[possible][:n]

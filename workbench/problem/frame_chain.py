@@ -1,4 +1,6 @@
-"""The numbers of a sequence: frames by the chain rule of one frame, the rest by that of all."""
+"""The numbers of a sequence: residuals of frames by the chain rule of one frame, which all frames
+share, and other residuals by that of the whole problem.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property

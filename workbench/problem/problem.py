@@ -95,7 +95,7 @@ class Problem:
         return Problem(residuals, names, bounds, self._named, kept)
 
     def for_judging(self) -> "Problem":
-        """The same, for questions beside the end of a run, which are no part of the run."""
+        """This problem, or of a metered one a copy whose points are never the best of the run."""
         return self
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:

@@ -112,8 +112,9 @@ def serve_forks(handle: int, work: Callable[[Channel], None]) -> None:
 
 
 def kill(pid: int) -> None:
-    """Kill a forked process with its group, which it may not lead yet if it was forked a moment
-    ago.
+    """Kill a forked process and its group.
+
+    A process that was forked a moment ago may not lead its group yet, so that both are killed.
     """
     kill_group(pid)
     with suppress(OSError):

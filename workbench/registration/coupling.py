@@ -17,8 +17,9 @@ def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual
     """E_C = |A V - A M|^2, the differences of all edges (SMPL, section 4.1; Hirshberg et al.,
     Coregistration, 2012, use those of triangles).
 
-    It is a membrane: what the scan moves takes its surroundings along, also where nothing was seen.
-    It is blind to translation. On a surface its sum does not depend on the mesh's resolution.
+    The sigma is in m. The term is a membrane: what the scan moves takes its surroundings along,
+    also where nothing was seen. It is blind to translation. On a surface its sum does not depend on
+    the mesh's resolution.
     """
     return edges(model, free, mesh_edges(faces), sigma=sigma, name="coupling")
 
@@ -26,6 +27,7 @@ def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual
 def by_vertices(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual:
     """E_C = |V - M|^2: every vertex is drawn to its place on the model, whatever its neighbours do.
 
-    A vertex that was not seen stays where the model puts it, even if all around it are elsewhere.
+    The sigma is in m. A vertex that was not seen stays where the model puts it, even if all around
+    it are elsewhere.
     """
     return vertices(model, free, sigma=sigma, name="coupling")

@@ -105,8 +105,8 @@ class Icp:
         max_iterations: at most so many steps.
         tolerance: m; the registration ends when no point moves farther than this.
         halvings: how often a step that raises the cost is halved, as Gauss-Newton's can far from
-            the target. If the cost rises along all of its parts, the registration ends. With 0,
-            steps are taken as they are, as `point_to_plane` does in the papers.
+            the target. If even the shortest of these steps raises the cost, the registration ends.
+            With 0, steps are taken as they are, as `point_to_plane` does in the papers.
 
     >>> from workbench.registration import PointCloud
     >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1.5)])
@@ -203,7 +203,9 @@ class _Source:
         self.weights = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
         self.normals = None if normals is None else np.asarray(normals, dtype=float)
         if self.weights.shape != (M,):
-            raise BadArgument(f"weights must be {M} numbers, one a point, not {self.weights.shape}")
+            raise BadArgument(
+                f"weights must be {M} numbers, one for each point, not {self.weights.shape}"
+            )
         if self.normals is not None and self.normals.shape != (M, 3):
             raise BadArgument(f"normals must be of shape {(M, 3)}, not {self.normals.shape}")
         given = (self.points, self.weights) + (() if self.normals is None else (self.normals,))

@@ -1,4 +1,6 @@
-"""Where to begin a fit of a body to a scan that nobody labelled: facings, arms, a place."""
+"""Where to begin the fit of a body to a scan without labels: which way it faces, how its arms hang,
+and where it stands.
+"""
 
 import numpy as np
 
@@ -23,16 +25,18 @@ def scan_starts(
     """Values of pose, betas and trans for each of `yaws` facings and each pose of the arms.
 
     y is up. The facings are evenly distributed about the vertical; `arms` are in rad below the
-    horizontal, and everything else of the pose is the bind pose. The medians of the scan and the
-    body lie above each other, and the feet are at the first percentile of the heights, so that a
-    few loose points below do not matter. A scan that is less than 0.6 times as high as the body
-    shows only part of it: then the medians of the heights agree instead.
+    horizontal, and everything else of the pose is the bind pose. Seen from above, the medians of
+    the scan and of the body coincide, and the feet are at the first percentile of the heights, so
+    that a few loose points below do not matter. A scan that is less than 0.6 times as high as the
+    body shows only part of it: then the medians of the heights agree instead.
 
     Raises BadScan for a scan of fewer than 20 points, or one that is more than five times as large
     as the body, or less than a tenth, and BadArgument for no facings or no arms.
     """
     if yaws < 1 or not arms:
-        raise BadArgument(f"a start needs one facing and one pose of the arms, not {yaws}, {arms}")
+        raise BadArgument(
+            f"starts need one facing and one pose of the arms or more, not {yaws} and {arms}"
+        )
     _check_size(body, scan)
     low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
     middle = np.median(scan.points, axis=0)

@@ -21,12 +21,12 @@ PATCH = 1e-3  # m^2 of a scan that count as one observation
 class ScanTerm:
     """How a scan becomes a residual on a surface: E_S, Geman-McClure's, weighted by areas.
 
-    The weight of a point is the area that it stands for over `patch`, outside of the kernel. Their
-    sum approximates an integral over the scanned surface, 1/patch times that of rho. So neither
-    the resolution of the scan nor that of the template changes how much the scan counts beside
-    priors and the coupling. Neighbouring points are not independent observations of a model that
-    is not exact, so that counting every one would trust the scan too much. Points whose areas are
-    not known share the template's area evenly.
+    The weight of a point, outside of the kernel, is the area that it stands for, divided by
+    `patch`. The weighted sum approximates the integral of rho over the scanned surface, divided by
+    `patch`. So neither the resolution of the scan nor that of the template changes how much the
+    scan counts beside priors and the coupling. Neighbouring points are not independent observations
+    of a model that is not exact, so that counting every one would trust the scan too much. Points
+    whose areas are not known share the template's area evenly.
 
     Raises BadArgument for a length or an area that is not above zero.
 

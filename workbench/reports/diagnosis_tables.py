@@ -11,13 +11,13 @@ from workbench.reports.tables import Columns, Table, number
 
 
 def suggestions_table(d: Diagnosis) -> Table:
-    """What to do, and what it did."""
+    """What to do, why, and the rank and condition before and after it."""
     rows = tuple((s.what, str(s.before), str(s.after), s.why, s.cost) for s in d.suggestions)
     return Table(("suggestion", "before", "after", "why", "what it costs"), rows, ())
 
 
 def parts_table(d: Diagnosis) -> Table:
-    """Dulmage and Mendelsohn's three parts."""
+    """The three parts of the structure, by Dulmage and Mendelsohn's decomposition."""
     s = d.structure
     parts = (("over-determined", s.over), ("square", s.square), ("under-determined", s.under))
     columns: Columns[tuple[str, Submatrix]] = {

@@ -78,7 +78,10 @@ def numbered(name: str, what: str, value: ArrayLike, width: int, count: int) -> 
     plural = what.partition(" ")[0]
     found = numbers(f"residual {name!r}: {plural}", value)
     if found.ndim != 2 or found.shape[1] != width or found.dtype.kind not in "iu":
-        raise BadResidual(f"residual {name!r} needs {what}, {width}) of whole numbers")
+        raise BadResidual(
+            f"residual {name!r} needs {what}, {width}) of whole numbers, not an array of shape "
+            f"{found.shape} of {found.dtype}"
+        )
     if found.size and not 0 <= found.min() <= found.max() < count:
         raise BadResidual(f"residual {name!r} needs vertices from 0 to {count - 1} in its {plural}")
     return found.astype(np.int64)

@@ -24,7 +24,7 @@ from workbench.blocks.points import jacobian_of, pattern_of
 
 @dataclass(frozen=True, eq=False)
 class ContactNumbers:
-    """What contacts say at one place of a surface, and how it changes with the vertices.
+    """What contacts say where a surface is now, and how it changes with the surface's vertices.
 
     Attributes:
         numbers: (M, d) m, such as one signed distance of each of M points.
@@ -219,7 +219,7 @@ class ContactsAt:
             target[...] = (W @ rooms[name].T).T
 
     def jacobian(self, name: str) -> csc_array:
-        """The derivative by a block by which that of the vertices is sparse, (M d, size)."""
+        """The derivative (M d, size) by a block, for which that of the vertices must be sparse."""
         found = csc_array(self.slopes @ jacobian_of(self.here, name))
         found.sort_indices()
         return found

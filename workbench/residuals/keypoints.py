@@ -47,7 +47,9 @@ def keypoints(
     """
     predicted, reads = expressed(points)
     if not isinstance(camera, Camera):
-        raise BadResidual(f"keypoints are seen by a Camera, not by a {type(camera).__name__}")
+        raise BadResidual(
+            f"keypoints are seen by a Camera, not by something of type {type(camera).__name__}"
+        )
     pixels = camera.project(predicted)  # (2, M) px
     name = name or named_after("keypoints", observed, points)
     M = pixels.shape[1]

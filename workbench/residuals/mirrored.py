@@ -30,8 +30,9 @@ def mirrored(
     partner = numbered(name, "opposite (N", np.reshape(opposite, (-1, 1)), 1, N).ravel()
     if len(partner) != N or (partner[partner] != np.arange(N)).any():
         raise BadResidual(
-            f"residual {name!r} needs the opposite of each of {N} points, whose opposite is the "
-            f"point itself; got {len(partner)} numbers"
+            f"residual {name!r} needs for each of {N} points the number of its opposite, so that "
+            f"the opposite of the opposite is the point itself; {len(partner)} numbers were given, "
+            "and for them this is not so"
         )
     image = cs.diag(cs.MX(cs.DM(REFLECTION))) @ placed[:, partner.tolist()]
     return Residual(name, cs.vec(placed - image), sigma, "m", points=reads, rows_per_point=3)

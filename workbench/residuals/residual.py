@@ -109,7 +109,8 @@ class Residual:
             )
         if self.labels is not None and len(self.labels) != self.size:
             raise BadResidual(
-                f"residual {self.name!r} has {self.size} rows but {len(self.labels)} labels"
+                f"residual {self.name!r} has {self.size} rows but {len(self.labels)} labels; give "
+                "one for each row"
             )
         why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
         check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)

@@ -185,7 +185,10 @@ def _residual(
     arithmetic = source.numeric
     if arithmetic is None:
         if source.expression is None:
-            raise BadResidual(f"residual {name!r} is of points that have no arithmetic")
+            raise BadResidual(
+                f"residual {name!r} needs points of a body, or an expression of blocks; these "
+                "points have neither arithmetic nor an expression"
+            )
         arithmetic = ExpressedPoints(source.expression, source.blocks)
     contacts = MovingContacts(source, arithmetic, count, None, search)
     placed = Points.of(contacts, name, form.numbers)

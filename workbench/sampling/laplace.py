@@ -109,7 +109,7 @@ class EntryComparison:
 def compared_with_laplace(
     posterior: Posterior, approximation: Posterior
 ) -> tuple[EntryComparison, ...]:
-    """Entry by entry. Raises BadArgument if the two are not of the same entries."""
+    """How they differ, entry by entry. Raises BadArgument if they are not of the same entries."""
     if posterior.labels != approximation.labels:
         raise BadArgument(
             "the two posteriors are of different entries; give `laplace` the same names and rest"

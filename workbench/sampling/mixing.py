@@ -81,7 +81,7 @@ class Mixing:
 
     @property
     def length(self) -> float:
-        """How many autocorrelation times the chains are long, by the slowest entry."""
+        """The length of the chains, in autocorrelation times of the slowest entry."""
         return float(self.steps / self.times.max())
 
     @property

@@ -1,8 +1,9 @@
 r"""How walkers are moved.
 
-Differential evolution (ter Braak 2006; Nelson et al. 2014) by default: of two other walkers the
-difference, times 2.38 / sqrt(2 k), and every tenth time the whole of it, which leads from mode to
-mode. All moves offered are invariant under affine maps, so there is nothing to whiten.
+By default this is differential evolution (ter Braak 2006; Nelson et al. 2014): a step is the
+difference of two other walkers times 2.38 / sqrt(2 k), and every tenth time the whole difference,
+which leads from mode to mode. All moves offered are invariant under affine maps, so there is
+nothing to whiten.
 
 The proposals are emcee's, accepted for half of the ensemble at once: emcee's own loop asks one
 walker after the other, which costs more than a compiled posterior does.

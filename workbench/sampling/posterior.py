@@ -185,7 +185,7 @@ class Posterior:
         return np.quantile(self.flat, [tail, 1 - tail], axis=0).T
 
     def coordinates(self, values: Mapping[str, ArrayLike]) -> Array:
-        """What was sampled (k,), read off free blocks; those that are missing are as at `at`.
+        """What was sampled (k,), read from values of free blocks; missing ones are as in `given`.
 
         Where directions were sampled, it is the nearest point that they reach.
         """

@@ -164,12 +164,15 @@ def directions(count: int, priors: Iterable[str]) -> Choice:
 def informed(
     problem: Problem, here: Linearization, x: Array, count: int, priors: Iterable[str]
 ) -> Subspace:
-    """The `count` directions that the data know best, compared with the priors; the rest Gaussian.
+    """The `count` directions about which the data say most, compared with the priors.
 
-    J_d'J_d v = l (J'J) v with J_d the rows of the data, the largest l first (Cui et al. 2014,
-    likelihood-informed subspaces, there by the prior). Directions are scaled to one standard
-    deviation of Laplace's approximation, in which they are independent. Raises UnknownName for
-    priors that are no residuals, Improper where a direction has no width.
+    The other directions are integrated out as a Gaussian. The directions solve
+    J_d'J_d v = l (J'J) v with J_d the rows of the data, the largest l first. (Cui et al.,
+    Likelihood-informed dimension reduction, 2014, have the priors' rows in the place of all rows
+    J, which gives the same directions in the same order.) Directions are scaled to one standard
+    deviation of Laplace's approximation, in which they are independent. Raises BadArgument
+    for a count below 1 or above n, UnknownName for priors that are no residuals, and Improper where
+    a direction has no width.
     """
     n = problem.free.size
     if not 0 < count <= n:

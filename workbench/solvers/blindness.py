@@ -13,9 +13,9 @@ from workbench.solvers.solution import Status
 
 
 def before_blind(run: Ended, gone: Mask, found: Ending) -> Ending:
-    """Return to the best point before any of the unknowns that are `gone` (n,) went blind.
+    """Return to the best point at which the residual still noticed all unknowns `gone` (n,).
 
-    The iterates at which they did are found by bisection. A run all of whose iterates are blind
+    The iterates from which on it does not are found by bisection. A run without such a point
     stays where it is.
     """
     blind = _Blind(run, gone)

@@ -33,7 +33,10 @@ class Sensitivity:
         return np.asarray(np.maximum(np.abs(x), np.maximum(self._most - x, x - self._least)))
 
     def noticed(self, x: Array, error: Array) -> Mask:
-        """The unknowns (n,) whose sizes changed the residual by more than `error` (n,) once."""
+        """The unknowns (n,) that changed the residual at some point by more than `error` (n,).
+
+        This means that their longest column times their size at x is larger.
+        """
         return np.asarray(self._longest * self.size(x) > error)
 
     def gone(self, x: Array, here: Linearization, support: Support, rounding: Rounding) -> Mask:

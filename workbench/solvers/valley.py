@@ -1,6 +1,6 @@
 """Whether a run went along a valley without end: the cost falls for ever as some unknowns grow.
 
-exp(-x) has no least square, nor has any model that is the better the larger one of its numbers is.
+exp(-x) has no least square, nor has any model that fits the better, the larger one of its numbers.
 A run shows this if some unknowns grew to its last iterates, without slowing down as they do near a
 minimum. Then they are taken further and further, the others follow by Gauss-Newton steps, and there
 is a valley if the cost never rises.

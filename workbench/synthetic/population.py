@@ -171,7 +171,8 @@ def t_pose_rotations(joints: Array, knuckles: Array) -> Array:
 def to_t_pose(vertices: Array, joints: Array, knuckles: Array, weights: Array) -> RestPose:
     """The rest surface that linear blend skinning takes back to `vertices` (N, 3) exactly.
 
-    `joints` (24, 3) m of the A-pose, `knuckles` as above, `weights` (N, 24).
+    `joints` (24, 3) m of the A-pose, `knuckles` (3, 3) m as in
+    `t_pose_rotations`, `weights` (N, 24).
     """
     R = t_pose_rotations(joints, knuckles)
     rest = joint_positions(R, joints)

@@ -29,10 +29,10 @@ class Joining:
     jump: float = JUMP
 
     def triangles(self, pixel: Index, depth: Array, scanner: Scanner) -> Index:
-        """Triangles (T, 3) of the numbers of measured pixels (M,) at depths (M,) m.
+        """Triangles (T, 3) of indices from 0 to M - 1 of measured pixels (M,) at depths (M,) m.
 
-        Every square of four pixels gives two triangles, counterclockwise as the scanner sees them,
-        of those whose three corners were measured, without a jump between them.
+        Every square of four pixels is cut into two triangles, counterclockwise as the scanner sees
+        them. A triangle is kept if its three corners were measured, with no jump between them.
         """
         width, height = scanner.size
         number = np.full(scanner.n_pixels, -1)

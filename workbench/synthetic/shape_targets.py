@@ -39,12 +39,12 @@ GIRTH_WORDS = ("fat", "circ", "volume", "scale-depth", "scale-horiz")
 
 @dataclass(frozen=True)
 class Person:
-    """The traits of one adult, each from 0 to 1.
+    """The traits of one adult, each from 0 (least) to 1 (most), as Anny names them.
 
     Attributes:
         gender: 0 is male, 1 female.
         age: 0 is about 25 years, 1 about 90.
-        race: the weights of the three levels.
+        race: the weights of the three levels, which sum to one.
         local: from -1 to 1, one for each local change.
     """
 
@@ -94,9 +94,9 @@ def _two_ends(x: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class ShapeTargets:
-    """Displacements (T, 3 V) m: one for each combination of levels, then the local ones.
+    """Displacements (T, 3 V) m: one for each combination of levels, then those of local changes.
 
-    Of these, those for more of each property come first, and then those for less of it.
+    Among the local ones, those for more of each property come first, and then those for less of it.
     """
 
     combinations: tuple[tuple[str, ...], ...]

@@ -77,7 +77,7 @@ SAYS = {
         stretches(run) == sorted(stretches(run), reverse=True)
     ),
     "As a repair this is right": lambda run: (
-        run.lines("distances in the hand, times")[1] == [1.0, 1.0],
+        run.lines("distances in the hand are multiplied by")[1] == [1.0, 1.0],
         run.line("R'R = I to", "det R")[0] < ROUNDING,
     ),
     "Rodrigues' formula has $1 - \\cos t$ and the **unit** axis": lambda run: (

@@ -75,7 +75,7 @@ SAYS = {
         max(by_pose(run, "pose in the first coordinates")) < 10,
     ),
     "200 tubes with three directions of shape. Un-posed, three directions explain all; as they stand, the "
-    "first two are pose, and there is no end of them.": lambda run: (
+    "first two are pose, and many more are needed.": lambda run: (
         len(run["people"]),
         run.line("un-posed, variance explained by 3")[1] > 0.999999,
         run.line("variance explained by 3 directions: 0")[-1] > 15,
@@ -83,7 +83,8 @@ SAYS = {
     "so that $\\beta$ has variance one": lambda run: np.allclose(
         run["space"].betas(run["people"]).var(axis=0, ddof=1), 1
     ),
-    "Only the pose is really nonlinear; $\\mathcal W$ and $P$ are multiplied.": lambda run: (
+    "Only the pose is really nonlinear; $\\mathcal W$ and $P$ are multiplied by each other, and the model "
+    "is linear in each alone.": lambda run: (
         middle(run, "templates, joints, posedirs") < 1e-9,
         middle(run, "weights") < 1e-9,
         middle(run, "weights, posedirs") > 1,

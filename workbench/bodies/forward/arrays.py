@@ -1,4 +1,4 @@
-"""The arrays of a skinned body, as the modules see them that compute with it.
+"""The arrays of a skinned body, as the modules that compute with it see them.
 
 Modules below `SkinnedBody` are written in these protocols, so that none of them imports it.
 """

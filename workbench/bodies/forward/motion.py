@@ -75,7 +75,7 @@ class Posed:
 
     @cached_property
     def slopes(self) -> Slopes:
-        """The derivative of the motion."""
+        """The derivative of the motion by pose and betas."""
         if self.among is not None:
             return self.among.slopes[self.place]
         return self.kinematics.slopes(self.pose, self.betas)

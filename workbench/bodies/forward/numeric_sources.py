@@ -170,7 +170,10 @@ class PosedPoints:
         return PosedPointsAt(self.arithmetic, self.kinematics.evaluate(pose, betas), trans)
 
     def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[PosedPointsAt]:
-        """The points at M poses, betas and translations, whose kinematics are found together."""
+        """The points at each of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m.
+
+        The kinematics of all of them are computed together.
+        """
         posed = self.kinematics.evaluate_each(poses, betas)
         return [PosedPointsAt(self.arithmetic, p, t) for p, t in zip(posed, trans, strict=True)]
 

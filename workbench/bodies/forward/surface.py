@@ -22,7 +22,10 @@ def template(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
 
 
 def directions(body: SkinnedArrays, name: str, vertices: Vertices = ALL) -> cs.MX:
-    """`shapedirs` or `posedirs`, (3 N, .) over the points' columns; sparse unless free."""
+    """`shapedirs` (3 N, B), or `posedirs` with a column for each pose feature; sparse unless free.
+
+    The rows are the coordinates of the points, x, y and z of one point after the other.
+    """
     array = getattr(body, name)
     if name in body.free:
         rows = np.arange(3 * body.n_vertices).reshape(-1, 3)[vertices].ravel()
@@ -61,7 +64,7 @@ def posture(body: SkinnedArrays, pose: cs.MX, betas: cs.MX) -> Posture:
 
 
 def motions(body: SkinnedArrays, at: Posture) -> tuple[list[cs.MX], cs.MX]:
-    """Binding motions (3, 4) per joint, posed joints (3, K) m."""
+    """The binding motion (3, 4) of each joint, and the posed joints (3, K) m."""
     return binding_motions(at.R, at.R_bind, rest_joints(body, at.betas), body.parents)
 
 

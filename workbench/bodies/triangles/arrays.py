@@ -1,4 +1,4 @@
-"""The arrays of a triangle body, as the modules see them that compute with it."""
+"""The arrays of a triangle body, as the modules that compute with it see them."""
 
 from typing import Protocol
 

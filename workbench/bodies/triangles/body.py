@@ -173,7 +173,11 @@ class TriangleBody:
         return other
 
     def start(self, prefix: str = "") -> Values:
-        """The template as values: zero pose, mean shape, at the origin; free arrays as they are."""
+        """Values at which the body is its template.
+
+        They are a pose, betas and trans of zero, under names that begin with `prefix`; and the
+        present numbers of the arrays that are free, under names of their own.
+        """
         zeros = {block.name: np.zeros(block.shape) for block in self.blocks(prefix)}
         return zeros | {b.name: getattr(self, name).copy() for name, b in self.free.items()}
 

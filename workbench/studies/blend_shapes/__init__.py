@@ -1,1 +1,1 @@
-"""Predicting what skinning gets wrong from the pose: the ways, taught the same and compared."""
+"""Ways to predict from the pose what skinning gets wrong, trained on the same data and compared."""

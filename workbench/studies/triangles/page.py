@@ -150,7 +150,7 @@ def choice_table(s: TriangleStudy) -> Table:
 
 
 def claim(s: TriangleStudy) -> str:
-    """What became of the lecture's "10 against 300" directions on these people."""
+    """How many directions these people need, beside the lecture's 10 of SMPL and 300 of SCAPE."""
     v, t = (s.shapes.training[name] for name in ("vertices", "triangles"))
     own = s.shapes.gradients
     most = len(own) - 1
