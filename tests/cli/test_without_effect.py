@@ -136,7 +136,7 @@ def test_a_cluster_counts_its_own_workers(
     def absent(address: str | None) -> None:
         raise WorkbenchError("no cluster in this test")
 
-    monkeypatch.setattr("workbench.cli.compare._cluster", absent)
+    monkeypatch.setattr("workbench.cli.compare.cluster", absent)
     (tmp_path / "line.py").write_text(LINE)
     _, out, err = workbench("compare", "line.py", "--dask", "tcp://somewhere:1", "--workers", "2")
     assert "no cluster in this test" in err

@@ -15,6 +15,7 @@ from workbench.cli.diagnose import diagnose
 from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
+from workbench.cli.register import register
 from workbench.cli.run import run
 from workbench.cli.sample import sample
 from workbench.cli.sliders import sliders
@@ -75,6 +76,7 @@ for command in (
     sample,
     compare,
     train,
+    register,
     body,
     basins,
     sliders,

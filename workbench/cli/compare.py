@@ -1,19 +1,17 @@
 """`workbench compare`: solvers on problems, from the same starts, under one budget."""
 
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from math import inf, isnan
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from joblib import parallel_config
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from workbench import comparison
+from workbench.cli.bars import Bars
+from workbench.cli.cluster import cluster
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import print_page, say, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
@@ -22,11 +20,9 @@ from workbench.comparison.design import chosen, numbering
 from workbench.comparison.measured import seconds_of_runs
 from workbench.comparison.targets import TargetOutcome, named
 from workbench.comparison.words import advice, prices_sentence
-from workbench.errors import WorkbenchError
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.own_file import ENOUGH
 from workbench.experiments.user_errors import caused_by
-from workbench.installation import pip_install
 from workbench.reports import write_comparison
 from workbench.reports.tables import Columns, Table
 from workbench.solvers import DEFAULT, SOLVERS
@@ -99,9 +95,9 @@ def compare(
         warn_without_effect(
             console, "--workers", "with --dask, the cluster says how many there are"
         )
-    told = _Told(console)
+    told = Bars(console)
     try:
-        with _cluster(dask), told:
+        with cluster(dask), told:
             found = comparison.compare(
                 experiments,
                 solver or USUAL,
@@ -125,64 +121,6 @@ def compare(
     say(console, MEASURED)
     console.print("[dim]writing the page[/]")
     print_page(console, "report", write_comparison(found, out))
-
-
-@contextmanager
-def _cluster(address: str | None) -> Iterator[None]:
-    """Send runs to a Dask cluster inside of the context, if an address is given."""
-    if address is None:
-        yield
-        return
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise WorkbenchError(
-            f"--dask needs Dask, which is not installed: {pip_install('dask')}"
-        ) from error
-    try:
-        client = Client(address, timeout=5)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError) as error:
-        raise WorkbenchError(
-            f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"
-        ) from error
-    with client, parallel_config(backend="dask"):
-        yield
-
-
-class _Told:
-    """Progress: bars where somebody watches, a line for each tenth elsewhere."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._bars = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._tasks: dict[str, int] = {}
-        self._tenths: dict[str, int] = {}
-        self.last = "starting"
-
-    def __enter__(self) -> "_Told":
-        if self._console.is_terminal:
-            self._bars.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._console.is_terminal:
-            self._bars.stop()
-
-    def __call__(self, what: str, done: int, of: int) -> None:
-        self.last = f"{what} ({done} of {of} done)"
-        if self._console.is_terminal:
-            if what not in self._tasks:
-                self._tasks[what] = self._bars.add_task(what, total=of)
-            self._bars.update(self._tasks[what], completed=done)  # type: ignore[arg-type]
-        elif self._tenths.get(what) != 10 * done // max(1, of):
-            self._tenths[what] = 10 * done // max(1, of)
-            self._console.print(f"{what}: {done} of {of}", highlight=False)
 
 
 def _table(found: comparison.Comparison) -> Table:

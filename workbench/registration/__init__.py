@@ -22,6 +22,22 @@ from workbench.registration.icp_steps import (
 )
 from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
 from workbench.registration.point_cloud import PointCloud
+from workbench.registration.registering import (
+    OtherEnd,
+    Recipe,
+    Registration,
+    StageOutcome,
+    model_alone,
+    register,
+)
+from workbench.registration.scan_jobs import (
+    FailedScan,
+    Reading,
+    RegisteredScan,
+    ScanJob,
+    jobs_of,
+    registered,
+)
 from workbench.registration.scan_starts import arms_lowered, scan_starts
 from workbench.registration.scan_term import ScanTerm, touched
 from workbench.registration.support import Support, support
@@ -36,6 +52,7 @@ __all__ = [
     "Contacts",
     "Coupling",
     "Doubts",
+    "FailedScan",
     "FitStage",
     "FreeVertices",
     "GemanMcClure",
@@ -43,10 +60,17 @@ __all__ = [
     "IcpIterate",
     "LeastSquares",
     "ModelFit",
+    "OtherEnd",
     "PointCloud",
     "Progress",
+    "Reading",
+    "Recipe",
     "Registered",
+    "RegisteredScan",
+    "Registration",
+    "ScanJob",
     "ScanTerm",
+    "StageOutcome",
     "StageResult",
     "Stopped",
     "Support",
@@ -59,10 +83,14 @@ __all__ = [
     "distance_gauss_newton",
     "doubts",
     "fit_model",
+    "jobs_of",
+    "model_alone",
     "point_to_plane",
     "point_to_point",
     "posterior_sd",
     "random_surface_points",
+    "register",
+    "registered",
     "scan_starts",
     "support",
     "touched",

@@ -5,6 +5,7 @@ from workbench.reports.comparison_page import write_comparison
 from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.posterior_page import write_posterior
+from workbench.reports.registration_page import write_registration
 from workbench.reports.report import write_report
 
 __all__ = [
@@ -14,5 +15,6 @@ __all__ = [
     "write_comparison",
     "write_diagnosis",
     "write_posterior",
+    "write_registration",
     "write_report",
 ]

@@ -60,6 +60,15 @@ class Processes:
         return results
 
 
+def by_backend(work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
+    """An executor by what `joblib.parallel_config` has chosen, such as a Dask cluster: the result
+    of each job.
+    """
+    parallel = Parallel(n_jobs=-1, return_as="generator")
+    results: Iterator[Result] = parallel(delayed(partial(_limited, work))(job) for job in jobs)
+    return results
+
+
 @dataclass(frozen=True)
 class Execution:
     """How long work is carried out.

@@ -13,7 +13,7 @@ All files are checked before any work begins.
 
 import csv
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
-from workbench.geometry.meshes import READERS, REGISTERED, read_registered, same_faces
+from workbench.geometry.meshes import READERS, SOUPS, read_registered, same_faces
 from workbench.geometry.solids import volume
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
@@ -37,6 +37,7 @@ GENDERS, SETS = ("female", "male", "neutral"), ("poses", "shapes")
 LARGEST, SMALLEST = 10.0, 0.02  # m across: larger or smaller bodies are in another unit
 UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
 COLUMNS = ("file", "subject", "gender", "set")
+SUFFIXES = (*READERS, ".npz", ".npy")  # an .stl is refused when it is read, and told why
 MOST_LISTED = 10  # bad files in one message
 LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
 
@@ -204,8 +205,11 @@ def _mirrored(rows: tuple[Row, ...], volumes: Array) -> Iterator[str]:
             )
 
 
-def read_table(path: Path) -> tuple[Row, ...]:
-    """Read the subject table. Raises BadFile, which names the line that cannot be read."""
+def read_table(path: Path, suffixes: Collection[str] = SUFFIXES) -> tuple[Row, ...]:
+    """Read the subject table of files with certain suffixes, by default those of registrations.
+
+    Raises BadFile, which names the line that cannot be read.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
@@ -226,7 +230,7 @@ def read_table(path: Path) -> tuple[Row, ...]:
             f"{path} has columns that are not read: {some(others)}; there are {listed(COLUMNS)}, "
             "so rename them or take them out"
         )
-    rows = tuple(_row(path, number, line) for number, line in enumerate(lines, start=2))
+    rows = tuple(_row(path, number, line, suffixes) for number, line in enumerate(lines, start=2))
     if not rows:
         raise BadFile(f"{path} names no registrations")
     for name, times in Counter(row.file for row in rows).items():
@@ -235,7 +239,7 @@ def read_table(path: Path) -> tuple[Row, ...]:
     return rows
 
 
-def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
+def _row(path: Path, number: int, line: dict[str, str | None], suffixes: Collection[str]) -> Row:
     where = f"{path}, line {number}"
     if None in line:
         raise BadFile(f"{where} has more cells than the table has columns")
@@ -252,8 +256,8 @@ def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
             raise BadFile(f"{where}: no {name} is called {shown(value)}; {listed(known)}")
         row = replace(row, **{name: value})
     suffix = Path(row.file.partition("#")[0]).suffix.lower()
-    if suffix not in (*READERS, ".npz", ".npy"):
-        raise BadFile(f"{where}: {row.file} is none of {listed((*REGISTERED, '.npz', '.npy'))}")
+    if suffix not in suffixes:
+        raise BadFile(f"{where}: {row.file} is none of {listed(set(suffixes) - set(SOUPS))}")
     return row
 
 

@@ -1,0 +1,130 @@
+"""The page of a registered scan, and the folder of many that training reads."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.registration.clouds import cloud, person
+from workbench import load_body
+from workbench.bodies import SkinnedBody
+from workbench.diagnostics.wording import Finding
+from workbench.errors import BadFile
+from workbench.geometry.meshes import read_mesh
+from workbench.registration import (
+    FailedScan,
+    FitStage,
+    Reading,
+    Recipe,
+    RegisteredScan,
+    ScanJob,
+    model_alone,
+    register,
+)
+from workbench.reports import write_registration
+from workbench.reports.registration_folder import RegistrationFolder
+from workbench.training.first_guess import read_start
+from workbench.training.folder import Row, open_folder
+
+RECIPE = Recipe((FitStage(200, 0.02, 0.1, 2, 10),), model_alone)
+
+
+@pytest.fixture(scope="module")
+def body() -> SkinnedBody:
+    return load_body("small")
+
+
+@pytest.fixture(scope="module")
+def found(body: SkinnedBody, tmp_path_factory: pytest.TempPathFactory) -> RegisteredScan:
+    path = tmp_path_factory.mktemp("scans") / "scan <1>.xyz"
+    path.write_text("a file that the key is made from")
+    registration = register(body, cloud(body, person(body, 0.0)), recipe=RECIPE)
+    return RegisteredScan(ScanJob("one", path), registration, None, ("y is taken to be up",))
+
+
+def test_the_folder_holds_a_page_and_the_registration(
+    body: SkinnedBody, found: RegisteredScan, tmp_path: Path
+) -> None:
+    page = write_registration(found, tmp_path / "run", body="small", key="k")
+    text = page.read_text()
+    assert "small on scan &lt;1&gt;.xyz" in text
+    assert "Y is taken to be up." in text
+    assert "http" not in text.replace("http://www.w3.org", "")  # nothing is fetched
+    with np.load(tmp_path / "run" / "registration.npz") as stored:
+        np.testing.assert_array_equal(stored["vertices"], found.registration.vertices)
+        np.testing.assert_array_equal(stored["confidence"], found.registration.seen)
+        again = body.vertices(stored["pose"], stored["betas"], stored["trans"])
+        np.testing.assert_allclose(again, found.registration.model, atol=1e-12)
+    mesh = read_mesh(tmp_path / "run" / "registration.ply")
+    np.testing.assert_array_equal(mesh.vertices, found.registration.vertices)
+    np.testing.assert_array_equal(mesh.faces, body.faces)
+    told = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert told["median_m"] == found.registration.median
+    assert told["key"] == "k"
+
+
+def test_the_page_says_whether_the_registration_is_doubted(
+    found: RegisteredScan, tmp_path: Path
+) -> None:
+    sure = replace(found, registration=replace(found.registration, findings=()))
+    text = write_registration(sure, tmp_path / "sure", body="small").read_text()
+    assert "Nothing speaks against this registration" in text
+    findings = (Finding("tie", "another pose costs 1 % more"),)
+    doubted = replace(found, registration=replace(found.registration, findings=findings))
+    text = write_registration(doubted, tmp_path / "doubted", body="small").read_text()
+    assert "Nothing speaks against" not in text
+    assert "Another pose costs 1 % more." in text
+
+
+def folder_in(place: Path, body: SkinnedBody, recipe: Recipe = RECIPE) -> RegistrationFolder:
+    return RegistrationFolder(place, body, "small", recipe, Reading(), "scans")
+
+
+def test_training_opens_the_folder(
+    body: SkinnedBody, found: RegisteredScan, tmp_path: Path
+) -> None:
+    folder = folder_in(tmp_path / "run", body)
+    entry = folder.keep(found, folder.key(found.job))
+    row = Row("one/registration.npz", "anna", "female", "poses")
+    failed = FailedScan(ScanJob("two", Path("two.ply")), "it is <empty>")
+    page = folder.finish([entry], [row], [failed])
+    read = open_folder(tmp_path / "run", body.n_vertices, body.faces)
+    assert read.rows == (row,)
+    vertices, confidence = read.one(row)
+    np.testing.assert_array_equal(vertices, found.registration.vertices)
+    np.testing.assert_array_equal(confidence, found.registration.seen)
+    start = read_start(str(tmp_path / "run" / "start.npz"))
+    np.testing.assert_array_equal(start.template, body.template)
+    text = page.read_text()
+    assert 'href="one/index.html"' in text
+    assert "two.ply: it is &lt;empty&gt;" in text
+
+
+def test_a_scan_is_kept_until_something_changes(
+    body: SkinnedBody, found: RegisteredScan, tmp_path: Path
+) -> None:
+    folder = folder_in(tmp_path / "run", body)
+    key = folder.key(found.job)
+    assert folder.kept(found.job, key) is None
+    folder.keep(found, key)
+    again = folder_in(tmp_path / "run", body)
+    assert again.key(found.job) == key
+    kept = again.kept(found.job, key)
+    assert kept is not None
+    assert kept.summary["scan"] == "one"
+    other = folder_in(tmp_path / "run", body, replace(RECIPE, boundary=0.01))
+    assert other.key(found.job) != key
+    assert replace(again, reading=Reading(unit="mm")).key(found.job) != key
+    found.job.path.write_text("another scan")
+    assert again.key(found.job) != key
+    (tmp_path / "run" / "one" / "registration.npz").unlink()
+    assert again.kept(found.job, key) is None
+
+
+def test_somebody_elses_folder_is_left_alone(body: SkinnedBody, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(BadFile, match="is not overwritten"):
+        folder_in(tmp_path, body)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

@@ -1,0 +1,284 @@
+"""`workbench register`: scans that nobody labelled, each as the template's surface."""
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.bodies.body import Body
+from workbench.bodies.catalogue import BODIES, load_body
+from workbench.cli.bars import Bars
+from workbench.cli.cluster import cluster
+from workbench.cli.leaving import Interrupted
+from workbench.cli.output import folder_to_write, print_page, rich_table, say, warn_without_effect
+from workbench.cli.run import Out
+from workbench.errors import BadArgument, BadFile, listed, some_of
+from workbench.experiments.user_errors import caused_by
+from workbench.fitting.scan_contents import READERS
+from workbench.fitting.scan_units import UNITS
+from workbench.fitting.scan_up import TURNS
+from workbench.homes import expanded
+from workbench.registration import (
+    FailedScan,
+    Progress,
+    Reading,
+    Recipe,
+    RegisteredScan,
+    ScanJob,
+    jobs_of,
+    model_alone,
+    registered,
+)
+from workbench.registration.registering import coupled
+from workbench.registration.scan_jobs import MOST
+from workbench.reports.registration_folder import Entry, RegistrationFolder
+from workbench.reports.registration_page import ARRAYS, stages_table, write_registration
+from workbench.training.executor import Executor, Processes, by_backend
+from workbench.training.folder import Row, read_table
+
+NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
+
+
+def register(
+    scans: Annotated[
+        list[Path],
+        typer.Argument(
+            help=f"Scans of one person each ({', '.join(READERS)}), or folders of scans."
+        ),
+    ],
+    body: Annotated[
+        str, typer.Option(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
+    ] = "default",
+    unit: Annotated[
+        str | None,
+        typer.Option(help=f"Unit of the files ({', '.join(UNITS)}); else it is guessed."),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
+            "was one place; 0,0,0 for most depth cameras. It tells on which side the surface is."
+        ),
+    ] = None,
+    array: Annotated[
+        str | None, typer.Option(help="Name of the array of points, for .npz files.")
+    ] = None,
+    points: Annotated[
+        int, typer.Option(help="Number of points that are used of a larger scan, at random.")
+    ] = MOST,
+    boundary: Annotated[
+        float,
+        typer.Option(
+            help="Leave out points within so many metres of the boundary of a scan, where depth "
+            "cameras err most; 0.02 suits a Kinect."
+        ),
+    ] = 0.0,
+    model: Annotated[
+        bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
+    ] = False,
+    subjects: Annotated[
+        Path | None,
+        typer.Option(
+            help="Table (.csv) with the columns file and subject, and maybe gender and set, for "
+            "training; without it each scan is of another person."
+        ),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(help="Number of scans that are registered at the same time.")
+    ] = 1,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler, to register on its workers, which read the files "
+            "at the same paths."
+        ),
+    ] = None,
+    out: Out = Path("runs"),
+) -> None:
+    """Register scans: fit a body to each from many starts, then free its vertices.
+
+    Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply). For several
+    scans it has a folder for each, and `workbench train` takes it as it is. If it is interrupted
+    or killed, the same command continues with the scans that are missing.
+    """
+    console = Console()
+    if workers < 1:
+        raise BadArgument(f"--workers takes 1 or more, not {workers}")
+    if not 0 <= boundary < math.inf:
+        raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
+    reading = Reading(unit, up, array, _place(camera), points)
+    recipe = Recipe(vertex_stages=model_alone if model else coupled, boundary=boundary)
+    template, jobs = load_body(body), jobs_of(_files(console, scans))
+    if len(jobs) == 1 and not scans[0].is_dir():
+        _mind_unused(console, subjects, workers, dask)
+        _one(console, template, body, recipe, reading, jobs[0], out)
+        return
+    rows = _rows(jobs, subjects)
+    if workers > 1 and dask is not None:
+        warn_without_effect(
+            console, "--workers", "with --dask, the cluster says how many there are"
+        )
+    source = scans[0].resolve() if len(scans) == 1 else scans[0].resolve().parent
+    folder = RegistrationFolder(
+        out / f"register-{source.name}", template, body, recipe, reading, str(source)
+    )
+    executor: Executor = Processes(workers) if dask is None else by_backend
+    with cluster(dask):
+        _many(console, folder, jobs, rows, executor)
+
+
+def _one(
+    console: Console,
+    body: Body,
+    name: str,
+    recipe: Recipe,
+    reading: Reading,
+    job: ScanJob,
+    out: Path,
+) -> None:
+    """Register one scan and write its folder."""
+    folder = folder_to_write(out, f"register-{job.name}", str(job.path.resolve()))
+    with Bars(console) as bars:
+        found = registered(body, recipe, reading, job, partial(_tell, bars))
+    if isinstance(found, FailedScan):
+        raise BadFile(found.reason)
+    for note in found.notes:
+        say(console, f"note: {escape(note)}")
+    console.print(rich_table(stages_table(found.registration)))
+    for finding in found.registration.findings:
+        say(console, f"[bold yellow]warning:[/] {escape(finding.text)}")
+    print_page(console, "report", write_registration(found, folder, body=name))
+
+
+def _tell(bars: Bars, at: Progress) -> None:
+    done = at.start - 1 if at.iteration == 0 else at.start
+    bars(f"stage {at.stage} of {at.stages}, starts", done, at.starts)
+
+
+def _many(
+    console: Console,
+    folder: RegistrationFolder,
+    jobs: tuple[ScanJob, ...],
+    rows: dict[str, Row],
+    executor: Executor,
+) -> None:
+    """Register the scans that are missing, and write what is over all of them."""
+    keys = {job.name: folder.key(job) for job in jobs}
+    entries = {
+        job.name: kept for job in jobs if (kept := folder.kept(job, keys[job.name])) is not None
+    }
+    missing = [job for job in jobs if job.name not in entries]
+    if entries:
+        say(console, f"{len(entries)} of {len(jobs)} scans are registered already")
+    failed: list[FailedScan] = []
+    work = partial(registered, folder.body, folder.recipe, folder.reading)
+    try:
+        with Bars(console) as bars:
+            bars("scans", len(entries), len(jobs))
+            for found in executor(work, missing):
+                _keep(console, folder, keys, found, entries, failed)
+                bars("scans", len(entries) + len(failed), len(jobs))
+    except (KeyboardInterrupt, SystemError) as error:
+        if not caused_by(error, KeyboardInterrupt):
+            raise
+        raise Interrupted(
+            f"interrupted; {len(entries)} of {len(jobs)} scans are registered in {folder.place}, "
+            "and the same command continues with the others"
+        ) from error
+    done = [job.name for job in jobs if job.name in entries]
+    page = folder.finish([entries[name] for name in done], [rows[name] for name in done], failed)
+    for name in done:
+        for text in entries[name].summary["warnings"]:
+            say(console, f"[bold yellow]warning:[/] {escape(name)}: {escape(text)}")
+    print_page(console, "report", page)
+    if failed:
+        say(console, f"{len(failed)} of {len(jobs)} scans could not be registered")
+        raise typer.Exit(1)
+
+
+def _keep(
+    console: Console,
+    folder: RegistrationFolder,
+    keys: dict[str, str],
+    found: RegisteredScan | FailedScan,
+    entries: dict[str, Entry],
+    failed: list[FailedScan],
+) -> None:
+    name = found.job.name
+    if isinstance(found, FailedScan):
+        failed.append(found)
+        say(console, f"[bold yellow]not registered:[/] {escape(name)}: {escape(found.reason)}")
+    else:
+        entries[name] = folder.keep(found, keys[name])
+
+
+def _place(text: str | None) -> tuple[float, float, float] | None:
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise BadArgument(f"--camera takes x,y,z such as 0,0,0; not {text!r}") from error
+    if not all(map(math.isfinite, (x, y, z))):
+        raise BadArgument(f"--camera takes three finite numbers, not {text!r}")
+    return x, y, z
+
+
+def _files(console: Console, given: list[Path]) -> list[Path]:
+    """The files of scans that were given, those in folders in the order of their names."""
+    found: list[Path] = []
+    for path in map(expanded, given):
+        if not path.is_dir():
+            found.append(path)
+            continue
+        inside = sorted(file for file in path.iterdir() if file.is_file())
+        of_scans = [file for file in inside if _looks_like_a_scan(file)]
+        if not of_scans:
+            kinds = listed(set(READERS) - set(NO_SCANS))
+            raise BadFile(f"the folder {path} holds no scans; scans are files with {kinds}")
+        if others := [file.name for file in inside if file not in of_scans]:
+            say(console, f"note: not taken for scans: {escape(some_of(others))}")
+        found += of_scans
+    return list(dict.fromkeys(found))
+
+
+def _looks_like_a_scan(file: Path) -> bool:
+    suffix = file.suffix.lower()
+    return suffix in READERS and suffix not in NO_SCANS and not file.name.startswith(".")
+
+
+def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
+    """The line of each scan in the table of subjects, by the scan's name."""
+    told = {} if subjects is None else {row.file: row for row in read_table(subjects, READERS)}
+    names = {job.path.name for job in jobs}
+    if unknown := [file for file in told if file not in names]:
+        raise BadFile(f"{subjects} names files that are not among the scans: {some_of(unknown)}")
+    if told and (missing := sorted(names - set(told))):
+        raise BadFile(f"{subjects} has no line for {some_of(missing)}")
+
+    def row(job: ScanJob) -> Row:
+        file, one = f"{job.name}/{ARRAYS}", told.get(job.path.name)
+        if one is None:
+            return Row(file, job.name)
+        return Row(file, one.subject, one.gender, one.set)
+
+    return {job.name: row(job) for job in jobs}
+
+
+def _mind_unused(console: Console, subjects: Path | None, workers: int, dask: str | None) -> None:
+    """Name the options that have no effect on a single scan."""
+    for option, has in (
+        ("--subjects", subjects is not None),
+        ("--workers", workers > 1),
+        ("--dask", dask is not None),
+    ):
+        if has:
+            warn_without_effect(console, option, "it is for several scans, and there is one")

@@ -1,0 +1,169 @@
+"""A registered scan from four sides: how far its points are from the surface, what was not seen."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgb
+from matplotlib.figure import Figure
+
+from workbench.arrays import Array, Index, Mask
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.plots.body import Look, back, front, painted, side
+from workbench.plots.figure import house_style
+from workbench.plots.palette import AMOUNT, FAINT, SKIN
+
+MM = 1e3
+BEHIND = 0.02  # m: a point this far behind the surface that hides it is not drawn
+LAST = 98  # percent of the points in contact are within the scale of colours
+MOST = 15_000  # points drawn in one view
+
+
+def left(vertices: Array) -> Array:
+    """The view from the body's left side; it faces to the left."""
+    x, y, z = vertices.T
+    return np.column_stack([-z, y, x])
+
+
+SIDES: dict[str, Look] = {"front": front, "right side": side, "back": back, "left side": left}
+
+
+def registered_scan_sheet(
+    vertices: Array,
+    faces: Index,
+    points: Array,
+    distances: Array,
+    touching: Mask,
+    facing: float,
+) -> Figure:
+    """The points of a scan (M, 3) m on the surface (N, 3) m, from four sides of the body.
+
+    `distances` (M,) m give the colours of the `touching` ones; the others are grey. `facing` is
+    the angle in rad about the vertical by which the body is turned from +z.
+    """
+    amounts = MM * np.abs(distances)
+    end = float(np.ceil(np.percentile(amounts[touching], LAST))) if touching.any() else 1.0
+    scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
+    colours = np.asarray(scale.to_rgba(np.where(touching, amounts, 0.0)))
+    colours[~touching] = (*to_rgb(FAINT), 1.0)
+    some = np.random.default_rng(0).permutation(len(points))[:MOST]
+    turn = matrix_from_vector([0.0, -facing, 0.0]).T
+
+    def plot(look: Look, ax: Axes) -> None:
+        solid, dots = look(vertices @ turn), look(points[some] @ turn)
+        ax.add_collection(painted(solid[:, :2], solid, faces))
+        shown = _in_front(dots, solid)
+        order = np.argsort(dots[shown, 2])
+        across, up = dots[shown][order, :2].T
+        ax.scatter(
+            across,
+            up,
+            c=colours[some][shown][order],
+            s=1.2,
+            linewidths=0,
+            rasterized=True,
+        )
+
+    figure = _four(plot, vertices @ turn)
+    beyond = "max" if bool((amounts[touching] > end).any()) else "neither"
+    figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01, extend=beyond).set_label(
+        "distance to the surface (mm)"
+    )
+    return figure
+
+
+def caption_registered_scan(distances: Array, touching: Mask) -> str:
+    """What `registered_scan_sheet` shows."""
+    near = MM * np.abs(distances[touching])
+    if not len(near):
+        return "The points of the scan over the registered surface: none of them touches it."
+    half, most = np.percentile(near, [50, 95])
+    return (
+        f"The points of the scan over the registered surface, from four sides of the body. "
+        f"{100 * touching.mean():.0f} % of the points touch the surface; of these, half are within "
+        f"{half:.1f} mm and 95 % within {most:.1f} mm. Grey points have no contact. Look for whole "
+        "regions of one colour: there the surface misses the scan, where single points only "
+        "scatter."
+    )
+
+
+def unseen_sheet(vertices: Array, faces: Index, seen: Mask, sd: Array, facing: float) -> Figure:
+    """The surface (N, 3) m from four sides: pale where it was `seen` (N,), elsewhere coloured by
+    the standard deviation `sd` (N,) m of the place of each vertex.
+    """
+    of_faces = MM * sd[faces].mean(axis=1)
+    hidden = np.asarray(~seen[faces].any(axis=1))
+    end = float(of_faces[hidden].max()) if hidden.any() else float(of_faces.max(initial=1.0))
+    scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
+    colours = np.where(hidden[:, None], np.asarray(scale.to_rgba(of_faces))[:, :3], to_rgb(SKIN))
+    turn = matrix_from_vector([0.0, -facing, 0.0]).T
+
+    def plot(look: Look, ax: Axes) -> None:
+        solid = look(vertices @ turn)
+        ax.add_collection(painted(solid[:, :2], solid, faces, colours, 0.25))
+
+    figure = _four(plot, vertices @ turn)
+    figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01).set_label(
+        "sd of what was not seen (mm)"
+    )
+    return figure
+
+
+def caption_unseen(seen: Mask, sd: Array) -> str:
+    """What `unseen_sheet` shows."""
+    hidden = ~seen
+    if not hidden.any():
+        return "The registered surface, pale where the scan saw it: it saw all of it."
+    root = MM * float(np.sqrt(np.mean(sd[hidden] ** 2)))
+    return (
+        f"The registered surface, pale where the scan saw it. The other "
+        f"{100 * hidden.mean():.0f} % of the vertices rest on the priors of pose and shape alone: "
+        "their colour is the standard deviation of the fitted body there, by Laplace's "
+        f"approximation ({root:.0f} mm, root mean square). It holds if the pose is the right one."
+    )
+
+
+def _four(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
+    with house_style():
+        figure = Figure(figsize=(9.0, 3.9), layout="constrained")
+        axes = list(figure.subplots(1, len(SIDES), sharey=True))
+        for (name, look), ax in zip(SIDES.items(), axes, strict=True):
+            plot(look, ax)
+            across, up = _extents(look, vertices)
+            ax.set(xlim=across, ylim=up)
+            ax.set_aspect("equal")
+            ax.set_title(name)
+            ax.set_xticks([])
+            ax.spines["bottom"].set_visible(False)
+        axes[0].set_ylabel("y (m)")
+    return figure
+
+
+def _extents(look: Look, vertices: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The limits of x and y, with room on all sides; x is as wide in all views."""
+    wide = max(float(np.ptp(one(vertices)[:, 0])) for one in SIDES.values())
+    flat = look(vertices)
+    room = 0.05 * float(np.ptp(flat[:, 1]))
+    middle = float(flat[:, 0].min() + flat[:, 0].max()) / 2
+    across = middle - wide / 2 - room, middle + wide / 2 + room
+    return across, (float(flat[:, 1].min()) - room, float(flat[:, 1].max()) + room)
+
+
+def _in_front(dots: Array, solid: Array) -> Mask:
+    """Which points (M, 3) are hidden by no vertex (N, 3), in coordinates right, up, towards.
+
+    A vertex hides what is more than 2 cm behind it in the same cell of a coarse grid.
+    """
+    low = np.minimum(dots[:, :2].min(axis=0), solid[:, :2].min(axis=0))
+    cell = max(float(np.ptp(solid[:, 1])) / 80, 1e-6)
+    across = int((max(dots[:, 0].max(), solid[:, 0].max()) - low[0]) / cell) + 1
+
+    def cells(x: Array) -> Index:
+        at = ((x[:, :2] - low) / cell).astype(np.int64)
+        return np.asarray(at[:, 1] * across + at[:, 0])
+
+    of_dots, of_solid = cells(dots), cells(solid)
+    nearest = np.full(int(max(of_dots.max(), of_solid.max())) + 1, -np.inf)
+    np.maximum.at(nearest, of_solid, solid[:, 2])
+    return np.asarray(dots[:, 2] > nearest[of_dots] - BEHIND)

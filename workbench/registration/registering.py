@@ -1,0 +1,297 @@
+"""A scan registered from nothing but its points: a body fitted to it, then free vertices."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, Index, Mask
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.diagnostics.wording import Finding
+from workbench.errors import BadArgument
+from workbench.fitting.scan import BadScan, Scan
+from workbench.fitting.scan_boundary import boundary
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.interrupts import Interrupts
+from workbench.registration.doubts import doubts
+from workbench.registration.free_vertices import (
+    MODEL_STAGES,
+    QUICK_VERTEX_STAGES,
+    VERTEX_STAGES,
+    FreeVertices,
+    VertexStage,
+)
+from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
+from workbench.registration.support import FACING, NEAR, support
+
+LARGE = 3_000  # vertices, from which on the model is held while vertices are free
+LEFT = 20  # points that must be left when those at the boundary are left out
+
+
+def coupled(body: Body) -> tuple[VertexStage, ...]:
+    """The stages of free vertices for a body: none for triangle bodies, which have no such term.
+
+    The model follows the vertices of bodies of up to 3,000 vertices, and is held for larger ones,
+    where following takes ten times as long.
+    """
+    if not isinstance(body, SkinnedBody):
+        return ()
+    stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
+    return stages[len(MODEL_STAGES) :]
+
+
+def model_alone(body: Body) -> tuple[VertexStage, ...]:
+    """No stages of free vertices for any body: the registration is the fitted model."""
+    return ()
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How scans are registered.
+
+    Raises BadArgument for a width below zero.
+
+    Attributes:
+        fit_stages: the stages of the fit of the body, from coarse to fine.
+        vertex_stages: from the body to the stages of free vertices that follow.
+        boundary: in m; points of the scan as near as this to its boundary are left out. With 0
+            all points are used.
+        seed: of the points that the coarse stages draw.
+    """
+
+    fit_stages: tuple[FitStage, ...] = FIT_STAGES
+    vertex_stages: Callable[[Body], tuple[VertexStage, ...]] = coupled
+    boundary: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.boundary < np.inf:
+            raise BadArgument(
+                f"the width that is left out at the boundary is 0 m or more, not {self.boundary:g}"
+            )
+
+
+@dataclass(frozen=True)
+class StageOutcome:
+    """How one stage of a registration ended.
+
+    Attributes:
+        name: the name of the stage.
+        unknowns: the number of free numbers.
+        iterations: from all starts together.
+        cost: at its end.
+        median: in m, of the distances from the scan's points to the surface, over those in contact.
+        touching: the share of the points that are in contact: nearer than 3 cm to surface that
+            faces their way.
+        seconds: the time that it took.
+    """
+
+    name: str
+    unknowns: int
+    iterations: int
+    cost: float
+    median: float
+    touching: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class OtherEnd:
+    """Another pose at which the fit of the body could have ended.
+
+    Attributes:
+        excess: by which share its cost is above that of the best end.
+        apart: in m, the mean distance of its vertices from those of the best end.
+    """
+
+    excess: float
+    apart: float
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """A body's template on a scan. It holds arrays only, so that it can be sent and stored.
+
+    Attributes:
+        scan: the points that were used.
+        left_out: the number of points at the boundary that were not.
+        faces: (F, 3) of the template.
+        values: pose (K, 3) rad, betas (B,) and trans (3,) m of the fitted body.
+        model: (N, 3) m, the fitted body's vertices.
+        vertices: (N, 3) m, the registration; the model's where vertices were not free.
+        seen: (N,) which vertices are near points of the scan; the others rest on the priors and on
+            the coupling to the model.
+        sd: (N,) m, the posterior standard deviation of the place of each vertex of the model, by
+            Laplace's approximation.
+        distances: (M,) m, signed, from the points used to the registered surface; infinite where
+            no surface within 30 cm faces their way.
+        stages: how each stage ended.
+        others: further ends of the fit, the lowest cost first.
+        findings: warnings, none if nothing speaks against the registration.
+        height: in m, of the fitted person at rest.
+        bind: (3,) rad, the rotation of the root in the body's bind pose.
+    """
+
+    scan: Scan
+    left_out: int
+    faces: Index
+    values: Values
+    model: Array
+    vertices: Array
+    seen: Mask
+    sd: Array
+    distances: Array
+    stages: tuple[StageOutcome, ...]
+    others: tuple[OtherEnd, ...]
+    findings: tuple[Finding, ...]
+    height: float
+    bind: Array
+
+    @property
+    def touching(self) -> Mask:
+        """Which points (M,) are in contact: nearer than 3 cm to surface that faces their way."""
+        return np.asarray(np.abs(self.distances) < NEAR)
+
+    @property
+    def facing(self) -> float:
+        """The angle in rad about the vertical by which the body is turned from +z."""
+        pose, bind = next(iter(self.values.values())), self.bind
+        forward = (matrix_from_vector(pose[0]) @ matrix_from_vector(bind).T)[:, 2]
+        return float(np.arctan2(forward[0], forward[2]))
+
+    @property
+    def median(self) -> float:
+        """The median distance in m of the points in contact from the surface; NaN without any."""
+        return self.stages[-1].median
+
+
+def register(
+    body: Body,
+    scan: Scan,
+    *,
+    recipe: Recipe = Recipe(),
+    camera: ArrayLike | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> Registration:
+    """Fit a body to a scan from many starts, free the vertices, and judge the result.
+
+    `camera` (3,) m is where the scan was taken from, if that was one place; then `doubts` also
+    looks for surface where the camera would have seen it. `progress` is told of every iterate of
+    the fit of the body. Ctrl-C raises KeyboardInterrupt, and nothing is returned.
+
+    Raises BadScan for a scan that cannot be of a person, or of which the boundary is everything.
+
+    >>> from workbench import load_body
+    >>> from workbench.registration import FitStage, Recipe, register
+    >>> body = load_body("small")
+    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
+    >>> found = register(body, Scan(body.vertices()), recipe=Recipe(stages))
+    >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
+    (True, ['model', 'strong', 'weak'])
+    """
+    used, left_out = _without_boundary(scan, recipe.boundary)
+    took = _Clock()
+    with Interrupts() as interrupts:
+        fit = fit_model(body, used, stages=recipe.fit_stages, seed=recipe.seed, progress=progress)
+        interrupts.check()
+        known = support(fit)
+        findings = doubts(fit, known, camera=None if camera is None else np.asarray(camera))
+        vertices, values, seen = fit.vertices(), fit.values, known.seen
+        unknowns = fit.problem.free.size
+        stages = [_outcome("model", unknowns, fit.iterations, fit.cost, used, body, vertices, took)]
+        for stage in recipe.vertex_stages(body):
+            assert isinstance(body, SkinnedBody)  # of which alone there are stages
+            done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
+            interrupts.check()
+            values, vertices = done.values, done.vertices
+            seen = known.seen | done.touched
+            solution = done.stages[-1].solution
+            free = sum(np.size(solution.values[name]) for name in stage.free)
+            stages.append(
+                _outcome(
+                    stage.name, free, solution.iterations, solution.cost, used, body, vertices, took
+                )
+            )
+    names = [block.name for block in body.blocks()]
+    kept = {name: np.asarray(values[name]) for name in names}
+    rest = body.vertices(body.bind_pose, kept[names[1]], np.zeros(3))
+    return Registration(
+        used,
+        left_out,
+        body.faces,
+        kept,
+        np.asarray(body.vertices(*(kept[name] for name in names))),
+        np.asarray(vertices),
+        seen,
+        known.sd,
+        _distances(used, vertices, body.faces),
+        tuple(stages),
+        _others(fit),
+        findings,
+        float(np.ptp(rest[:, 1])),
+        np.asarray(body.bind_pose[0]),
+    )
+
+
+def _without_boundary(scan: Scan, width: float) -> tuple[Scan, int]:
+    """The points farther than `width` m from the boundary, and how many were left out."""
+    if not width:
+        return scan, 0
+    inner = ~boundary(scan, width=width)
+    if inner.sum() < LEFT:
+        raise BadScan(
+            f"{int(inner.sum())} of {scan.n_points:,} points are farther than {width:g} m from the "
+            "boundary of the scan; leave a narrower boundary out"
+        )
+    return scan.some(inner), int((~inner).sum())
+
+
+@dataclass
+class _Clock:
+    """Seconds since it was asked last."""
+
+    since: float = field(default_factory=time.perf_counter)
+
+    def __call__(self) -> float:
+        now = time.perf_counter()
+        took, self.since = now - self.since, now
+        return took
+
+
+def _outcome(
+    name: str,
+    unknowns: int,
+    iterations: int,
+    cost: float,
+    scan: Scan,
+    body: Body,
+    vertices: Array,
+    took: Callable[[], float],
+) -> StageOutcome:
+    seconds = took()
+    away = np.abs(_distances(scan, vertices, body.faces))
+    touching = away < NEAR
+    median = float(np.median(away[touching])) if touching.any() else float("nan")
+    return StageOutcome(name, unknowns, iterations, cost, median, float(touching.mean()), seconds)
+
+
+def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:
+    """(M,) m, signed; infinite where no surface within 30 cm faces the way of a point."""
+    at = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
+    return np.asarray(np.where(at.faces >= 0, at.distances, np.inf))
+
+
+def _others(fit: ModelFit) -> tuple[OtherEnd, ...]:
+    best = fit.vertices()
+    return tuple(
+        OtherEnd(
+            (other.cost - fit.cost) / fit.cost,
+            float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean()),
+        )
+        for k, other in enumerate(fit.hypotheses[1:], start=1)
+    )

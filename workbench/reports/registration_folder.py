@@ -1,0 +1,161 @@
+"""Registrations of many scans in one folder: what is done is kept, and training reads the table."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.files.saving import save_body
+from workbench.comparison.identity import code_version, digest, file_digest
+from workbench.errors import BadFile
+from workbench.reading.facts import json_in
+from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
+from workbench.reports.folder import MAKER, SUMMARY, refuse_foreign
+from workbench.reports.page import as_json, page, versions
+from workbench.reports.registration_page import ARRAYS, write_registration
+from workbench.reports.tables import number
+from workbench.training.folder import COLUMNS, TABLE, Row
+from workbench.writing import replacing
+
+START = "start.npz"  # the body, from which training starts
+MM = 1e3
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the table of scans.
+
+    Attributes:
+        name: the name of the scan.
+        summary: the numbers of its page; empty if it could not be registered.
+        reason: why it could not be registered; empty if it was.
+    """
+
+    name: str
+    summary: dict[str, Any]
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationFolder:
+    """A folder with one folder for each registered scan, a page over all, and a table of subjects.
+
+    Raises BadFile if the folder holds something else, or cannot be made.
+
+    Attributes:
+        place: where it is.
+        body: the body whose template is registered.
+        body_name: as it was given.
+        recipe: how scans are registered.
+        reading: how their files are read.
+        source: what was given, by which the folder is known as ours.
+    """
+
+    place: Path
+    body: Body
+    body_name: str
+    recipe: Recipe
+    reading: Reading
+    source: str
+
+    def __post_init__(self) -> None:
+        refuse_foreign(self.place, self.source)
+        try:
+            self.place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadFile(
+                f"cannot make the folder {self.place}: {error.strerror}; choose another with --out"
+            ) from error
+        self._write_summary([])
+
+    def key(self, job: ScanJob) -> str:
+        """16 letters that differ when anything does on which the registration depends: the file's
+        contents, the body, the recipe, how the file is read, and the code.
+        """
+        about = (self.recipe, self.reading, self.body, self.recipe.vertex_stages(self.body))
+        return digest([digest(about), file_digest(str(job.path)), code_version()])
+
+    def kept(self, job: ScanJob, key: str) -> Entry | None:
+        """The entry of a scan that is registered already under this key; None if it is not."""
+        try:
+            found = json_in(self.place / job.name / SUMMARY)
+        except BadFile:
+            return None
+        whole = isinstance(found, dict) and (self.place / job.name / ARRAYS).is_file()
+        return Entry(job.name, found) if whole and found.get("key") == key else None
+
+    def keep(self, found: RegisteredScan, key: str) -> Entry:
+        """Write the folder of a scan, and return its entry."""
+        folder = self.place / found.job.name
+        write_registration(found, folder, body=self.body_name, key=key)
+        entry = self.kept(found.job, key)
+        assert entry is not None  # it has just been written
+        return entry
+
+    def finish(
+        self, entries: Sequence[Entry], rows: Sequence[Row], failed: Sequence[FailedScan]
+    ) -> Path:
+        """Write the page over all scans and, for training, the table of subjects and the body.
+
+        `rows` has for each entry its subject, its gender and its set. Returns the page.
+        """
+        self._write("index.html", self._page(entries, failed))
+        self._write(TABLE, table_of(rows))
+        if isinstance(self.body, SkinnedBody):
+            with replacing(self.place / START) as temporary:
+                save_body(self.body, temporary)
+        self._write_summary(entries, failed)
+        return self.place / "index.html"
+
+    def _page(self, entries: Sequence[Entry], failed: Sequence[FailedScan]) -> str:
+        return page(
+            "registrations.html",
+            title=f"{self.body_name} on {len(entries)} scans",
+            rows=[_row(entry) for entry in entries],
+            failed=failed,
+            doubted=sum(bool(entry.summary["warnings"]) for entry in entries),
+            trains=isinstance(self.body, SkinnedBody),
+        )
+
+    def _write(self, name: str, text: str) -> None:
+        with replacing(self.place / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    def _write_summary(self, entries: Sequence[Entry], failed: Sequence[FailedScan] = ()) -> None:
+        about = {
+            "made_by": MAKER,
+            "source": self.source,
+            "kind": "registrations",
+            "body": self.body_name,
+            "scans": [entry.name for entry in entries],
+            "failed": {one.job.name: one.reason for one in failed},
+            "versions": versions(),
+            "files": ["index.html", TABLE, START, SUMMARY],
+        }
+        self._write(SUMMARY, as_json(about))
+
+
+def table_of(rows: Sequence[Row]) -> str:
+    """The table of subjects (.csv) of registered scans, as `open_folder` reads it."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows((row.file, row.subject, row.gender, row.set) for row in rows)
+    return text.getvalue()
+
+
+def _row(entry: Entry) -> dict[str, Any]:
+    told = entry.summary
+    return {
+        "name": entry.name,
+        "median": number(MM * told["median_m"], 3),
+        "touching": f"{100 * told['touching']:.0f} %",
+        "hidden": f"{100 * (1 - told['seen']):.0f} %",
+        "height": f"{told['height_m']:.2f}",
+        "seconds": number(told["seconds"], 3),
+        "warnings": told["warnings"],
+    }
