@@ -39,8 +39,9 @@ def text(results: Mapping[str, Any]) -> str:
         parts += [table.vertices(found["vertices"])]
     if "sequences" in found:
         parts += ["## A video as one problem\n", table.sequences(found["sequences"])]
-    if found.get("closest"):
-        parts += ["## Closest places on a surface\n", table.closest(found["closest"])]
+    measured = found.get("closest")
+    parts += ["## Closest places on a surface\n"]
+    parts += [table.closest(measured) if measured else "This part has not been measured yet.\n"]
     return "\n".join(parts)
 
 

@@ -12,8 +12,8 @@ TERMINATED = "terminated; nothing was written"
 
 def main() -> None:
     """Run a command. Errors of ours are a sentence and exit code 2, an interrupt is 130, and a
-    request to terminate 143. An output that cannot be written is a sentence and exit code 2, and
-    one that nobody reads on is no sentence and exit code 1.
+    request to terminate 143. An output that cannot be written is a sentence and exit code 2; if
+    whoever reads it stops reading, there is no sentence, and the exit code is 1.
     """
     prepare()
     if nowhere():
