@@ -46,11 +46,14 @@ def table(found: dict[str, Any]) -> str:
     before = [by_name["linear blend skinning"], *(by_name[f"{m}, Q = I"] for m in MODELS[1:])]
     n = full["SMPL"]["n_faces"]
     rows = [
-        ("shape and pose together minus each alone, rms mm", result(lambda o: f"{o['gap']:.2g}")),
+        (
+            "effect of shape and pose together minus the sum of their effects, rms mm",
+            result(lambda o: f"{o['gap']:.2g}"),
+        ),
         ("parameters", result(lambda o: f"{o['parameters']:,}")),
         ("training people: variance of shape in 1, 5, 10 directions", shares("training")),
         ("held-out people: the same", shares("held out")),
-        ("training people: directions for 90, 95, 99 % of it", counts()),
+        ("training people: directions that explain 90, 95, 99 % of this variance", counts()),
         ("training meshes, rms mm", result(lambda o: f"{o['training_rms']:.1f}")),
         ("held-out people at rest, rms mm", result(lambda o: f"{o['rest_rms']:.1f}")),
         (
@@ -61,7 +64,10 @@ def table(found: dict[str, Any]) -> str:
             f"jump where parts meet (test meshes: {found['true_seam_jump']:.2f})",
             result(lambda o: f"{o['seam_jump']:.2f}"),
         ),
-        ("the same without what was learned about pose", [f"{o['seam_jump']:.2f}" for o in before]),
+        (
+            "this jump before anything is learned about pose",
+            [f"{o['seam_jump']:.2f}" for o in before],
+        ),
         (f"surface of {n:,} triangles, ms", cost(lambda c: f"{c['vertices_ms']:.0f}")),
         ("residual and Jacobian of this surface, ms", cost(lambda c: f"{c['jacobian_ms']:,.0f}")),
         ("share of this Jacobian that is not zero", cost(lambda c: f"{100 * c['density']:.0f} %")),

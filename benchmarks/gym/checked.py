@@ -140,9 +140,9 @@ def lines(ends: Sequence[End], shown: int = 60) -> Iterator[str]:
     unjudged = sum(end.arithmetic == UNJUDGED for end in claimed)
     yield (
         f"{len(ends):,} runs, of which {len(claimed):,} end as CONVERGED; {len(violating)} of "
-        f"these ends {'is' if len(violating) == 1 else 'are'} not what CONVERGED claims. Number of "
-        f"ends that were judged by differences in double precision, those of bodies: {in_doubles}; "
-        f"that could not be judged: {unjudged}.\n"
+        f"these ends {'is' if len(violating) == 1 else 'are'} not what CONVERGED claims. Of the "
+        f"{len(claimed):,}, {in_doubles} (those of bodies) were judged by differences in double "
+        f"precision, and {unjudged} could not be judged.\n"
     )
     statuses = [name for name, _ in Counter(end.status for end in ends).most_common()]
     yield "| solver | runs | " + " | ".join([*statuses, *KINDS]) + " |"

@@ -36,9 +36,8 @@ certified; published sums of squares from their own starts and from starts 10 an
 from the origin; curves and regressions with outliers that were drawn at random; bundle adjustment;
 arms that have to reach a point; and bodies. `gym/cases.py` lists them, and each module beside it
 names its sources. A hash of a problem's name decides whether solvers may be tuned on it
-(`gym/split.py`). The others are left untouched: they are run by
-`python -m benchmarks.gym --untouched PURPOSE`, which writes every look at them down in
-`gym/looks.md`.
+(`gym/split.py`). The others are left untouched: they are run only by
+`python -m benchmarks.gym --untouched PURPOSE`, which records every such look in `gym/looks.md`.
 
 A run has *solved* a case if it ends at a cost of at most (1 + 1e-6) f* + 1e-12 f_0, where f* is the
 cost of the known answer and f_0 the least of the costs at all starts of the problem. Where NIST
@@ -50,9 +49,10 @@ easy cases has a small one. All runs are limited to 2,000 evaluations and 30 sec
 comes" is the default solver with its own limits instead. `peer` is `scipy.optimize.least_squares`
 without the workbench around it, and `jac` says that its option `x_scale` is `"jac"`.
 
-A performance profile is the share of the cases that a solver solves with at most so many times the
-fewest evaluations that any solver of the table needs (Dolan and Moré 2002). A second table counts
-effort instead, which is evaluations of the residual at the prices of `workbench.comparison.prices`.
+A performance profile (Dolan and Moré 2002) says for each factor which share of the cases a solver
+solves with at most this factor times the evaluations of the solver in the table that needs the
+fewest. A second table counts effort instead, which is evaluations of the residual at the prices of
+`workbench.comparison.prices`.
 """
 
 ENDS = """## Ends that are called converged

@@ -169,7 +169,7 @@ def _left_over(results: Results, people: Found, shape: Sequence[int]) -> str:
             f"{rate('widened', 'emcee')} |"
         )
     return (
-        f"\nOf the entries that are no betas, {people['labels'][i]} is covered least often:\n\n"
+        f"\nOf the entries that are not betas, {people['labels'][i]} is covered least often:\n\n"
         "| data | by Laplace, all free | by emcee, others fixed at the truth |\n"
         "| --- | --: | --: |\n" + "\n".join(said) + "\n\n"
         "The larger sigma restores the coverage where the others are fixed at the truth. Where all "

@@ -95,7 +95,10 @@ def test_the_table_of_their_provenance_says_what_the_cards_say(name: str) -> Non
     assert f"{builder['people']} of its people, each in one pose" in text
     assert f"turned further at random by {builder['turned_rad']} rad on every axis" in text
     assert len(builder["ridges_m2"]) == 4
-    assert "the largest of four whose error on 100 further people is within 10 %" in text
+    assert (
+        "the largest of four values for which the error on 100 further people is within 10 %"
+        in text
+    )
 
 
 def test_the_table_of_provenance_has_no_other_rows() -> None:

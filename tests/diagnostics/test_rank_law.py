@@ -152,7 +152,7 @@ def test_the_swivel_of_an_elbow_that_nobody_sees_has_a_name(free: tuple[str, ...
     assert set(kinds(diagnosis)) == {"entry", "twist"}
     assert diagnosis.rank_law is not None
     assert diagnosis.rank_law[0] == diagnosis.rank
-    assert diagnosis.rank_law[1] == "23 of 24 joints are looked at"
+    assert diagnosis.rank_law[1] == "23 of 24 joints are observed"
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -93,7 +93,7 @@ def test_a_prior_is_the_yardstick_of_what_has_no_natural_one() -> None:
         ("mm", [0.0, 0.0], 1000.0, "a metre"),
         ("px", [3.0, 4.0], np.sqrt(12.5), "3.536 px (its size here)"),
         ("1", [3.0, 4.0], np.sqrt(12.5), "3.536 (its size here)"),
-        ("px", [0.0, 0.0], 600.0, "600 px (the size of all in its unit)"),
+        ("px", [0.0, 0.0], 600.0, "600 px (the size of all values in its unit)"),
         ("1", [0.0, 0.0], 1.0, "1 (it is zero here and has no prior)"),
     ],
 )

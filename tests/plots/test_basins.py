@@ -45,7 +45,7 @@ def test_starts_at_the_truth_are_filled_and_the_others_empty() -> None:
 def test_the_caption_says_how_far_the_basin_reaches() -> None:
     nowhere = made_up("z", within=-1)
     said = caption_basins([made_up("y"), nowhere])
-    assert "about y for angles up to 60 degrees; about z for none of the angles." in said
+    assert "truth for angles up to 60 degrees about y; for no range of angles about z." in said
     assert "within 20 mm on average" in said
 
 

@@ -116,4 +116,4 @@ def test_torn_triangles_are_drawn_where_they_are() -> None:
     np.testing.assert_allclose(np.ptp(first, axis=1), 2 * np.ptp(second, axis=1), atol=1e-12)
     said = caption_stitching(torn, whole)
     # edges of 1, 2, 3 m and the diagonals of the sides are halved
-    assert "1803 mm at most" in said
+    assert "at most 1803 mm" in said

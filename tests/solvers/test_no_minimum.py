@@ -243,7 +243,7 @@ def test_a_valley_without_end_is_no_minimum(problem: str, name: str) -> None:
     solution = SOLVERS[name].solve(of_it, {"x": start})
     assert solution.status is Status.VALLEY
     assert solution.running[0] in ("x", "x[0]")
-    assert f"run off ({solution.running[0]} = " in solution.message
+    assert f"grow without limit ({solution.running[0]} = " in solution.message
     assert "give them a prior" in solution.message
     assert not solution.converged
 

@@ -60,10 +60,14 @@ def test_every_gauge_of_the_data_alone_has_its_name() -> None:
         for s in range(SUBJECTS)
         for axis in "xyz"
     ]
-    expected += [f"a turn of all at rest about {axis}, undone by every root" for axis in "xyz"]
     expected += [
-        f"posedirs that push all along the joint's axis by {how}, undone by every place"
-        for how in ("sin", *(f"(1 - cos) times its {axis}" for axis in "xyz"))
+        f"a turn of everything at rest about {axis}, undone by the rotation of every root"
+        for axis in "xyz"
+    ]
+    expected += [
+        f"posedirs that push the whole surface along the joint's axis by {how}, undone by every "
+        "translation"
+        for how in ("sin", *(f"(1 - cos) times the axis's {axis}" for axis in "xyz"))
     ]
     assert sorted(names) == sorted(expected)
     assert d.rank == 2700 - len(expected)

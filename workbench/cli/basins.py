@@ -71,7 +71,7 @@ def basins(
 ) -> None:
     """Map the starts from which rigid ICP finds where a scan of a body belongs.
 
-    The scan is made up: points on the body's surface at rest, with noise, whose true place is
+    The scan is synthetic: points on the body's surface at rest, with noise, whose true place is
     known.
     """
     console = Console()

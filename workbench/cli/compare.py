@@ -77,8 +77,8 @@ def compare(
 ) -> None:
     """Compare solvers on problems; an interrupted comparison continues where it stopped.
 
-    Runs that the folder already holds are not repeated. The page says which solver to choose, by
-    counts of evaluations at published prices; times are shown separately and rank no solver.
+    Runs that the folder already holds are not repeated. The page says which solver to choose. It
+    counts evaluations, each kind at a fixed price; times are shown separately and rank no solver.
     """
     console = Console()
     experiments = chosen(names, settings(setting))
@@ -89,7 +89,7 @@ def compare(
             console,
             f"--seeds {seeds}",
             f"there is one start of {', '.join(single)}, which has no argument `start` or `seed` "
-            "that is left to be counted up",
+            "that could number the starts",
         )
     if workers > 1 and dask is not None:
         warn_without_effect(

@@ -144,7 +144,9 @@ def _mind_rests(
     """Where --conditional changes nothing: nothing is left, or directions are sampled."""
     for part, names in chosen.items():
         if callable(names):
-            warn_without_effect(console, "--conditional", f"beside {part}, the rest is never fixed")
+            warn_without_effect(
+                console, "--conditional", f"with {part}, the other unknowns are never held fixed"
+            )
         elif names is None or set(free) <= set(names):
             warn_without_effect(console, "--conditional", f"{part} is all that there is to sample")
 
@@ -180,5 +182,5 @@ def _print_beside(
     agree = f"{len(rows) - len(unlike)} of {len(rows)} entries"
     say(console, f"Laplace's approximation agrees in {agree}")
     for row in unlike:
-        off = f"sd {row.ratio:.2f} times Laplace's, mean {row.shift:+.2f} of them off"
+        off = f"sd {row.ratio:.2f} times Laplace's, mean off by {row.shift:+.2f} of its sd"
         say(console, f"  {escape(row.label)}: {row.remark} ({off})")

@@ -19,7 +19,7 @@ class Cause(Enum):
 
     SECOND_BASIN = "it is another minimum"
     SADDLE = "it is a saddle point: the cost falls along a direction of negative curvature"
-    VALLEY = "the cost falls along a valley without end, in which some unknowns run off"
+    VALLEY = "the cost falls along a valley without end, in which some unknowns grow without limit"
     LOST = "some unknowns no longer changed the residual on the way"
     LIMIT = "a limit of evaluations, iterations or time ended the run on its way"
     ROUNDING = "rounding of the residual leaves unknowns undetermined there"

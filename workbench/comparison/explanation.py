@@ -86,7 +86,7 @@ class Explanation:
         way = f"{self.share:.0%} of the way from here to there ({self.length:.3g} units)"
         if self.share >= ENOUGH and self.components:
             named = "; ".join(
-                f"{p.name.partition(': ')[0]} ({p.length:.2g} units, {p.change:.2g} sigma for one)"
+                f"{p.name.partition(': ')[0]} ({p.length:.2g} units, {p.change:.2g} sigma per unit)"
                 for p in self.components
             )
             said += (

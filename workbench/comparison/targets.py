@@ -33,7 +33,7 @@ class TargetOutcome(Enum):
     ALONE = "is the only one that ended, and no cost is known to compare it with"
     OTHER_BASIN = "ended at a stationary point of another basin, where the cost is higher"
     SADDLE = "ended at a saddle point, from which the cost falls along a direction"
-    VALLEY = "ended in a valley without end, along which some unknowns run off"
+    VALLEY = "ended in a valley without end, along which some unknowns grow without limit"
     LOST = (
         "came to where some unknowns no longer change the residual, and returned the point before"
     )

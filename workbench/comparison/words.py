@@ -239,7 +239,7 @@ def basin_sentence(comparison: Comparison, problem: str) -> str:
     if not counted:
         return f"{problem}: no run ended at a point of finite cost."
     if len(counted) == 1:
-        return f"{problem}: one run ended, so there is no other basin to compare its own with."
+        return f"{problem}: only one run ended, so that no other basin is known."
     per = "" if len({id(j) for j in found.values()}) == 1 else "up to "
     if several == 1:
         each = "on each data set " if per else ""

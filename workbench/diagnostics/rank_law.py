@@ -74,7 +74,7 @@ def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | N
     rank = rank_of_observed_joints(tree.parents, joints, seen, translation=moving)
     if len(seen) == len(tree.parents):
         return rank, law_in_words(tree.parents, translation=moving)
-    return rank, f"{len(seen)} of {len(tree.parents)} joints are looked at"
+    return rank, f"{len(seen)} of {len(tree.parents)} joints are observed"
 
 
 def law_in_words(parents: Sequence[int], *, translation: bool) -> str:

@@ -94,7 +94,7 @@ def _turn(
             else:
                 parts.append(np.cross(omega, values[name]))
         column = np.concatenate([part.ravel() for part in parts])
-        said = f"a turn of all at rest about {axis}, undone by every root"
+        said = f"a turn of everything at rest about {axis}, undone by the rotation of every root"
         basis = column[:, None] / np.linalg.norm(column)
         yield _with_places("gauge", said, entries, basis, places)
 
@@ -142,11 +142,12 @@ def _axes(
     # d(M) = (tr(M) I - M - M') c is along the axis for every c, and so is d(M) = vee(M - M')
     along = np.einsum("rs,ac->cars", eye, eye) - np.einsum("ra,sc->cars", eye, eye)
     along -= np.einsum("rc,sa->cars", eye, eye)
-    pushes = {f"(1 - cos) times its {axis}": along[c] for c, axis in enumerate("xyz")}
+    pushes = {f"(1 - cos) times the axis's {axis}": along[c] for c, axis in enumerate("xyz")}
     pushes["sin"] = LEVI_CIVITA
     for how, push in pushes.items():
         column = np.tile(push.ravel(), count)[:, None]
-        said = f"{name} that push all along the joint's axis by {how}, undone by every place"
+        push_of = f"{name} that push the whole surface along the joint's axis by {how}"
+        said = f"{push_of}, undone by every translation"
         basis = column / np.linalg.norm(column)
         yield _with_places("gauge", said, _entries(free, name), basis, places)
 

@@ -87,7 +87,7 @@ def _size(block: Block, read: Iterable[Block], at: Mapping[str, ArrayLike]) -> t
     if block.unit != "1":
         alike = [at[other.name] for other in read if other.unit == block.unit]
         if size := _root_mean_square(alike):
-            return size, f"{_with_unit(size, block.unit)} (the size of all in its unit)"
+            return size, f"{_with_unit(size, block.unit)} (the size of all values in its unit)"
     return 1.0, f"{_with_unit(1.0, block.unit)} (it is zero here and has no prior)"
 
 

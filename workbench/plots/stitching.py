@@ -23,6 +23,6 @@ def caption_stitching(torn: Array, stitched: Array) -> str:
     return (
         "Every triangle is deformed by itself, about its own centre, and does not meet its "
         "neighbours; stitching finds the vertices whose edges are nearest to those of the torn "
-        f"triangles. Edges differ by {apart.mean():.1f} mm in the mean, {apart.max():.0f} mm at "
-        "most, where one part meets another."
+        f"triangles. Edges differ by {apart.mean():.1f} mm on average, and by at most "
+        f"{apart.max():.0f} mm, where one part meets another."
     )

@@ -117,7 +117,7 @@ def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Ta
         *(PLURAL[kind] for kind in kinds),
         "effort",
         "lowest end",
-        "what its runs came to",
+        "how its runs ended",
         "measured seconds",
     )
     return Table(head, tuple(rows), (*range(1, len(head) - 2), len(head) - 1))

@@ -47,7 +47,7 @@ def ranks_table(d: Diagnosis) -> Table:
         rows.append(("nearby", near, "at random points a tenth of a yardstick away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
-    rows.append(("unknowns", str(n), "what the rank would have to be"))
+    rows.append(("unknowns", str(n), "the rank needed to determine all of them"))
     return Table(("which", "rank", "what it says"), tuple(rows), (1,))
 
 

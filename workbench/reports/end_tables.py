@@ -48,7 +48,7 @@ def failures_table(comparison: Comparison) -> Table:
     columns: Columns[tuple[str, str]] = {
         "start": lambda run: run[0],
         "solver": lambda run: run[1],
-        "it": lambda run: comparison.outcomes[run].value,
+        "the run": lambda run: comparison.outcomes[run].value,
         "cause": cause,
         "cost at its end": lambda run: number(comparison.records[run].cost, 6),
         "optimality": lambda run: number(comparison.records[run].optimality, 2),

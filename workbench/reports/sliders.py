@@ -50,7 +50,7 @@ SKINNED = (
 STITCHED = (
     Part("pose_shapes", "Q, what the pose does to each triangle"),
     Part("shape_shapes", "D, what the shape does to each triangle"),
-    Part("stitched", "stitching; without it, each triangle stands about its middle"),
+    Part("stitched", "stitching; without it, each triangle is deformed about its own centre"),
 )
 BLENDED = Part("weights", "blending of the parts' rotations, of which each triangle has several")
 

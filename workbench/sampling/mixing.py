@@ -141,7 +141,7 @@ class Mixing:
         if self.exact:
             count = E * S * W
             if count < DRAWS:
-                return Usability.TOO_SHORT, f"{count} draws, where {DRAWS:.0f} are asked; draw more"
+                return Usability.TOO_SHORT, f"{count} draws of {DRAWS:.0f} required; draw more"
             return Usability.USABLE, f"{count} draws"
         if S < 2:
             return Usability.TOO_SHORT, "there is nothing to judge by; take more steps"
@@ -172,13 +172,13 @@ class Mixing:
             return Usability.NOT_MIXING, (
                 f"ensembles differ by more than their memory explains in "
                 f"{self.labels[int(np.argmin(chance))]} (a chance of {chance.min():.0e}): they "
-                "remember longer than it looks. Sample fewer entries"
+                "remember longer than their autocorrelation times say. Sample fewer entries"
             )
         if scale > SCALE or self.effective.min() < DRAWS:
             return Usability.TOO_SHORT, (
                 f"R-hat is {scale:.3f} and the least effective number of draws "
-                f"{self.effective.min():.0f}, where {SCALE} and {DRAWS:.0f} are asked; take more "
-                "steps"
+                f"{self.effective.min():.0f}, where {SCALE} and {DRAWS:.0f} are required; take "
+                "more steps"
             )
         return Usability.USABLE, (
             f"{self.length:.0f} autocorrelation times, R-hat {scale:.3f}, at least "
@@ -199,8 +199,8 @@ class Mixing:
         if self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
             return Usability.NOT_MIXING, (
                 f"{said}: it grew by a factor of {self.growth:.1f} when chains grew twice as long. "
-                "More steps alone will not do; sample fewer entries (about 20), or the directions "
-                "that the data know"
+                "More steps alone do not help; sample fewer entries (about 20), or the directions "
+                "that the data determine best"
             )
         least = max(self.times.max(), GAUSSIAN * k)  # of a short chain, times come out too short
         wanted = int(np.ceil(1.3 * TIMES * least / 1000) * 1000)

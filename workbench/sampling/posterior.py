@@ -282,7 +282,7 @@ def _intervals(posterior: Posterior, truth: Array | None) -> Iterator[str]:
     elif p.mixing.exact:
         yield "No intervals are given."
     else:
-        yield "No intervals are given. The memory of each entry, in steps:"
+        yield "No intervals are given. The autocorrelation time of each entry, in steps:"
         for i in np.argsort(-p.mixing.times)[:MOST]:
             yield (
                 f"{p.labels[i]:{wide}} {p.mixing.times[i]:>8.0f}   R-hat {p.mixing.scales[i]:.3f}"

@@ -70,13 +70,13 @@ def _at_saddle(end: EndPoint, there: Saddle, found: Ending) -> Ending:
 
 
 def _in_valley(end: EndPoint, running: Mask, found: Ending) -> Ending:
-    """Which unknowns run off, and how far they have come."""
+    """Which unknowns grow without limit, and how far they have come."""
     places = np.flatnonzero(running)
     labels = end.problem.free.labels_of(places)
     told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
     message = (
-        f"the cost falls along a valley without end as unknowns run off ({some_of(told, NAMED)}), "
-        "and has no minimum there; bound them, give them a prior, or choose other unknowns, such "
-        "as their inverses"
+        "the cost falls along a valley without end as unknowns grow without limit "
+        f"({some_of(told, NAMED)}), and has no minimum there; bound them, give them a prior, or "
+        "choose other unknowns, such as their inverses"
     )
     return replace(found, status=Status.VALLEY, message=message, running=tuple(labels))

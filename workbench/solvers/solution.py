@@ -43,7 +43,7 @@ class Status(Enum):
     )
     SADDLE = (
         "the gradient vanishes, but this is no minimum: the cost falls along a direction; start "
-        "from the `lower` point of the solution, which lies there"
+        "from the `lower` point of the solution, which lies along it"
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     LOST = (
@@ -51,8 +51,9 @@ class Status(Enum):
         "nothing about them; start nearer, bound them, or give them a prior"
     )
     VALLEY = (
-        "the cost falls along a valley without end as some unknowns run off, and has no minimum "
-        "there; bound them, give them a prior, or choose other unknowns, such as their inverses"
+        "the cost falls along a valley without end as some unknowns grow without limit, and has no "
+        "minimum there; bound them, give them a prior, or choose other unknowns, such as their "
+        "inverses"
     )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
@@ -106,7 +107,7 @@ class Solution:
         unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
             was computed.
         hypotheses: the minima that several starts led to, this one first; empty for one start.
-        running: labels of the unknowns that run off along a valley without end.
+        running: labels of the unknowns that grow without limit along a valley without end.
         lower: if the status is SADDLE, values beside the saddle where the cost is lower, from which
             to start again; else None.
         judging: the evaluations by which the end was judged after the run. They are not among

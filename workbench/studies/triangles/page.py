@@ -26,9 +26,9 @@ REMARKS = (
     "a Gaussian of recorded poses.",
     "No model is given a pose or a shape. SMPL is trained first, by the training pipeline, "
     "starting from the mean person cut into parts. SCAPE and BlendSCAPE take over its weights and "
-    "joint regressor, and start from its poses and the subjects' rest shapes. Then each finds its "
-    "own by turns: S from all standing people, Q, the poses by the same pose solver on its own "
-    "surface, and the D of each subject.",
+    "joint regressor, and start from its poses and the subjects' rest shapes. Then each learns its "
+    "own, in turn: the shape directions S from all standing people, the deformations Q by pose, "
+    "the poses by the same pose solver on its own surface, and the deformations D of each subject.",
     "All models are fitted to held-out people in the same way: with the same first guess, to edges "
     "and then to vertices, by the same solver with as many steps, and with betas of one standard "
     "deviation. A pose of one model is neither that of another nor that of the rig behind the "
@@ -44,8 +44,8 @@ REMARKS = (
 )
 
 
-def in_one_sentence(s: TriangleStudy) -> str:
-    """In one sentence, why SMPL adds and SCAPE multiplies, and what that costs."""
+def in_short(s: TriangleStudy) -> str:
+    """Why SMPL adds and SCAPE multiplies, and what that costs."""
     smpl, scape = s.result(SMPL), s.result(SCAPE)
     fast, slow = (
         next(c for c in s.timings if (c.mesh, c.model) == ("full", m)) for m in (SMPL, SCAPE)
@@ -53,18 +53,18 @@ def in_one_sentence(s: TriangleStudy) -> str:
     return (
         "SMPL adds what shape and pose do to each vertex before one linear blend moves it, so that "
         "each can be learned, looked at and exported without the other (what they do together "
-        f"differs from the sum by {smpl.gap:.1g} mm); SCAPE multiplies what they do to each "
-        "triangle, so that pose deforms a body in proportion to its shape (here "
-        f"{scape.gap:.2g} mm from the sum), and it pays with a linear system over the whole mesh "
-        f"for every surface: on {slow.n_faces:,} triangles this takes {slow.vertices_ms:.0f} ms "
-        f"instead of {fast.vertices_ms:.1f}, and the Jacobian, of which {slow.density:.0%} instead "
-        f"of {fast.density:.0%} is not zero, {slow.jacobian_ms:,.0f} ms instead of "
+        f"differs from the sum by {smpl.gap:.1g} mm). SCAPE multiplies what they do to each "
+        "triangle, so that pose deforms a body in proportion to its shape (here the two together "
+        f"differ from the sum by {scape.gap:.2g} mm). The price is a linear system over the whole "
+        f"mesh for every surface: on {slow.n_faces:,} triangles it takes {slow.vertices_ms:.0f} ms "
+        f"instead of {fast.vertices_ms:.1f}. The Jacobian, of which {slow.density:.0%} instead of "
+        f"{fast.density:.0%} is not zero, takes {slow.jacobian_ms:,.0f} ms instead of "
         f"{fast.jacobian_ms:.0f}."
     )
 
 
 def lecture_table(s: TriangleStudy) -> Table:
-    """The lecture's table of SMPL against SCAPE, filled with what was measured."""
+    """The table of SMPL against SCAPE in Body Models II, filled with what was measured."""
     results = [s.result(name) for name in SHOWN]
     own = {c.model: c for c in s.timings if c.mesh == s.plan.body}
     full = {c.model: c for c in s.timings if c.mesh == "full"}
@@ -72,7 +72,7 @@ def lecture_table(s: TriangleStudy) -> Table:
     rows: list[tuple[str, ...]] = [
         ("deforms", "vertices", "triangles, rigid parts", "triangles, blended parts"),
         ("what shape and pose do is", "added", "multiplied", "multiplied"),
-        ("together minus each alone (mm)", *(f"{o.gap:.2g}" for o in results)),
+        ("effect of both minus the sum of their effects (mm)", *(f"{o.gap:.2g}" for o in results)),
         (
             "skeleton",
             "joints that move with shape",
@@ -123,7 +123,7 @@ def result_table(s: TriangleStudy) -> Table:
         "mean": lambda o: mm(o.mean),
         "largest": lambda o: f"{o.largest:.1f}",
         "jump": lambda o: f"{o.seam_jump:.3f}",
-        "together minus each alone": lambda o: f"{o.gap:.2g}",
+        "shape and pose together minus their sum": lambda o: f"{o.gap:.2g}",
     }
     return Table.of(s.results, columns, tuple(range(1, len(columns))))
 
@@ -134,7 +134,7 @@ def mm(distance: float | None) -> str:
 
 
 def choice_table(s: TriangleStudy) -> Table:
-    """How strongly the part that depends on pose was held, and the errors on held-out subjects."""
+    """How strongly the pose-dependent part is regularized, and the errors on held-out subjects."""
 
     def errors(choice: Selection) -> str:
         tried = zip(choice.tried, choice.errors, strict=True)
@@ -142,7 +142,7 @@ def choice_table(s: TriangleStudy) -> Table:
 
     columns: Columns[str] = {
         "model": str,
-        "held by": lambda name: "sigma of P, m" if name == SMPL else "ridge of Q, m²",
+        "regularized by": lambda name: "sigma of P, m" if name == SMPL else "ridge of Q, m²",
         "error on held-out subjects, rms mm": lambda name: errors(s.choices[name]),
         "chosen": lambda name: f"{s.choices[name].chosen:g}",
     }
@@ -160,12 +160,13 @@ def claim(s: TriangleStudy) -> str:
         for level in figures.LEVELS
     )
     return (
-        "The lecture gives 10 directions for SMPL and some 300 for SCAPE. Measured on "
-        f"{s.plan.people} synthetic people, who span {most} directions at most: {counts}. At every "
-        f"k from 1 to {most} vertices explained at least as much as triangles, as the theorem "
-        f"says; the least difference of the shares was {s.shapes.leads.min():.0e}, the largest "
-        f"{s.shapes.leads.max():.3f}. How many directions are needed depends on whether a surface "
-        "or its gradients are counted, and on the people; 300 is no property of the model."
+        "The lectures “Body Models II” (Pons-Moll and Swoboda, 2018) give 10 directions for SMPL "
+        f"and some 300 for SCAPE. Measured on {s.plan.people} synthetic people, who span {most} "
+        f"directions at most: {counts}. At every k from 1 to {most} vertices explained at least as "
+        "much as triangles, as the theorem says; the least difference of the shares was "
+        f"{s.shapes.leads.min():.0e}, the largest {s.shapes.leads.max():.3f}. How many directions "
+        "are needed depends on whether a surface or its gradients are counted, and on the people; "
+        "300 is no property of the model."
     )
 
 
@@ -216,7 +217,7 @@ def triangles_page(s: TriangleStudy) -> str:
         "triangles.html",
         title="Vertices or triangles: SMPL beside SCAPE and BlendSCAPE",
         study=s,
-        sentence=in_one_sentence(s),
+        summary=in_short(s),
         remarks=REMARKS,
         lecture=lecture_table(s),
         results=result_table(s),
