@@ -29,13 +29,13 @@ from workbench.plots.body import Figurine, back, front, painted
 from workbench.plots.distances import line_up_coloured
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration import (
-    QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
     FitStage,
     FreeVertices,
     GemanMcClure,
     Icp,
     LeastSquares,
+    VertexStage,
     basin_map,
     by_edges,
     by_vertices,
@@ -234,7 +234,9 @@ Picture(
 #
 # $$ r_i(\theta, \beta, t) = \min_{s \in M(\theta, \beta) + t} \| p_i - s \| , $$
 #
-# counted as negative behind the surface. It looks for the contacts at every linearization and holds them,
+# counted as negative behind the surface. If the normals of the scan are known (a depth camera sees how the
+# surface lies), only triangles that face the same way can be in contact, so that the front of a hand does not
+# stick to its back; and points that are farther away than `within` have no contact. It looks for the contacts at every linearization and holds them,
 # and the direction $u$, while it takes the derivative. Move a corner of the triangle: if $s = \sum_k b_k v_k$
 # with the shares $b_k$ held, then
 #
@@ -627,13 +629,22 @@ source(by_edges)
 # %% [markdown]
 # How strong should it be? If the coupling is infinite, then $V = M$, and this is the fit of the model. If
 # it is weak, the scan decides. We go from one to the other in stages: the model alone, a strong coupling
-# with a $\sigma_C$ of 2 mm, a weak one. In the last two, vertices and model are free together, so that the
-# model can follow. We begin at the rough fit, the best of the eight above:
+# with a $\sigma_C$ of 2 mm, a weak one with 10 mm. In the last two, vertices and model are free together, so
+# that the model can follow. All stages have the same terms; they differ in the names that are free. We begin at
+# the rough fit, the best of the eight above:
 
 # %%
 registration = FreeVertices(body, simulated.scan)
 model_alone = tuple(one for one in VERTEX_STAGES if one.coupling == 0)
-coupled = tuple(one for one in VERTEX_STAGES if one.coupling > 0)
+together, follows = (*NAMES, "vertices"), TrustRegion(max_iterations=30)
+coupled = (
+    VertexStage("strong", together, 0.002, solver=follows),
+    VertexStage("weak", together, 0.01, solver=follows),
+)
+model_held = (
+    VertexStage("strong", ("vertices",), 0.002),
+    VertexStage("weak", ("vertices",), 0.01),
+)
 fitted = registration.register(rough.values, model_alone)
 registered = registration.register(fitted.values, coupled)
 by_stage = {"start": rough.vertices()} | {
@@ -658,14 +669,14 @@ Picture(
 #
 # Are the stages necessary? From the same start, we first leave out the strong coupling, and then all stages
 # but the last one: once with the model free, and once with the model held where it is, which is quicker and is
-# done for large meshes (`QUICK_VERTEX_STAGES`).
+# done for large meshes.
 
 # %%
 at_once = {
     "all stages": registered,
-    "without strong": registration.register(fitted.values, VERTEX_STAGES[-1:]),
-    "weak at once, model free": registration.register(rough.values, VERTEX_STAGES[-1:]),
-    "weak at once, model held": registration.register(rough.values, QUICK_VERTEX_STAGES[-1:]),
+    "without strong": registration.register(fitted.values, coupled[1:]),
+    "weak at once, model free": registration.register(rough.values, coupled[1:]),
+    "weak at once, model held": registration.register(rough.values, model_held[1:]),
 }
 for name, one in at_once.items():
     told(f"{name}:", one.vertices)
@@ -710,15 +721,14 @@ def from_scan(vertices):
     return 1e3 * np.abs(SurfaceTree(vertices, body.faces).closest(own).distances).mean()
 
 
-quick = tuple(one for one in QUICK_VERTEX_STAGES if one.coupling > 0)
 tied = replace(registration, couple=by_vertices)
 judged = {
     "the truth": skin,
     "model": fitted.vertices,
-    "edges, 10 mm": registration.register(fitted.values, quick).vertices,
+    "edges, 10 mm": registration.register(fitted.values, model_held).vertices,
 }
 for sigma in (0.005, 0.01):
-    stages = (*quick[:-1], replace(quick[-1], coupling=sigma))
+    stages = (model_held[0], replace(model_held[1], coupling=sigma))
     judged[f"vertices, {1e3 * sigma:g} mm"] = tied.register(fitted.values, stages).vertices
 table = {name: (from_scan(v), mean_distance(v, skin)) for name, v in judged.items()}
 for name, (scan_distance, true_error) in table.items():
