@@ -183,7 +183,8 @@ Picture(
 # images*, 1992) measure the distance from the plane that touches the surface at the contact, $n^\top (p - s)$
 # with the unit normal $n$: **point to plane**. Along the plane a point may slide as it likes. The third
 # form takes the distance from the surface itself, $d(p) = \min_s \|p - s\|$, and makes a Gauss-Newton
-# step on it, with the direction $u = (p - s) / \|p - s\|$ in place of the normal:
+# step on it, with the direction $u = (p - s) / \|p - s\|$ in place of the normal. Inside a triangle the two
+# directions agree up to the sign; they differ at edges and corners.
 
 # %%
 source(distance_gauss_newton)
@@ -236,15 +237,16 @@ Picture(
 #
 # counted as negative behind the surface. If the normals of the scan are known (a depth camera sees how the
 # surface lies), only triangles that face the same way can be in contact, so that the front of a hand does not
-# stick to its back; and points that are farther away than `within` have no contact. It looks for the contacts at every linearization and holds them,
-# and the direction $u$, while it takes the derivative. Move a corner of the triangle: if $s = \sum_k b_k v_k$
-# with the shares $b_k$ held, then
+# stick to its back; and points that are farther away than `within` have no contact. The residual looks for the
+# contacts at every linearization and holds them, and the direction $u$, while it takes the derivative. Move a
+# corner of the triangle: if $s = \sum_k b_k v_k$ with the shares $b_k$ held, then
 #
 # $$ \frac{\partial r}{\partial v_k} = - b_k\, u . $$
 #
 # That is all, and it is exact. At a minimum, a small move of $s$ along the surface does not change the distance
 # to first order, so that it does not matter whether $s$ moves along. (This is the **envelope theorem**;
-# for minima over a set it is due to Danskin, *The theory of max-min* (1967).) So choosing the contacts anew
+# for minima over a set it is due to Danskin, *The theory of max-min* (1967). It fails only where two places are
+# equally close: there the distance has a kink.) So choosing the contacts anew
 # at every linearization is no alternation: it is Gauss-Newton on the true cost. We check it against
 # central differences, for which contacts are chosen anew at both ends. Beside it we put the form `offset`,
 # which has the three coordinates of $p - s$ in place of the distance, as point to point does. Half of its
@@ -619,9 +621,10 @@ print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no cont
 #
 # $$ E_C = \frac{1}{\sigma_C^2} \| A V - A M(\theta, \beta) \|^2 . $$
 #
-# (This is the coupling of Hirshberg, Loper, Rachlin and Black, *Coregistration* (2012), who couple triangles,
-# and of Bogo, Romero, Loper and Black, *FAUST* (2014).) It does not see a translation of all vertices, since $A$ takes it away. If the
-# scan moves a vertex outwards, its neighbours are taken along, also those that nobody saw.
+# (This is the coupling of Hirshberg, Loper, Rachlin and Black, *Coregistration* (2012), who couple
+# triangles, and of Bogo, Romero, Loper and Black, *FAUST* (2014).) It does not see a translation of all
+# vertices, since $A$ takes it away. If the scan moves a vertex outwards, its neighbours are taken along,
+# also those that nobody saw.
 
 # %%
 source(by_edges)
