@@ -114,8 +114,8 @@ print(
 
 # %% [markdown]
 # With the right pairs the only error left is the noise. For mirrored points the last line looks just as
-# good. But its matrix has the determinant $-1$, and no statue can be moved like that: the answer would
-# have exchanged left and right, silently. The library insists on a rotation and therefore stays decimetres
+# good. But its matrix has the determinant $-1$, and no statue can be moved like that: this answer
+# would hide that left and right are exchanged. The library insists on a rotation and therefore stays decimetres
 # off, which tells us that something is wrong with the data. The third line is our problem: without labels,
 # a closed form is of no use.
 #
