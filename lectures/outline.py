@@ -138,7 +138,7 @@ COURSE = (
         question="How does a template get onto a scan that nobody labelled?",
         minutes=60,
         assumes="lectures 9 and 10",
-        teaches="closest points, ICP, coupling, stages, coregistration",
+        teaches="closest points, ICP and its forms, basins, clutter, coupled vertices, stages, what was not seen",
     ),
     Lecture(
         16,

@@ -11,7 +11,7 @@ def test_list_and_show(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "list")
     assert code == 0
     assert "Rotations" in out
-    assert "Registering scans (to come)" in out
+    assert "Fitting images (to come)" in out
     code, out, _ = workbench("lecture", "show", "2")
     assert code == 0
     for name in lecture(2).exercises:

@@ -1,12 +1,18 @@
-"""Right answers by other ways than ours pass, in lectures 7, 11 and 12."""
+"""Right answers by other ways than ours pass, in lectures 7, 11, 12 and 15."""
 
+import casadi as cs
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
 import scipy.stats
+from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
 
 from tests.lectures.answered import all_pass
+from workbench.geometry.rigid import Similarity
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.registration import Icp, Trimmed, point_to_plane
 
 Array = np.ndarray
 
@@ -91,6 +97,44 @@ def on_a_grid(log_p, start: Array, count: int) -> Array:
     return chosen + rng.uniform(-0.05, 0.05, (count, 2))
 
 
+def by_nnls(p: Array, a: Array, b: Array, c: Array) -> Array:
+    heavy = 1e5  # so that the shares sum to one
+    A = np.vstack([np.transpose([a, b, c]), heavy * np.ones(3)])
+    shares = scipy.optimize.nnls(A, np.append(p, heavy))[0]
+    return shares / shares.sum() @ np.array([a, b, c])
+
+
+def by_brute_force(points: Array, cloud: Array) -> Array:
+    contacts = cloud[cdist(points, cloud).argmin(axis=1)]
+    p, q = points.mean(axis=0), contacts.mean(axis=0)
+    R, _ = Rotation.align_vectors(contacts - q, points - p)
+    return R.apply(points - p) + q
+
+
+def by_casadi(p: Array, corners: Array, shares: Array) -> Array:
+    v = cs.SX.sym("v", 3, 3)  # a column for each corner
+    slope = cs.gradient(cs.norm_2(cs.DM(p) - v @ cs.DM(shares)), v)
+    return np.asarray(cs.Function("slope", [v], [slope])(corners.T)).T
+
+
+def by_a_matrix(V: Array, M: Array, edges: Array, sigma: float) -> Array:
+    A = np.zeros((len(edges), len(V)))
+    A[np.arange(len(edges)), edges[:, 0]] = -1
+    A[np.arange(len(edges)), edges[:, 1]] = 1
+    return ((A @ V - A @ M) / sigma).ravel()
+
+
+def by_trimming(points: Array, vertices: Array, faces: Array) -> tuple[Array, Array]:
+    tree, ends = SurfaceTree(vertices, faces), []
+    for angle in np.radians(np.arange(0, 360, 30)):
+        R = Rotation.from_euler("y", angle).as_matrix()
+        start = Similarity(R, vertices.mean(axis=0) - R @ np.median(points, axis=0))
+        how = Icp(point_to_plane, Trimmed(0.7), tolerance=1e-4)
+        ends.append(how.align(points, tree, start))
+    best = min(ends, key=lambda end: end.cost)
+    return best.R, best.t
+
+
 WAYS = {
     7: [
         {
@@ -117,6 +161,16 @@ WAYS = {
             "draw": on_a_grid,
         },
         {"deviations": lambda J: np.linalg.norm(np.linalg.pinv(J), axis=1)},
+    ],
+    15: [
+        {
+            "closest_on_triangle": by_nnls,
+            "icp_step": by_brute_force,
+            "distance_gradient": by_casadi,
+            "robust_weight": lambda d, sigma, scale: (sigma + d**2 * sigma / scale**2) ** -2.0,
+            "coupling_residual": by_a_matrix,
+            "align": by_trimming,
+        },
     ],
 }
 

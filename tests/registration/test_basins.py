@@ -39,6 +39,8 @@ def test_what_stays_where_it_began_is_as_far_off_as_it_was_turned() -> None:
     np.testing.assert_allclose(found.off, expected, atol=1e-12)
     assert found.found.tolist() == [angle == 0 for angle in found.angles[:, 0]]
     assert found.reach == 0
+    whole = basin_map(ended, POINTS, TRUTH, ("z",), 45)  # a whole number of degrees
+    assert whole.reach == 0
     assert told == [(k, 8) for k in range(1, 9)]
 
 

@@ -122,6 +122,6 @@ def grid(axes: Sequence[str], step: float) -> Array:
     if not 0 < step <= HALF_TURN:
         raise BadArgument(f"the step must be above 0 and at most 180 degrees, not {step}")
     most = int(HALF_TURN / step + 1e-9)
-    one = step * np.arange(-most, most + 1)
+    one = float(step) * np.arange(-most, most + 1)
     one = one[one > -HALF_TURN + 1e-9]
     return np.array(list(product(one, repeat=len(axes))))
