@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_body
-from workbench.errors import UnknownName, listed
+from workbench.errors import UnknownName, check_known, listed
 from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
 from workbench.fitting.observations import Observations, photograph
@@ -109,8 +109,7 @@ def balance(
     known = [p.name for p in observed.photographs]
     held_out = names(held_out)
     for name in held_out:
-        if name not in known:
-            raise UnknownName("camera", name, known)
+        check_known("camera", name, known)
     model = load_body(body)
     places = dict(zip(observed.names, triangulated, strict=True))
     landmarks = model.landmark_names(landmark_set(model))
@@ -132,6 +131,5 @@ def balance(
 def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
     """Fit one camera; the other three are held out and show how far off the depth is."""
     known = [p.name for p in observations(frame)[0].photographs]
-    if camera not in known:
-        raise UnknownName("camera", camera, known)
+    check_known("camera", camera, known)
     return balance(frame, body, [name for name in known if name != camera])

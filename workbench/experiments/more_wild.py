@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, UnknownName, check_known
 from workbench.experiments import more_wild_formulas as f
 from workbench.experiments.experiment import Experiment
 from workbench.fitting.compared_solvers import GRADED
@@ -144,8 +144,7 @@ def more_wild(
     square (of 1 where it is 0), in the same way for every solver. Raises UnknownName or
     BadArgument.
     """
-    if function not in FAMILIES:
-        raise UnknownName("function", function, FAMILIES)
+    check_known("function", function, FAMILIES)
     family = FAMILIES[function]
     if n not in family.sizes:
         sizes = ", ".join(map(str, family.sizes))

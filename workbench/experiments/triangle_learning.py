@@ -13,7 +13,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, check_known
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import with_refined_answer
 from workbench.fitting.known import KnownAnswer
@@ -63,8 +63,7 @@ def triangle_training(
     for another model or choice, and BadArgument for a negative start.
     """
     for what, given, known in (("model", model, MODELS), ("choice of unknowns", learned, LEARNED)):
-        if given not in known:
-            raise UnknownName(what, given, known)
+        check_known(what, given, known)
     if start < 0:
         raise BadArgument(f"start must be from 0 on, not {start}")
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.errors import UnknownName, listed
+from workbench.errors import check_known, listed
 from workbench.fitting.scan import BadScan
 from workbench.fitting.scan_outline import extents, principal_axes
 
@@ -25,8 +25,7 @@ def unit_of(cells: Array, given: str | None, declared: str | None = None) -> tup
     """
     size = float(extents(cells, principal_axes(cells)).max())
     if given is not None:
-        if given not in UNITS:
-            raise UnknownName("unit", given, UNITS)
+        check_known("unit", given, UNITS)
         long = size * UNITS[given]
         if not POSSIBLE[0] <= long <= POSSIBLE[1]:
             raise BadScan(
