@@ -72,11 +72,13 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
     seconds: dict[str, Any] = {}
     for tau in comparison.taus:
         row, until = comparison.met(instance.name, solver, tau), named(tau)
-        met = row is not None and not comparison.uncounted(instance.name, solver, tau)
-        units = comparison.units(instance.problem, row[: len(KINDS)]) if met else None
+        counts = None if row is None else row[: len(KINDS)]
+        if counts is None or comparison.uncounted(instance.name, solver, tau):
+            effort[f"units to {until}"] = None
+        else:
+            effort[f"units to {until}"] = float(comparison.units(instance.problem, counts))
         for k, kind in enumerate(KINDS):
             found[f"{kind} to {until}"] = None if row is None else int(row[k])
-        effort[f"units to {until}"] = None if units is None else float(units)
         seconds[f"seconds to {until}"] = None if row is None else row[-2]
     times = {**seconds, "seconds": record.observed.seconds, "machine": record.machine}
     return {**found, **effort, "message": record.message, **times}
