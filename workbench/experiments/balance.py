@@ -1,7 +1,6 @@
 """A real person balancing on a beam, seen by four cameras."""
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,7 @@ from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import shipped
 from workbench.reading.expected import Expected, any_reals, read_expected, reals, texts
 
 NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
@@ -59,11 +57,7 @@ def calibrated() -> tuple[Array, Array]:
 
 
 def _shipped(name: str, expected: Mapping[str, Expected]) -> dict[str, NDArray[Any]]:
-    with (
-        as_file(files("workbench") / "data" / "keypoints" / name) as path,
-        taken_for(path, "file of the four cameras", "install the workbench again"),
-        open_arrays(path) as archive,
-    ):
+    with shipped(f"keypoints/{name}", "file of the four cameras") as archive:
         return read_expected(archive, expected)
 
 
