@@ -1,7 +1,7 @@
 """The errors of the workbench: what was wrong, what exists instead, and what to do."""
 
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import islice
 
 MOST_SHOWN = 60  # characters of a value in a message
@@ -102,6 +102,12 @@ class UnknownName(WorkbenchError):
         there = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
         sentence = f"no {kind} is called {name!r}; there are {there}"
         super().__init__(f"{sentence} ({more})" if more else sentence)
+
+
+def check_known(kind: str, name: str, known: Collection[str]) -> None:
+    """Raise UnknownName unless the name is one of those that are known."""
+    if name not in known:
+        raise UnknownName(kind, name, known)
 
 
 class UnreadBlock(UnknownName):

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.arrays import Index
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, UnknownName, check_known
 
 ROWS = re.compile(r"(\d+)|(\d*):(\d*)")  # a number, or a run of them
 
@@ -48,8 +48,7 @@ def block_of(name: str, known: Collection[str]) -> str:
 def places_named(layout: Layout, name: str, kind: str = "free block") -> list[int]:
     """The places in the flat vector of the entries that one name means. Raises UnknownName."""
     block = block_of(name, layout.names)
-    if block not in layout.names:
-        raise UnknownName(kind, block, layout.names)
+    check_known(kind, block, layout.names)
     at = layout.slices[block]
     if block == name:
         return list(range(at.start, at.stop))

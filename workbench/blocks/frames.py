@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import casadi as cs
 
 from workbench.blocks.block import Block
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,7 @@ class FrameBlocks:
 
     def __getitem__(self, name: str) -> Block:
         """A block of the sequence. Raises UnknownName."""
-        if name not in self.blocks:
-            raise UnknownName("block", name, tuple(self.blocks))
+        check_known("block", name, self.blocks)
         return self.blocks[name]
 
     def columns(self, one: Block, some: Sequence[int]) -> cs.MX:

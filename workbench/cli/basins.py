@@ -14,7 +14,7 @@ from rich.progress import Progress
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.output import folder_to_write, print_page, rich_table, say
 from workbench.cli.run import Out
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, check_known
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
@@ -75,8 +75,7 @@ def basins(
     known.
     """
     console = Console()
-    if method not in METHODS:
-        raise UnknownName("method", method, METHODS)
+    check_known("method", method, METHODS)
     if not np.isfinite(noise):
         raise BadArgument(f"--noise must be a finite number of mm, not {noise}")
     maps = [text.split(",") for text in axis or AXES]

@@ -12,7 +12,7 @@ from workbench.blocks import Values
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace, print_outcome
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, check_known
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.own_file import BESIDE, ENOUGH
@@ -120,8 +120,7 @@ def solved(console: Console, setup: Setup, solver: Solver) -> Values:
 
 def solver_named(name: str) -> Solver:
     """A solver of the catalogue. Raises UnknownName."""
-    if name not in SOLVERS:
-        raise UnknownName("solver", name, SOLVERS)
+    check_known("solver", name, SOLVERS)
     return SOLVERS[name]
 
 

@@ -15,7 +15,7 @@ from workbench import sampling
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, make_folder, print_page, say, warn_without_effect
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 from workbench.experiments import find
 from workbench.reports import write_posterior
 from workbench.reports.posterior_page import BlockPosterior, truth_of
@@ -65,8 +65,7 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    if move not in MOVES:
-        raise UnknownName("move", move, MOVES)
+    check_known("move", move, MOVES)
     experiment = find(name, settings(setting))
     folder = folder_to_write(out, f"{experiment.name}-posterior", experiment.source)
     kept = out / f"{experiment.name}-draws"

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,22 +20,6 @@ RUNS = "runs"
 FACTS = "facts"
 
 
-class Store(Protocol):
-    """A place where results are kept by their keys."""
-
-    def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole.
-
-        `of` raises BadFile for what is something else.
-        """
-
-    def put(self, key: str, stored: Stored) -> None:
-        """Keep a result, its facts and its arrays, so that `get` finds it under this key.
-
-        A result that was kept under the same key before is replaced.
-        """
-
-
 class Memory:
     """A store that lasts as long as the process."""
 
@@ -43,11 +27,17 @@ class Memory:
         self._held: dict[str, Stored] = {}
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """The result of a key, or None; see Store."""
+        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole.
+
+        `of` raises BadFile for what is something else.
+        """
         return of(self._held[key]) if key in self._held else None
 
     def put(self, key: str, stored: Stored) -> None:
-        """Keep a result under its key; see Store."""
+        """Keep a result, its facts and its arrays, so that `get` finds it under this key.
+
+        A result that was kept under the same key before is replaced.
+        """
         facts, arrays = stored
         self._held[key] = json.loads(json.dumps(facts)), arrays
 
@@ -81,7 +71,7 @@ class Folder:
                 temporary.write_text(text, encoding="utf-8")
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """See Store; a file that is not whole, or holds something else, counts as none."""
+        """The same; a file that is not whole, or holds something else, counts as none."""
         try:
             with open_arrays(self._runs / f"{key}.npz") as archive:
                 facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
@@ -95,12 +85,15 @@ class Folder:
             return None
 
     def put(self, key: str, stored: Stored) -> None:
-        """Keep a result under its key, in a file; see Store."""
+        """Keep a result under its key, in a file."""
         facts, arrays = stored
         with replacing(self._runs / f"{key}.npz") as temporary, temporary.open("wb") as file:
             np.savez_compressed(
                 file, allow_pickle=False, **arrays, facts=np.array(json.dumps(facts))
             )
+
+
+Store = Memory | Folder  # results are got and put by their keys
 
 
 def _ours(mark: Path) -> bool:

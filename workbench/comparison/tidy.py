@@ -13,37 +13,10 @@ from workbench.comparison.log import KINDS
 from workbench.comparison.targets import claims, named, stationary
 from workbench.writing import replacing
 
-RUN = (
-    "problem",
-    "argument",
-    "number",
-    "solver",
-    "verdict",
-    "cause",
-    "ending",
-    "claim",
-    "claim_holds",
-    "cost",
-    "claimed_cost",
-    "lowest_visited",
-    "optimality",
-    "basin",
-    "best_known_cost",
-    "start_cost",
-    "digits",
-    *KINDS,
-    "all_counted",
-    "not_finite",
-)
-MEASURED = ("seconds", "machine")  # not the same on another machine, or a second time
-
 
 def columns(comparison: Comparison) -> tuple[str, ...]:
     """The columns of the table, with the evaluations and the effort until each target was met."""
-    until = [f"{what} to {named(tau)}" for tau in comparison.taus for what in (*KINDS,)]
-    effort = [f"units to {named(tau)}" for tau in comparison.taus]
-    seconds = [f"seconds to {named(tau)}" for tau in comparison.taus]
-    return (*RUN, *until, *effort, "message", *seconds, *MEASURED)
+    return tuple(next(rows(comparison)))
 
 
 def deterministic(comparison: Comparison) -> tuple[str, ...]:
@@ -91,24 +64,24 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
         "best_known_cost": yardstick.best,
         "start_cost": yardstick.start,
         "digits": record.digits,
+        **dict(zip(KINDS, record.observed.counts, strict=True)),
+        "all_counted": not comparison.uncounted(instance.name, solver),
         "not_finite": record.observed.not_finite,
-        "message": record.message,
-        "seconds": record.observed.seconds,
-        "machine": record.machine,
     }
-    found |= dict(zip(KINDS, record.observed.counts, strict=True))
-    found["all_counted"] = not comparison.uncounted(instance.name, solver)
+    effort: dict[str, Any] = {}
+    seconds: dict[str, Any] = {}
     for tau in comparison.taus:
-        met = comparison.met(instance.name, solver, tau)
-        if met is not None:
-            found |= {
-                f"{kind} to {named(tau)}": int(n) for kind, n in zip(KINDS, met, strict=False)
-            }
-            found[f"seconds to {named(tau)}"] = met[-2]
-            if not comparison.uncounted(instance.name, solver, tau):
-                effort = comparison.units(instance.problem, met[: len(KINDS)])
-                found[f"units to {named(tau)}"] = float(effort)
-    return found
+        row, until = comparison.met(instance.name, solver, tau), named(tau)
+        counts = None if row is None else row[: len(KINDS)]
+        if counts is None or comparison.uncounted(instance.name, solver, tau):
+            effort[f"units to {until}"] = None
+        else:
+            effort[f"units to {until}"] = float(comparison.units(instance.problem, counts))
+        for k, kind in enumerate(KINDS):
+            found[f"{kind} to {until}"] = None if row is None else int(row[k])
+        seconds[f"seconds to {until}"] = None if row is None else row[-2]
+    times = {**seconds, "seconds": record.observed.seconds, "machine": record.machine}
+    return {**found, **effort, "message": record.message, **times}
 
 
 def _plain(value: Any) -> Any:

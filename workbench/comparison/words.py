@@ -8,6 +8,7 @@ from workbench.comparison.pairs import duels, surer
 from workbench.comparison.prices import SOURCE, prices_in_words
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
+from workbench.diagnostics.structure import counted
 from workbench.errors import joined
 
 LISTED = 5  # groups of problems that are told one by one
@@ -92,7 +93,10 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
     ranked = {s: comparison.effort(s, tau).value for s in everywhere if s in known}
     if len(ranked) < 2:
         return []
-    pairs, test = duels(comparison, tau), f"sign test over {_problems(comparison)}: p"
+    pairs, test = (
+        duels(comparison, tau),
+        f"sign test over {_problems(comparison)}: p",
+    )
     level = f"corrected for all pairs; level {LEVEL:.0%}"
     for one in ranked:
         others = tuple(s for s in ranked if s != one)
@@ -221,8 +225,7 @@ def prices_sentence() -> str:
 
 
 def _problems(comparison: Comparison) -> str:
-    n = len(comparison.compared)
-    return f"{n} problem{'' if n == 1 else 's'}"
+    return counted(len(comparison.compared), "problem")
 
 
 def _at_least(p: float) -> str:

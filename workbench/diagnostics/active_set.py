@@ -183,12 +183,11 @@ class ConstrainedJacobian:
     @cached_property
     def null(self) -> Array:
         """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
-        if self.parts is None or self.eliminated is None:
+        if self.by_elimination is None:
             spectrum = self.stacked.spectrum
             return spectrum.Vt[spectrum.rank :].T
         with limited_threads():
-            vectors = self.eliminated.null_vectors.toarray() / self.parts.lengths[:, None]
-            return np.asarray(np.linalg.qr(vectors)[0])
+            return self.by_elimination.null
 
     @property
     def tolerance(self) -> float:

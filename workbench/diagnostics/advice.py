@@ -8,6 +8,7 @@ from workbench.blocks import Values
 from workbench.diagnostics.active_set import constrained_jacobian_at
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
+from workbench.diagnostics.yardsticks import with_unit
 from workbench.errors import TooLarge, some_of
 from workbench.problem import Problem
 from workbench.residuals import gaussian
@@ -127,7 +128,7 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
             blocks,
             problem.constraints,
         )
-        units = [_in_units(sigma[name], problem.free[name].unit) for name in chosen]
+        units = [with_unit(sigma[name], problem.free[name].unit) for name in chosen]
         found = _tried(
             diagnosis,
             "prior",
@@ -226,10 +227,6 @@ def _blind_blocks(diagnosis: Diagnosis) -> list[str]:
 def _together(names: Sequence[str]) -> str:
     """All names, or the first few and how many more there are."""
     return " and ".join(names) if len(names) <= NAMED else some_of(names, NAMED)
-
-
-def _in_units(number: float, unit: str) -> str:
-    return f"{number:.4g}" if unit == "1" else f"{number:.4g} {unit}"
 
 
 def _unused(name: str, problem: Problem) -> str:

@@ -170,9 +170,7 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
         basis = constrained.tangent @ basis if len(constrained.rows) else basis
         for i, d in zip(group[: most - len(found)], basis.T, strict=False):
-            moved = constrained.here.along(d)
-            change = float(np.linalg.norm(moved))
-            found.append(WeakestDirection(float(s[i]), d, change, _main(d), _main(moved)))
+            found.append(_weak(constrained.here, float(s[i]), d))
         k -= group.size
     return tuple(found)
 
@@ -180,12 +178,13 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
 def _weakest_of(jacobian: EliminatedJacobian, most: int) -> tuple[WeakestDirection, ...]:
     """The same of a Jacobian that was eliminated part after part, each direction by itself."""
     s, vectors = jacobian.weakest(most)
-    found = []
-    for value, d in zip(s, vectors.T, strict=True):
-        moved = jacobian.here.along(d)
-        change = float(np.linalg.norm(moved))
-        found.append(WeakestDirection(float(value), d, change, _main(d), _main(moved)))
-    return tuple(found)
+    return tuple(_weak(jacobian.here, float(x), d) for x, d in zip(s, vectors.T, strict=True))
+
+
+def _weak(here: Linearization, singular_value: float, d: Array) -> WeakestDirection:
+    moved = here.along(d)
+    change = float(np.linalg.norm(moved))
+    return WeakestDirection(singular_value, d, change, _main(d), _main(moved))
 
 
 def _main(v: Array) -> tuple[int, ...]:

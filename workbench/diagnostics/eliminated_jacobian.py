@@ -157,11 +157,11 @@ class EliminatedJacobian:
         return P, self.forbidden @ P
 
     @cached_property
-    def _null(self) -> Array:
+    def null(self) -> Array:
         """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
         return np.asarray(
             np.linalg.qr(self.eliminated.null_vectors.toarray() / self.lengths[:, None])[0]
         )
 
     def _seen(self, v: Array) -> Array:
-        return np.asarray(v - self._null @ (self._null.T @ v))
+        return np.asarray(v - self.null @ (self.null.T @ v))

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.problem import Linearization
+from workbench.problem.nonzeros import tied_columns
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 
@@ -160,12 +160,7 @@ def _apart(rows: Linearization, read: Index) -> list[Index]:
     if not rows.estimated:
         return [read]
     J = csc_array(unblocked(rows.jacobian))[:, read]
-    m = J.shape[0]
-    pattern = J.tocoo()
-    ties = coo_array((np.ones(J.nnz), (pattern.row, m + pattern.col)), shape=(m + read.size,) * 2)
-    label = np.unique(connected_components(ties, directed=False)[1][m:], return_inverse=True)[1]
-    order = np.argsort(label, kind="stable")
-    return np.split(read[order], np.cumsum(np.bincount(label))[:-1])
+    return [read[some] for some in tied_columns(J.tocoo())]
 
 
 def _verdicts(

@@ -14,10 +14,10 @@ from itertools import combinations
 import numpy as np
 import scipy.linalg
 from scipy.sparse import coo_array, csc_array
-from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Tree
+from workbench.problem.nonzeros import tied_columns
 
 MANY = 400  # entries up to which a subspace is searched as a whole
 
@@ -132,13 +132,7 @@ def _islands(free: Layout, blocks: Sequence[Block], pattern: csc_array) -> Itera
         entries = found[0].reshape(-1, 3)
         m, count = pattern.shape[0], len(entries)
         read = pattern[:, free.slices[block.name]].tocoo()
-        ties = coo_array(
-            (np.ones(read.nnz, dtype=np.int8), (read.row, m + read.col // 3)),
-            shape=(m + count, m + count),
-        )
-        label = connected_components(ties, directed=False)[1][m:]
-        order = np.argsort(label, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+        for rows in tied_columns(coo_array((read.data, (read.row, read.col // 3)), (m, count))):
             if 1 < rows.size < count:
                 basis = np.tile(np.eye(3), (rows.size, 1)) / np.sqrt(rows.size)
                 first = ", ".join(block.labels[r] if block.labels else str(r) for r in rows[:3])

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.frame_rows import in_columns, largest_singular_value, triangle
 from workbench.problem import Linearization
+from workbench.problem.nonzeros import tied_columns
 from workbench.problem.storage import by_nonzeros
 
 CHEAPER = 0.1  # of the work of a dense factorisation: above, taking apart is not worth it
@@ -137,22 +137,18 @@ def _ties(in_row: Index) -> Iterator[Mask]:
 
 def _split(pattern: csc_array, least: float) -> tuple[float, tuple[Index, ...]] | None:
     """The unknowns of each part where that takes the least work, and this work, below `least`."""
-    m, n = pattern.shape
+    n = pattern.shape[1]
     best = None
     degree = np.diff(csc_array(pattern.T @ pattern).indptr)
     for most in _few(np.unique(degree)[:-1]):
         inner = np.flatnonzero(degree <= most)
         if float(n - inner.size) ** 3 > least:
             continue  # so many shared unknowns would be as much work
-        read = pattern[:, inner].tocoo()
-        ties = coo_array((read.data, (read.row, m + read.col)), shape=(m + inner.size,) * 2)
-        label = np.unique(connected_components(ties, directed=False)[1][m:], return_inverse=True)[1]
-        sizes, shared = np.bincount(label).astype(float), n - inner.size
+        own = tuple(inner[some] for some in tied_columns(pattern[:, inner].tocoo()))
+        sizes, shared = np.array([part.size for part in own], dtype=float), n - inner.size
         work = float(np.sum((sizes + shared) ** 2 * sizes)) + float(shared) ** 3
         if work < least:
-            order = np.argsort(label, kind="stable")
-            edges = np.cumsum(np.bincount(label))[:-1]
-            least, best = work, (work, tuple(np.split(inner[order], edges)))
+            least, best = work, (work, own)
     return best
 
 

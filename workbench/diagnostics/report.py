@@ -171,12 +171,11 @@ def _conditioning(d: Diagnosis) -> Iterator[str]:
 def _known(d: Diagnosis) -> Iterator[str]:
     known = d.identifiability
     rows = []
-    verdicts = np.array([v.name for v in known.verdicts])
     for block in d.free.blocks:
         at = d.free.slices[block.name]
         finite = known.sigma[at][np.isfinite(known.sigma[at])]
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
-        counts = [str(int(np.sum(verdicts[at] == v.name))) for v in reversed(EntryIdentifiability)]
+        counts = [str(known.verdicts[at].count(v)) for v in reversed(EntryIdentifiability)]
         rows.append((block.name, block.unit, spread, *counts))
     header = ("block", "unit", "sigma", "identified", "practical", "numerical", "structural")
     yield from table(header, rows)

@@ -83,12 +83,12 @@ def yardsticks(
 def _size(block: Block, read: Iterable[Block], at: Mapping[str, ArrayLike]) -> tuple[float, str]:
     size = _root_mean_square([at[block.name]])
     if size:
-        return size, f"{_with_unit(size, block.unit)} (its size here)"
+        return size, f"{with_unit(size, block.unit)} (its size here)"
     if block.unit != "1":
         alike = [at[other.name] for other in read if other.unit == block.unit]
         if size := _root_mean_square(alike):
-            return size, f"{_with_unit(size, block.unit)} (the size of all values in its unit)"
-    return 1.0, f"{_with_unit(1.0, block.unit)} (it is zero here and has no prior)"
+            return size, f"{with_unit(size, block.unit)} (the size of all values in its unit)"
+    return 1.0, f"{with_unit(1.0, block.unit)} (it is zero here and has no prior)"
 
 
 def _root_mean_square(values: list[ArrayLike]) -> float:
@@ -96,5 +96,6 @@ def _root_mean_square(values: list[ArrayLike]) -> float:
     return float(np.sqrt(np.mean(flat**2))) if flat.size else 0.0
 
 
-def _with_unit(size: float, unit: str) -> str:
+def with_unit(size: float, unit: str) -> str:
+    """A number with its unit, which the number 1 as a unit is not."""
     return f"{size:.4g}" if unit == "1" else f"{size:.4g} {unit}"

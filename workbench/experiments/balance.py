@@ -1,7 +1,6 @@
 """A real person balancing on a beam, seen by four cameras."""
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
@@ -9,13 +8,12 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_body
-from workbench.errors import UnknownName, listed
+from workbench.errors import UnknownName, check_known, listed
 from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import shipped
 from workbench.reading.expected import Expected, any_reals, read_expected, reals, texts
 
 NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
@@ -59,11 +57,7 @@ def calibrated() -> tuple[Array, Array]:
 
 
 def _shipped(name: str, expected: Mapping[str, Expected]) -> dict[str, NDArray[Any]]:
-    with (
-        as_file(files("workbench") / "data" / "keypoints" / name) as path,
-        taken_for(path, "file of the four cameras", "install the workbench again"),
-        open_arrays(path) as archive,
-    ):
+    with shipped(f"keypoints/{name}", "file of the four cameras") as archive:
         return read_expected(archive, expected)
 
 
@@ -109,8 +103,7 @@ def balance(
     known = [p.name for p in observed.photographs]
     held_out = names(held_out)
     for name in held_out:
-        if name not in known:
-            raise UnknownName("camera", name, known)
+        check_known("camera", name, known)
     model = load_body(body)
     places = dict(zip(observed.names, triangulated, strict=True))
     landmarks = model.landmark_names(landmark_set(model))
@@ -132,6 +125,5 @@ def balance(
 def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
     """Fit one camera; the other three are held out and show how far off the depth is."""
     known = [p.name for p in observations(frame)[0].photographs]
-    if camera not in known:
-        raise UnknownName("camera", camera, known)
+    check_known("camera", camera, known)
     return balance(frame, body, [name for name in known if name != camera])

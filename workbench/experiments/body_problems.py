@@ -14,7 +14,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_cameras import SIZE, looking_in
@@ -91,8 +91,7 @@ def body_outliers(
     vertices hardly pull, also good ones that are far off only because of where the fit starts.
     Raises UnknownName for another kernel.
     """
-    if kernel not in KERNELS:
-        raise UnknownName("kernel", kernel, KERNELS)
+    check_known("kernel", kernel, KERNELS)
     robust, sigma = KERNELS[kernel]
     model, rng, truth = _bent(body, seed)
     surface = model.vertices(**truth)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile, UnknownName, check_known
 from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
 from workbench.experiments.correspondences import known_correspondences, shape_from_landmarks
@@ -62,8 +62,7 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     with user_errors(experiment.source):
         known = parameters(experiment.build)
     for argument, given in changed.items():
-        if argument not in known:
-            raise UnknownName(f"argument of {experiment.name}", argument, known)
+        check_known(f"argument of {experiment.name}", argument, known)
         what = f"{argument} of {experiment.name}"
         changed[argument] = converted(what, known[argument].annotation, given)
     return replace(experiment, arguments={**experiment.arguments, **changed})

@@ -9,7 +9,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, check_known
 from workbench.experiments.synthetic_people import MADE_OF_THE_MODEL, exact_answer, person_at_origin
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
@@ -31,8 +31,7 @@ def known_correspondences(
 
     `start` names one of STARTS: `zero`, `placed` or `procrustes`. Raises UnknownName.
     """
-    if start not in STARTS:
-        raise UnknownName("start", start, STARTS)
+    check_known("start", start, STARTS)
     model, rng, truth = _person(body, seed, pose_sigma)
     surface = model.vertices(*truth.values())
     observed = _with_noise(surface, noise, rng)

@@ -13,7 +13,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, check_known
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import (
     MADE_OF_THE_MODEL,
@@ -56,8 +56,7 @@ def body_points(
     The triangle models have the template, tree, shape space and J_regressor of `body`, and no
     learned posedirs. Raises UnknownName for another model.
     """
-    if model not in MODELS:
-        raise UnknownName("model", model, MODELS)
+    check_known("model", model, MODELS)
     if every < 1:
         raise BadArgument(f"every says that each such vertex is observed, 1 or more, not {every}")
     fitted, rng = MODELS[model](load_skinned(body)), np.random.default_rng(seed)

@@ -14,9 +14,10 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import UnknownName, check_known
 from workbench.experiments import more_wild_formulas as f
 from workbench.experiments.experiment import Experiment
+from workbench.experiments.synthetic_people import check_start
 from workbench.fitting.compared_solvers import GRADED
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Measure, Setup
@@ -144,14 +145,12 @@ def more_wild(
     square (of 1 where it is 0), in the same way for every solver. Raises UnknownName or
     BadArgument.
     """
-    if function not in FAMILIES:
-        raise UnknownName("function", function, FAMILIES)
+    check_known("function", function, FAMILIES)
     family = FAMILIES[function]
     if n not in family.sizes:
         sizes = ", ".join(map(str, family.sizes))
         raise UnknownName(f"number of unknowns of {function}", str(n), hint=sizes)
-    if start < 0:
-        raise BadArgument(f"start must be from 0 on, not {start}")
+    check_start(start)
     m = family.sizes[n]
     x = Block("x", (n,), labels=tuple(f"x{i + 1}" for i in range(n)))
     standard = family.start(n)

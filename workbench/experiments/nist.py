@@ -18,7 +18,7 @@ import casadi as cs
 import numpy as np
 
 from workbench.blocks import Block, Values
-from workbench.errors import UnknownName
+from workbench.errors import UnknownName, check_known
 from workbench.experiments.experiment import Experiment
 from workbench.fitting.compared_solvers import GRADED
 from workbench.fitting.known import KnownAnswer, digits
@@ -69,8 +69,7 @@ def certified() -> Mapping[str, Mapping[str, Any]]:
 
 def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
     """The regression with this name in NIST's collection, from NIST's start 1 (far) or 2 (near)."""
-    if problem not in MODELS:
-        raise UnknownName("NIST problem", problem, MODELS)
+    check_known("NIST problem", problem, MODELS)
     facts = certified()[problem]
     if start not in (1, 2):
         raise UnknownName("start", str(start), hint="1 and 2")

@@ -1,7 +1,6 @@
 """Registering a person outside the shape space: the distance that remains is the model's error."""
 
 from dataclasses import replace
-from importlib.resources import as_file, files
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from workbench.fitting.compared_solvers import LARGE
 from workbench.fitting.mesh_start import placed
 from workbench.fitting.meshes import mesh_fit
 from workbench.fitting.setup import Setup
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import shipped
 from workbench.reading.expected import read_expected, reals
 from workbench.solvers import solve
 
@@ -31,11 +29,7 @@ def registration(
     `pose_sigma` in rad. Raises UnknownName for a body without such people, or another person.
     """
     model = load_body(body)
-    with (
-        as_file(files("workbench") / "data" / "bodies" / "held_out_people.npz") as path,
-        taken_for(path, "file of held-out people", "install the workbench again"),
-        open_arrays(path) as archive,
-    ):
+    with shipped("bodies/held_out_people.npz", "file of held-out people") as archive:
         mesh, *_ = UNTRAINED.get(body, (body,))  # that of a triangle body is a skinned body's
         if mesh not in archive.headers:
             raise UnknownName("body with held-out people", body, archive.headers)

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import check_known
 from workbench.experiments.experiment import Experiment
-from workbench.experiments.synthetic_people import TIGHT, with_refined_answer
+from workbench.experiments.synthetic_people import TIGHT, check_start, with_refined_answer
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.solvers import Ipopt, exact_hessian
 from workbench.synthetic.made_up import (
@@ -65,12 +65,9 @@ def training(
     """
     chosen = terms.split()
     for term in chosen:
-        if term not in TERMS:
-            raise UnknownName("term of training", term, TERMS)
-    if start < 0:
-        raise BadArgument(f"start must be from 0 on, not {start}")
-    if person not in GUESSES:
-        raise UnknownName("person of a training", person, tuple(GUESSES))
+        check_known("term of training", term, TERMS)
+    check_start(start)
+    check_known("person of a training", person, GUESSES)
     guess = GUESSES[person]()
     mirror = guess.mirror()
     body = random_smpl(guess, 2, seed=seed)

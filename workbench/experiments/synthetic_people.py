@@ -61,11 +61,16 @@ def random_start(body: Body, seed: int, start: int, sigma: float = 0.3) -> Value
     It depends on the person's `seed` and on `start` alone, so that all solvers begin there.
     Raises BadArgument for a negative number.
     """
-    if start < 0:
-        raise BadArgument(f"start must be from 0 on, not {start}")
+    check_start(start)
     if start == 0:
         return body.start()
     return bent_person(body, np.random.default_rng((seed, start)), sigma)
+
+
+def check_start(start: int) -> None:
+    """Raise BadArgument for a number of a start below zero."""
+    if start < 0:
+        raise BadArgument(f"start must be from 0 on, not {start}")
 
 
 def start_text(start: int, sigma: float = 0.3) -> str:

@@ -13,9 +13,9 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import check_known
 from workbench.experiments.experiment import Experiment
-from workbench.experiments.synthetic_people import with_refined_answer
+from workbench.experiments.synthetic_people import check_start, with_refined_answer
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.triangles import gradients
@@ -63,10 +63,8 @@ def triangle_training(
     for another model or choice, and BadArgument for a negative start.
     """
     for what, given, known in (("model", model, MODELS), ("choice of unknowns", learned, LEARNED)):
-        if given not in known:
-            raise UnknownName(what, given, known)
-    if start < 0:
-        raise BadArgument(f"start must be from 0 on, not {start}")
+        check_known(what, given, known)
+    check_start(start)
     rng = np.random.default_rng(seed)
     true = _random_body(model, seed, rng)
     person = np.repeat(np.arange(subjects), poses)
@@ -122,8 +120,7 @@ def triangle_shapes(n_betas: int = 2, people: int = 8, seed: int = 0, start: int
     every other stationary point is a saddle. At start 0 everything is zero, which is one of these;
     start k > 0 is random. Raises BadArgument for a negative start.
     """
-    if start < 0:
-        raise BadArgument(f"start must be from 0 on, not {start}")
+    check_start(start)
     rng = np.random.default_rng(seed)
     body = random_smpl(limb(3, 3), max(n_betas + 2, 1), seed=seed)
     meshes = body.vertices(betas=rng.standard_normal((people, body.n_betas)))

@@ -61,6 +61,13 @@ def isolated(points: Array) -> Mask:
     return np.asarray(distances > ISOLATED * np.median(distances), dtype=np.bool_)
 
 
+def drawn(n: int, most: int) -> Mask:
+    """Which of n points are among `most` that are drawn at random, always the same ones."""
+    chosen = np.zeros(n, dtype=bool)
+    chosen[np.random.default_rng(SEED).choice(n, most, replace=False)] = True
+    return chosen
+
+
 def points_are(count: int) -> str:
     """The beginning of a sentence on so many points."""
     return "1 point is" if count == 1 else f"{count:,} points are"
@@ -103,8 +110,7 @@ def _sampled(contents: Contents, most: int) -> Contents:
     N = len(contents.points)
     if most >= N:
         return contents
-    chosen = np.zeros(N, dtype=bool)
-    chosen[np.random.default_rng(SEED).choice(N, most, replace=False)] = True
+    chosen = drawn(N, most)
     return _kept(contents, chosen, f"left out, drawn at random, for {most:,} are enough")
 
 

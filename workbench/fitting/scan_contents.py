@@ -16,7 +16,7 @@ from workbench.geometry.meshes import READERS as MESHES
 from workbench.geometry.meshes import parsed_mesh
 from workbench.geometry.ply import parse_ply_and_normals
 from workbench.geometry.xyz import parse_xyz
-from workbench.reading.archive import open_arrays
+from workbench.reading.archive import opened
 from workbench.reading.damage import taken_for
 from workbench.reading.npy import mapped_array, widened
 
@@ -114,7 +114,7 @@ def _npy(path: Path, name: str | None) -> Contents:
 
 def _npz(path: Path, name: str | None) -> Contents:
     do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
-    with taken_for(path, "scan", do), open_arrays(path) as archive:
+    with opened(path, "scan", do) as archive:
         return Contents(*chosen_arrays(archive, name))
 
 

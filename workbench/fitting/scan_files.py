@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, cut
 from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_cleaning import cleaned, isolated, points_are
+from workbench.fitting.scan_cleaning import cleaned, drawn, isolated, points_are
 from workbench.fitting.scan_contents import Contents, contents_of
 from workbench.fitting.scan_normals import with_normals
 from workbench.fitting.scan_outline import outline
@@ -18,7 +18,6 @@ from workbench.fitting.scan_units import UNITS, unit_of
 from workbench.fitting.scan_up import TURNS, up_axis
 
 MOST = 500_000  # points of a cloud; a fit uses a tenth of them
-SEED = 0
 DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
@@ -124,8 +123,7 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
         raise BadScan("its faces have no area")
     if len(points) <= most:
         return Scan(points, normals, faces, weights), ()
-    chosen = np.zeros(len(points), dtype=bool)
-    chosen[np.random.default_rng(SEED).choice(len(points), most, replace=False)] = True
+    chosen = drawn(len(points), most)
     cloud = Scan(points, normals, None, weights * (weights.sum() / weights[chosen].sum()))
     note = f"{most:,} of {len(points):,} points are drawn at random, without the faces between them"
     return cloud.some(chosen), (note,)

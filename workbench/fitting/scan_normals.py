@@ -8,13 +8,12 @@ from workbench.arrays import Array, Index
 from workbench.fitting.scan_boundary import edges_of_one_face
 from workbench.fitting.scan_contents import Contents
 from workbench.fitting.scan_surface import (
-    face_vectors,
     filled,
     normals_of_faces,
     normals_of_neighbours,
     towards,
 )
-from workbench.geometry.solids import volume
+from workbench.geometry.solids import face_vectors, volume
 
 
 def with_normals(contents: Contents, camera: Array | None) -> Contents:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index
+from workbench.geometry.solids import face_vectors, sums_around
 
 NEIGHBOURS = 16
 FEW = 6  # neighbours, from which on circles around a point are looked at for its area
@@ -18,21 +19,15 @@ AT_ONCE = 20_000  # points
 SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point beside the surface
 
 
-def face_vectors(points: Array, faces: Index) -> Array:
-    """Normals of faces (T, 3), as long as the faces' areas in m^2."""
-    a, b, c = points[faces].transpose(1, 0, 2)
-    return np.asarray(np.cross(b - a, c - a) / 2)
-
-
 def normals_of_faces(points: Array, faces: Index) -> Array:
     """Unit normals (M, 3): the sum over the faces of a point, by area; 0 where it vanishes."""
-    return units(_to_corners(np.repeat(face_vectors(points, faces), 3, axis=0), faces, len(points)))
+    return units(sums_around(face_vectors(points, faces), faces, len(points)))
 
 
 def areas_of_faces(points: Array, faces: Index) -> Array:
     """A third of the area of the faces around each point, (M,) m^2; the sum is the whole area."""
     areas = np.linalg.norm(face_vectors(points, faces), axis=1) / 3
-    return _to_corners(np.repeat(areas, 3)[:, None], faces, len(points))[:, 0]
+    return sums_around(areas[:, None], faces, len(points))[:, 0]
 
 
 def normals_of_neighbours(points: Array) -> Array:
@@ -99,9 +94,3 @@ def units(vectors: Array) -> Array:
         found = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
     found[~np.isfinite(found).all(axis=1)] = 0
     return np.asarray(found)
-
-
-def _to_corners(rows: Array, faces: Index, M: int) -> Array:
-    """Sums (M, C) over the corners at each point; rows (3 T, C) are in the order of the corners."""
-    at = faces.ravel()
-    return np.stack([np.bincount(at, row, minlength=M) for row in rows.T], axis=1)

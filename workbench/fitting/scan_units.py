@@ -1,9 +1,7 @@
 """In which unit a scan is, guessed from its size as that of a person, and said in a sentence."""
 
-import numpy as np
-
 from workbench.arrays import Array
-from workbench.errors import UnknownName, listed
+from workbench.errors import check_known, listed
 from workbench.fitting.scan import BadScan
 from workbench.fitting.scan_outline import extents, principal_axes
 
@@ -24,43 +22,35 @@ def unit_of(cells: Array, given: str | None, declared: str | None = None) -> tup
     Raises UnknownName, and BadScan for a size that no unit makes that of a body.
     """
     size = float(extents(cells, principal_axes(cells)).max())
+    lengths = {unit: size * metres for unit, metres in UNITS.items()}
     if given is not None:
-        if given not in UNITS:
-            raise UnknownName("unit", given, UNITS)
-        long = size * UNITS[given]
+        check_known("unit", given, UNITS)
+        long = lengths[given]
         if not POSSIBLE[0] <= long <= POSSIBLE[1]:
             raise BadScan(
                 f"in {given} the scan is {long:.3g} m long, and no body is; "
                 f"units are {listed(UNITS)}"
             )
-        return given, f"the unit {given} was given; the scan is {_long(long)} m long"
-    if declared is not None and _within(size * UNITS[declared], LIKELY):
-        long = size * UNITS[declared]
+        return given, f"the unit {given} was given; the scan is {long:.2f} m long"
+    if declared is not None and LIKELY[0] <= lengths[declared] <= LIKELY[1]:
+        long = lengths[declared]
         return (
             declared,
-            f"the unit {declared} is that of the format; the scan is {_long(long)} m long",
+            f"the unit {declared} is that of the format; the scan is {long:.2f} m long",
         )
-    for unit, metres in UNITS.items():
-        if _within(size * metres, PERSON):
-            return unit, (
-                f"the unit is taken to be {unit}, in which the scan is {_long(size * metres)} m "
-                "long, as a person is"
-            )
-    for unit, metres in UNITS.items():  # in the order of how usual they are
-        if _within(size * metres, LIKELY):
-            return unit, (
-                f"the unit is taken to be {unit}, in which the scan is {_long(size * metres)} m "
-                "long: no standing person, so that this is uncertain; give the unit if it is wrong"
-            )
+    for (least, most), said in (
+        (PERSON, ", as a person is"),
+        (
+            LIKELY,
+            ": no standing person, so that this is uncertain; give the unit if it is wrong",
+        ),
+    ):
+        for unit, long in lengths.items():  # in the order of how usual they are
+            if least <= long <= most:
+                return unit, (
+                    f"the unit is taken to be {unit}, in which the scan is {long:.2f} m long{said}"
+                )
     raise BadScan(
         f"the scan is {size:.3g} long, in a unit that is not known: in none of {listed(UNITS)} is "
         "this the size of a body or of a part of one; give the unit, or scale the scan"
     )
-
-
-def _within(size: float, range_: tuple[float, float]) -> bool:
-    return bool(np.isfinite(size)) and range_[0] <= size <= range_[1]
-
-
-def _long(size: float) -> str:
-    return f"{size:.2f}"

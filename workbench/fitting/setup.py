@@ -10,7 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadSetup, UnknownName
+from workbench.errors import BadSetup, check_known
 from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
@@ -135,8 +135,7 @@ class Setup:
             several = names(getattr(self, name))
             object.__setattr__(self, name, several)  # a single text is one name
             for one in several:
-                if one not in known:
-                    raise UnknownName(kind, one, known)
+                check_known(kind, one, known)
         object.__setattr__(self, "notes", names(self.notes))
         expect("synthetic", self.synthetic, str, "a text")
         self.problem.split(self.start)

@@ -1,4 +1,4 @@
-"""What a triangle mesh encloses, and its edges."""
+"""What a triangle mesh encloses, its areas and its edges."""
 
 import numpy as np
 
@@ -17,8 +17,20 @@ def volume(vertices: Array, triangles: Index) -> float:
 
 def area(vertices: Array, triangles: Index) -> float:
     """The area of a surface (m^2) with vertices (N, 3) m and triangles (F, 3)."""
-    a, b, c = vertices[triangles].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    return float(np.linalg.norm(face_vectors(vertices, triangles), axis=1).sum())
+
+
+def face_vectors(vertices: Array, faces: Index) -> Array:
+    """Normals of faces (F, 3), as long as the faces' areas in m^2."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    return np.asarray(np.cross(b - a, c - a) / 2)
+
+
+def sums_around(of_faces: Array, faces: Index, n_vertices: int) -> Array:
+    """The sums (N, C) over the faces around each vertex of what faces (F, C) have."""
+    corners = faces.ravel()
+    sums = [np.bincount(corners, np.repeat(each, 3), minlength=n_vertices) for each in of_faces.T]
+    return np.stack(sums, axis=1)
 
 
 def mesh_edges(triangles: Index) -> Index:

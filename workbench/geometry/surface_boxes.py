@@ -48,8 +48,8 @@ class Boxes:
         a, b, c = (np.ascontiguousarray(vertices.T)[:, corner] for corner in corners)
         u, v, w = b - a, c - a, c - b
         n = _cross(u, v)
-        squares = np.stack([_dot(edge, edge) for edge in (u, v, w)])
-        area = np.sqrt(_dot(n, n))
+        squares = np.stack([dot(edge, edge) for edge in (u, v, w)])
+        area = np.sqrt(dot(n, n))
         flat = ~(area > FLAT * squares.max(axis=0))
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             inverses = np.where(squares > TINY, 1 / squares, 0)
@@ -66,7 +66,7 @@ class Boxes:
         normals = _by_face(order, n) * np.where(even, 1.0, -1.0)[:, None]
         turns, rising = (
             np.empty((len(order.faces), 3)),
-            np.stack([_dot(u, v), -_dot(u, w), _dot(v, w)]),
+            np.stack([dot(u, v), -dot(u, w), dot(v, w)]),
         )
         np.put_along_axis(turns, order.rising, _by_face(order, rising), axis=1)
         areas = _by_face(order, area[None])[:, 0]
@@ -100,7 +100,8 @@ def _nodes(levels: tuple[int, ...], low: Array, high: Array) -> Array:
     return np.ascontiguousarray(np.concatenate(found))
 
 
-def _dot(x: Array, y: Array) -> Array:
+def dot(x: Array, y: Array) -> Array:
+    """The products of vectors whose three coordinates come first."""
     found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
     return found
 

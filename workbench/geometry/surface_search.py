@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
-from workbench.geometry.surface_boxes import FAR, Boxes
+from workbench.geometry.surface_boxes import FAR, Boxes, dot
 from workbench.geometry.surface_order import NONE, WIDE, Order
 
 TOGETHER = 2048  # points that descend together
@@ -166,18 +166,18 @@ def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
     corners, inverses, slopes = rows[:9].reshape(3, 3, *rows.shape[1:]), rows[9:12], rows[12:]
     a, b, c = corners
     ap, bp, cp = p - a, p - b, p - c
-    found, places = [_dot(ap, ap), _dot(bp, bp), _dot(cp, cp)], []
+    found, places = [dot(ap, ap), dot(bp, bp), dot(cp, cp)], []
     for start, edge, inverse in zip((ap, ap, bp), (b - a, c - a, c - b), inverses, strict=True):
-        t = _dot(start, edge) * inverse
+        t = dot(start, edge) * inverse
         away = start - t * edge
-        found.append(np.where((t > 0) & (t < 1), _dot(away, away), np.inf))
+        found.append(np.where((t > 0) & (t < 1), dot(away, away), np.inf))
         places.append(t)
     v, w, away = np.zeros_like(t), np.zeros_like(t), ap
     for _ in range(2):  # a second time, as the first is inexact in a thin triangle
-        more_v, more_w = _dot(away, slopes[:3]), _dot(away, slopes[3:])
+        more_v, more_w = dot(away, slopes[:3]), dot(away, slopes[3:])
         v, w = v + more_v, w + more_w
         away = (away - more_v * (b - a)) - more_w * (c - a)
-    found.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), _dot(away, away), np.inf))
+    found.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), dot(away, away), np.inf))
     return found, [v, w, *places]
 
 
@@ -213,11 +213,6 @@ def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
             n = n * boxes.angles.ravel()[around][:, None]
         for axis in range(3):
             found[here, axis] = np.bincount(rows, n[:, axis], minlength=len(here))
-    return found
-
-
-def _dot(x: Array, y: Array) -> Array:
-    found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
     return found
 
 

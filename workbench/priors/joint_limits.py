@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument, check_known
 
 KNOWN = ("anatomical", "recorded")
 
@@ -78,8 +78,7 @@ def joint_limits(name: str = "anatomical") -> JointLimits:
 
     Sources and licences: `workbench/data/joint_limits/PROVENANCE.md`.
     """
-    if name not in KNOWN:
-        raise UnknownName("set of joint limits", name, KNOWN)
+    check_known("set of joint limits", name, KNOWN)
     text = (files("workbench") / "data" / "joint_limits" / f"{name}.json").read_text("utf-8")
     content = json.loads(text)
     limits = {

@@ -13,8 +13,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadFile, listed
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import opened
 from workbench.reading.expected import check_numbers, read_expected, reals, texts, truths, wholes
 
 HELD_OUT_EVERY = 5
@@ -65,10 +64,8 @@ class Mocap:
 
 def read_mocap(path: Path) -> Mocap:
     """Read the good frames of a recording. Raises BadFile if an array is missing."""
-    with (
-        taken_for(path, "recording in the layout described", "give such an .npz"),
-        open_arrays(path) as archive,
-    ):
+    what = "recording in the layout described"
+    with opened(path, what, "give such an .npz") as archive:
         arrays = read_expected(archive, RECORDED)
         names = tuple(map(str, arrays["joint_names"]))
         if arrays["poses"].shape[1] != 3 * len(names) or not set(ELBOWS) <= set(names):

@@ -6,8 +6,6 @@ each by itself. SMPLify's prior has eight components as well (Bogo et al., Keep 
 section 3.3). `data/poses/PROVENANCE.md` says where the priors come from.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -17,8 +15,7 @@ import scipy.linalg
 
 from workbench.arrays import Array
 from workbench.errors import BadFile
-from workbench.reading.archive import Archive, open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import AGAIN, opened
 from workbench.reading.expected import read_expected, reals, texts, wholes
 
 FOLDER = files("workbench") / "data" / "poses"
@@ -120,7 +117,7 @@ def draw_poses(prior: PoseGaussian | PoseMixture, n: int, rng: np.random.Generat
 
 def read_pose_gaussian(path: Path) -> PoseGaussian:
     """Read a Gaussian from a file. Raises BadFile if there is none in it."""
-    with _opened(path, "pose prior") as archive:
+    with opened(path, "pose prior", AGAIN) as archive:
         arrays = read_expected(archive, GAUSSIAN)
     return PoseGaussian(
         mean=arrays["mean"],
@@ -134,7 +131,7 @@ def read_pose_gaussian(path: Path) -> PoseGaussian:
 
 def read_pose_mixture(path: Path) -> PoseMixture:
     """Read a mixture from a file. Raises BadFile if there is none in it."""
-    with _opened(path, "mixture of poses") as archive:
+    with opened(path, "mixture of poses", AGAIN) as archive:
         arrays = read_expected(archive, MIXTURE)
         means, halves, shares = arrays["means"], arrays["covariances"], arrays["shares"]
         C, D = means.shape
@@ -153,12 +150,6 @@ def read_pose_mixture(path: Path) -> PoseMixture:
         int(arrays["n_frames"]),
         tuple(map(str, arrays["held_out_clips"])),
     )
-
-
-@contextmanager
-def _opened(path: Path, what: str) -> Iterator[Archive]:
-    with taken_for(path, what, "install the workbench again"), open_arrays(path) as archive:
-        yield archive
 
 
 def shipped_gaussian() -> PoseGaussian:

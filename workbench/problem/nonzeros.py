@@ -2,7 +2,8 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index
 
@@ -15,6 +16,15 @@ def columns_of_nonzeros(matrix: csc_array) -> Index:
 def rows_of_nonzeros(matrix: csr_array) -> Index:
     """The row in which each stored entry stands, (nnz,)."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def tied_columns(pattern: coo_array) -> list[Index]:
+    """The columns in groups, in ascending order, such that no row has entries in two of them."""
+    m, n = pattern.shape
+    ends = (pattern.row, m + pattern.col)
+    ties = coo_array((np.ones(pattern.nnz), ends), shape=(m + n, m + n))
+    label = np.unique(connected_components(ties, directed=False)[1][m:], return_inverse=True)[1]
+    return np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
 
 
 def sums(places: NDArray[np.signedinteger], values: Array, size: int) -> Array:

@@ -12,7 +12,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Points, Tree, Values, in_blocks
 from workbench.blocks.checks import mapping, texts
 from workbench.blocks.layout import all_values
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 from workbench.problem import naming
 from workbench.problem.batch import Batch, Costs, Evaluation, Places, Slopes, interpreted, slopes
 from workbench.problem.bounds import Bounds, flat_bounds, of_free
@@ -126,8 +126,7 @@ class Problem:
         """The rows (m,) of the named residuals. Raises UnknownName for a name that none has."""
         found = np.zeros(self.size, dtype=bool)
         for name in residuals:
-            if name not in self.rows:
-                raise UnknownName("residual", name, self.rows)
+            check_known("residual", name, self.rows)
             found[self.rows[name]] = True
         return found
 

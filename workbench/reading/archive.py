@@ -11,6 +11,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import BadFile
-from workbench.reading.damage import damage, refuse_what_is_no_file
+from workbench.reading.damage import damage, refuse_what_is_no_file, taken_for
 from workbench.reading.npy import LONGEST_HEADER, Header, check_letters, header_of
 
+AGAIN = "install the workbench again"
 MOST_BYTES = 2 * 2**30  # of all arrays in one file; licensed models reach a quarter of a GB
 # Deflation makes zeros a thousand times smaller, and conversion to float64 makes bytes eight times
 # larger, so a file of 2 MB could ask for 16 GB. Real arrays hardly shrink by more than a few times.
@@ -144,3 +146,17 @@ def open_arrays(path: Path) -> Iterator[Archive]:
             archive = zipfile.ZipFile(_InPieces(file))
         with archive:
             yield Archive(archive, path.stat().st_size)
+
+
+@contextmanager
+def opened(path: str | Path, what: str, do: str) -> Iterator[Archive]:
+    """The same; what is wrong with the file becomes a sentence: `PATH is no WHAT (REASON); DO`."""
+    with taken_for(path, what, do), open_arrays(Path(path)) as archive:
+        yield archive
+
+
+@contextmanager
+def shipped(name: str, what: str) -> Iterator[Archive]:
+    """The arrays of a file of the workbench's own data, such as `poses/cmu_gaussian.npz`."""
+    with as_file(files("workbench") / "data" / name) as path, opened(path, what, AGAIN) as archive:
+        yield archive

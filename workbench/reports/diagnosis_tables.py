@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.diagnostics import Diagnosis
+from workbench.diagnostics import Diagnosis, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.report import changed
 from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
@@ -86,15 +86,10 @@ def conditioning_table(d: Diagnosis) -> Table:
 
 def known_table(d: Diagnosis) -> Table:
     """How many entries of each block are identified, and why others are not."""
-    known = d.identifiability
-    names = np.array([v.name for v in known.verdicts])
     rows = []
     for block in d.free.blocks:
-        at = d.free.slices[block.name]
-        counts = [
-            str(int(np.sum(names[at] == name)))
-            for name in ("IDENTIFIED", "PRACTICAL", "NUMERICAL", "STRUCTURAL")
-        ]
+        verdicts = d.identifiability.verdicts[d.free.slices[block.name]]
+        counts = (str(verdicts.count(v)) for v in reversed(EntryIdentifiability))
         rows.append((block.name, block.unit, *counts))
     head = ("block", "unit", "identified", "practically not", "numerically not", "structurally not")
     return Table(head, tuple(rows), (2, 3, 4, 5))

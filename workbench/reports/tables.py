@@ -13,7 +13,7 @@ from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.diagnostics.structure import TermBlock, gathered
 from workbench.diagnostics.tables import table as lines_of
-from workbench.errors import some_of
+from workbench.errors import joined, some_of
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
@@ -84,9 +84,7 @@ def priors_said(outcome: Outcome) -> str:
         return "The setup names no residual as a prior."
     prior, make = ("prior", "makes") if len(priors) == 1 else ("priors", "make")
     share = f"{outcome.prior_share:.1%}" if math.isfinite(outcome.prior_share) else "nothing"
-    *first, last = priors
-    named = f"{', '.join(first)} and {last}" if first else last
-    return f"The {prior}, {named}, {make} up {share} of the cost at the end."
+    return f"The {prior}, {joined(priors)}, {make} up {share} of the cost at the end."
 
 
 def better_said(outcome: Outcome) -> str:

@@ -6,15 +6,15 @@ import casadi as cs
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities
 from workbench.solvers.damping import DAMPED, Damped
 from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import (
     Hessian,
     Oracle,
+    abilities_with,
     exact_hessian,
     gauss_newton_hessian,
-    needs_hessian,
     unless_solved,
 )
 from workbench.solvers.run import Run
@@ -74,15 +74,7 @@ class Ipopt:
     @property
     def abilities(self) -> Abilities:
         """It takes bounds and constraints; what it needs depends on `hessian`."""
-        exact = needs_hessian(self.hessian)
-        return Abilities(
-            Derivative.HESSIAN if exact else Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            equations=True,
-            inequalities=True,
-            first_step=IN_A_RADIUS if isinstance(self.hessian, Damped) else WHOLE,
-            source="Waechter and Biegler 2006",
-        )
+        return abilities_with(self.hessian, "Waechter and Biegler 2006")
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 from workbench.problem import Problem
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
@@ -70,8 +70,7 @@ class Nlopt:
 
     def __post_init__(self) -> None:
         for name in (self.algorithm, self.local):
-            if name not in ALGORITHMS:
-                raise UnknownName("NLopt algorithm here", name, ALGORITHMS)
+            check_known("NLopt algorithm here", name, ALGORITHMS)
 
     @property
     def abilities(self) -> Abilities:

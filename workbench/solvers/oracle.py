@@ -12,6 +12,7 @@ from workbench.arrays import Array
 from workbench.problem import Linearization, Problem
 from workbench.problem.pattern import Pattern
 from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
+from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.convexity import raised, reflected
 from workbench.solvers.damping import Damped
 from workbench.solvers.external import Compute, External, Kept, Places, Recorder
@@ -35,9 +36,18 @@ def exact_hessian(run: Run, x: Array, here: Linearization) -> Stored:
     return run.hessian(x)
 
 
-def needs_hessian(hessian: Hessian | None) -> bool:
-    """Whether the Hessian needs more than the first derivatives of the residual."""
-    return not (hessian in (None, gauss_newton_hessian) or isinstance(hessian, Damped))
+def abilities_with(hessian: Hessian | None, source: str) -> Abilities:
+    """What a solver can do that CasADi calls with this Hessian: it takes bounds and constraints."""
+    damped = isinstance(hessian, Damped)
+    first_derivatives = damped or hessian in (None, gauss_newton_hessian)
+    return Abilities(
+        Derivative.JACOBIAN if first_derivatives else Derivative.HESSIAN,
+        Boxes.TAKEN,
+        equations=True,
+        inequalities=True,
+        first_step=IN_A_RADIUS if damped else WHOLE,
+        source=source,
+    )
 
 
 def unless_solved(run: Run) -> None:

@@ -8,7 +8,7 @@ import scipy.optimize
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 from workbench.problem import Problem
 from workbench.problem.storage import Stored, columns_of, dense, stacked, unblocked
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
@@ -56,8 +56,7 @@ class Scipy:
     gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise UnknownName("method of SciPy", self.method, METHODS)
+        check_known("method of SciPy", self.method, METHODS)
 
     @property
     def abilities(self) -> Abilities:

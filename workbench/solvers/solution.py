@@ -12,8 +12,7 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.errors import BadFile
 from workbench.problem import Problem
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import opened
 from workbench.reading.expected import doubles, nothing_else, read_expected, texts
 from workbench.reading.facts import (
     Facts,
@@ -180,10 +179,8 @@ class Solution:
     @staticmethod
     def load(path: str | Path) -> "Solution":
         """Read what `save` wrote; raises BadFile if that is not what the file holds."""
-        with (
-            taken_for(path, "solution that Solution.save wrote", "give the .npz of a run"),
-            open_arrays(Path(path)) as archive,
-        ):
+        what = "solution that Solution.save wrote"
+        with opened(path, what, "give the .npz of a run") as archive:
             facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
             rows = facts.several("trace", _row)
             minima = facts.several("hypotheses", _minimum) if "hypotheses" in facts.entries else ()

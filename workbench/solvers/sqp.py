@@ -6,10 +6,10 @@ import casadi as cs
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
-from workbench.solvers.damping import DAMPED, Damped
+from workbench.solvers.abilities import Abilities
+from workbench.solvers.damping import DAMPED
 from workbench.solvers.limits import Stop
-from workbench.solvers.oracle import Hessian, Oracle, needs_hessian, unless_solved
+from workbench.solvers.oracle import Hessian, Oracle, abilities_with, unless_solved
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
@@ -68,15 +68,8 @@ class Sqp:
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds and constraints."""
-        exact = needs_hessian(self.hessian)
-        return Abilities(
-            Derivative.HESSIAN if exact else Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            equations=True,
-            inequalities=True,
-            first_step=IN_A_RADIUS if isinstance(self.hessian, Damped) else WHOLE,
-            source="Nocedal and Wright 2006, chapter 18; CasADi's sqpmethod",
-        )
+        source = "Nocedal and Wright 2006, chapter 18; CasADi's sqpmethod"
+        return abilities_with(self.hessian, source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.errors import BadArgument, UnknownName, listed
+from workbench.errors import BadArgument, check_known, listed
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes.forked import forked
@@ -48,8 +48,7 @@ class Spread:
         """A start. Raises UnknownName for a block that the problem does not leave free."""
         free = {block.name: block for block in problem.free.blocks}
         for name in self.sigmas:
-            if name not in free:
-                raise UnknownName("free block", name, free)
+            check_known("free block", name, free)
         x, fixed = problem.split(start)
         sigma = problem.free.pack(
             {n: np.full(block.shape, self.sigmas.get(n, 0.0)) for n, block in free.items()}

@@ -5,15 +5,13 @@ teacher without the wheel.
 """
 
 from dataclasses import replace
-from importlib.resources import as_file, files
 
 from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.errors import BadFile
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import shipped
 from workbench.reading.expected import check_numbers, read_expected, wholes
 from workbench.synthetic.rig import N_FINE, at_most_four, coarse
 from workbench.synthetic.skeleton import N_JOINTS, PARENTS
@@ -35,11 +33,7 @@ def teacher_of(body: SkinnedBody) -> Teacher:
             "as load_body gives them"
         )
     parts, N = [f"{body.name}_{part}" for part in ("shares", "rows", "columns")], body.n_vertices
-    with (
-        as_file(files("workbench") / "data" / "bodies" / FILE_NAME) as path,
-        taken_for(path, "file of fine weights", "install the workbench again"),
-        open_arrays(path) as archive,
-    ):
+    with shipped(f"bodies/{FILE_NAME}", "file of fine weights") as archive:
         arrays = read_expected(archive, dict.fromkeys(parts, wholes("entries")))
         shares, rows, columns = (arrays[part] for part in parts)
         check_numbers(parts[1], rows, N)

@@ -8,8 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import opened
 from workbench.reading.expected import check_numbers, read_expected, reals, wholes
 from workbench.writing import replacing
 
@@ -63,8 +62,8 @@ def read_ground_truth(folder: Path) -> GroundTruth:
             f"{path} does not exist: what these registrations were made from is not known; "
             "`python -m builder.sets`, in a checkout, makes registrations that come with it"
         )
-    with taken_for(path, "record of what registrations were made from", "make them anew"):
-        with open_arrays(path) as archive:
-            arrays = read_expected(archive, EXPECTED)
+    what = "record of what registrations were made from"
+    with opened(path, what, "make them anew") as archive:
+        arrays = read_expected(archive, EXPECTED)
         check_numbers("subject", arrays["subject"], len(arrays["rest"]))
     return GroundTruth(**arrays)

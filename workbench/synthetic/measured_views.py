@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
+from workbench.geometry.solids import face_vectors
 from workbench.synthetic.depth_images import DepthImage, depth_image, visible
 from workbench.synthetic.scan_effects import Discs, Noise, Region, unit_vectors, vertex_normals
 from workbench.synthetic.scan_grids import Joining, areas, estimated_normals
@@ -105,8 +106,7 @@ def angles(points: Array, normals: Array, scanner: Scanner) -> Array:
 
 def face_normals(surface: Array, faces: Index, chosen: Index) -> Array:
     """The unit normals (H, 3) of some faces (H,), which are no lines."""
-    a, b, c = surface[faces[chosen]].transpose(1, 0, 2)
-    return unit_vectors(np.cross(b - a, c - a))
+    return unit_vectors(face_vectors(surface, faces[chosen]))
 
 
 def true_points(surface: Array, faces: Index, image: DepthImage) -> Array:

@@ -12,6 +12,7 @@ from scipy.stats import norm
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
+from workbench.geometry.solids import face_vectors, sums_around
 
 STEEPEST_MEASURED = np.radians(80)  # where the measurements of noise by angle end
 WAVES = 300  # that make up a smooth random field
@@ -81,8 +82,7 @@ class Holes:
 
     def discs(self, vertices: Array, faces: Index, rng: np.random.Generator) -> "Discs":
         """The discs on a surface (N, 3) m, (F, 3), drawn by area."""
-        a, b, c = vertices[faces].transpose(1, 0, 2)
-        normals = np.cross(b - a, c - a)
+        normals = face_vectors(vertices, faces)
         areas = np.linalg.norm(normals, axis=1)
         face = np.searchsorted(np.cumsum(areas) / areas.sum(), rng.random(self.count))
         shares = rng.dirichlet((1.0, 1.0, 1.0), self.count)
@@ -210,10 +210,7 @@ def vertex_normals(vertices: Array, faces: Index) -> Array:
 
     A vertex in no face has the normal 0.
     """
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    normals = np.repeat(np.cross(b - a, c - a), 3, axis=0)
-    sums = [np.bincount(faces.ravel(), normals[:, i], minlength=len(vertices)) for i in range(3)]
-    total = np.stack(sums, axis=1)
+    total = sums_around(face_vectors(vertices, faces), faces, len(vertices))
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     return np.asarray(total / np.where(lengths > 0, lengths, 1.0))
 

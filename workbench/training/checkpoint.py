@@ -14,8 +14,7 @@ from scipy.sparse import csr_array
 
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
 from workbench.errors import BadFile, listed, shown
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import opened
 from workbench.reading.expected import doubles, nothing_else, optional, read_expected, texts
 from workbench.reading.facts import amount, facts, facts_in, number
 from workbench.training.estimate import Estimate
@@ -67,7 +66,7 @@ def read_checkpoint(
     path = folder / FILE
     if not path.exists():
         return None
-    with taken_for(path, "checkpoint of this training", REMOVE), open_arrays(path) as archive:
+    with opened(path, "checkpoint of this training", REMOVE) as archive:
         named = FORMER if FORMER in archive.headers else FACTS
         stored = facts_in(read_expected(archive, {named: texts()})[named])
         if (digest := stored.text("fingerprint")) != fingerprint:

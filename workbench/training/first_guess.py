@@ -16,7 +16,7 @@ from workbench.geometry.mesh_graph import find_mirror, heat
 from workbench.geometry.mirror import Mirror, opposite, opposites
 from workbench.geometry.solids import mesh_edges
 from workbench.homes import expanded
-from workbench.reading.archive import open_arrays
+from workbench.reading.archive import opened
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import read_expected, reals, texts, wholes
 from workbench.training.registrations import FARTHEST
@@ -181,7 +181,7 @@ def read_start(name: str | Path) -> Start:
     if not path.is_file() or path.suffix != ".npz":
         return Start.of(load_skinned(name))
     what = "start for training", "write it with write_start, or give an embedded body"
-    with taken_for(path, *what), open_arrays(path) as archive:
+    with opened(path, *what) as archive:
         arrays = read_expected(archive, EXPECTED) if "segmentation" in archive.headers else None
     if arrays is None:
         return Start.of(load_skinned(path))

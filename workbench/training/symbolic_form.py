@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.errors import UnknownName
+from workbench.errors import check_known
 from workbench.problem import Constraint, Problem
 from workbench.residuals import Residual, gaussian, mirrored, regressed, vertices
 from workbench.training.estimate import Estimate
@@ -88,8 +88,7 @@ class SymbolicTraining:
             "E_W": self._near_first_weights,
             "E_T": self._near_first_template,
         }
-        if term not in writers:
-            raise UnknownName("term of training", term, writers)
+        check_known("term of training", term, writers)
         return list(writers[term]())
 
     def problem(self, terms: Iterable[str] = TERMS) -> Problem:

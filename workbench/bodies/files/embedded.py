@@ -14,11 +14,11 @@ from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadFile
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import AGAIN, opened
 from workbench.reading.expected import Kind, check_numbers, read_expected, reals, texts, wholes
 from workbench.reading.facts import facts_in
 
+REPAIR = f"{AGAIN}, or build the body again"
 PARTS = ("rows", "columns", "shares")  # of a sparse matrix of whole numbers
 SYNTHETIC = (
     "the people behind this body were made by a program from shapes that artists modelled, and a "
@@ -58,10 +58,7 @@ def read_embedded(path: Path) -> SkinnedBody:
 
     Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit together.
     """
-    with (
-        taken_for(path, "embedded body", "install the workbench again, or build the body again"),
-        open_arrays(path) as archive,
-    ):
+    with opened(path, "embedded body", REPAIR) as archive:
         arrays = read_expected(archive, EXPECTED)
         parts = _unpacked(arrays, facts_in(arrays["card"]).entries)
     return SkinnedBody(**parts, name=path.stem)

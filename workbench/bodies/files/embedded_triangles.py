@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.bodies.files.embedded import STEPS, embedded
+from workbench.bodies.files.embedded import REPAIR, STEPS, embedded
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
+from workbench.reading.archive import opened
 from workbench.reading.expected import check_numbers, read_expected, reals, texts, wholes
 from workbench.reading.facts import facts_in
 
@@ -48,10 +47,7 @@ def read_embedded_triangles(
     """
     skinned = embedded(mesh)
     body = model(skinned)
-    with (
-        taken_for(path, "embedded body", "install the workbench again, or build the body again"),
-        open_arrays(path) as archive,
-    ):
+    with opened(path, "embedded body", REPAIR) as archive:
         arrays = read_expected(archive, EXPECTED)
         card = facts_in(arrays["card"]).entries
         check_numbers("near", arrays["near"], body.n_joints)

@@ -38,16 +38,8 @@ class SurfaceArrays(Protocol):
         """How much each joint moves each vertex, (N, K); rows sum to one."""
 
 
-class SkeletonArrays(Protocol):
-    """The arrays that determine a body's joints, for N vertices, K joints and B betas."""
-
-    @property
-    def template(self) -> Array:
-        """The vertices of the mean person at rest, (N, 3) m."""
-
-    @property
-    def shapedirs(self) -> Array:
-        """What one standard deviation of each beta adds to the template, (N, 3, B) m."""
+class SkinnedArrays(SurfaceArrays, Body, Protocol):
+    """The arrays of a skinned body, the functions that combine them, and which are free."""
 
     @property
     def J_regressor(self) -> csr_array:
@@ -56,10 +48,6 @@ class SkeletonArrays(Protocol):
     @property
     def rest_joints(self) -> Array | None:
         """(K, 3) m, the joints at rest if they are given; None if `J_regressor` computes them."""
-
-
-class SkinnedArrays(SurfaceArrays, SkeletonArrays, Body, Protocol):
-    """The arrays of a skinned body, the functions that combine them, and which are free."""
 
     @property
     def skinning(self) -> Skinning:

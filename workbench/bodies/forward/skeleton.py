@@ -8,7 +8,7 @@ import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.bodies.forward.arrays import SkeletonArrays
+from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.geometry.rotation import Matrix
 
 
@@ -28,7 +28,7 @@ class Skeleton:
     slopes: Array
 
     @staticmethod
-    def of(body: SkeletonArrays) -> Skeleton:
+    def of(body: SkinnedArrays) -> Skeleton:
         """The joints of a body whose arrays are numbers."""
         N, _, B = body.shapedirs.shape
         if body.rest_joints is not None:
