@@ -25,9 +25,10 @@ CLOSE = ScanTerm(outlier=0.006, within=0.05, facing=0.5)
 BODY = ("pose", "betas", "trans")
 VERTICES = "vertices"
 OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
-OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients(), max_iterations=30)
-TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=1e-2), max_iterations=30)
+OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients())
+TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=1e-2))
 SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
+MOST = 30  # steps of a stage that ends so
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,10 @@ class VertexStage:
         term: how the scan pulls. Free vertices follow clutter where a whole body does not, so that
             outliers begin earlier for them.
         solver: what solves it.
-        settled: the stage ends after a step that lowers the cost by less than this share of it;
-            with 0 only the solver decides. Contacts go on switching between neighbouring triangles
-            when nothing else happens any more, so that gradients vanish late or never.
+        settled: the stage ends after a step that lowers the cost by less than this share of it,
+            or after 30 steps; with 0 only the solver decides. Contacts go on switching between
+            neighbouring triangles when nothing else happens any more, so that gradients vanish late
+            or never.
     """
 
     name: str
@@ -76,15 +78,17 @@ class Settled:
     Attributes:
         share: of the cost, the smallest decrease by one step after which the run goes on.
         before: the cost of the last iterate.
+        left: how many more steps there may be.
     """
 
     share: float
     before: float = np.inf
+    left: int = MOST
 
     def __call__(self, iterate: Iterate) -> bool:
         """Whether the run is to stop after this iterate."""
-        done = self.before - iterate.cost < self.share * iterate.cost
-        self.before = iterate.cost
+        done = self.before - iterate.cost < self.share * iterate.cost or self.left == 0
+        self.before, self.left = iterate.cost, self.left - 1
         return bool(done)
 
 
