@@ -26,7 +26,7 @@ BODY = ("pose", "betas", "trans")
 VERTICES = "vertices"
 OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
 OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients())
-TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=1e-2))
+TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=3e-2))
 SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 MOST = 30  # steps of a stage that ends so
 
