@@ -13,9 +13,10 @@ from tests.solvers.problems import body_fit, decay, line, rosenbrock
 from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, TrustRegion
 from workbench import residuals as terms
 from workbench.arrays import Array
+from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import steps
-from workbench.problem.steps import Step, automatic
+from workbench.problem.steps import Step, automatic, sparing
 from workbench.solvers import DEFAULT, SOLVERS, solve
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import LEAST, MOST, step_within
@@ -191,32 +192,43 @@ def banana(n: int) -> tuple[Problem, dict[str, Array]]:
 def test_bends_shorten_the_way_along_a_curved_valley(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, start = banana(6)
     bent = TrustRegion().solve(problem, start)
-    monkeypatch.setattr(module, "bend", lambda run, x, here, p, damping: np.zeros_like(p))
+    monkeypatch.setattr(module, "bend", lambda run, x, here, p, damping, solve: np.zeros_like(p))
     straight = TrustRegion().solve(problem, start)
     assert bent.converged
     assert bent.evaluations.total < straight.evaluations.total
     np.testing.assert_allclose(bent.values["x"], 1, atol=1e-4)
 
 
+class Evaluated:
+    """As much of a run as a bend needs."""
+
+    def __init__(self, problem: Problem, start: Values) -> None:
+        self.problem, (self.x, self.fixed) = problem, problem.split(start)
+
+    def evaluate(self, kind: str, function):
+        assert kind == "residual"
+        return function()
+
+
 def test_a_bend_is_the_second_derivative_pulled_back() -> None:
     """For residuals quadratic along p, (J'J + damping I) a = -J'r_pp / 2 to rounding."""
     problem, start = rosenbrock()
 
-    class Stub:
-        def __init__(self) -> None:
-            self.problem, (self.x, self.fixed) = problem, problem.split(start)
-
-        def evaluate(self, kind: str, function):
-            assert kind == "residual"
-            return function()
-
-    run = Stub()
+    run = Evaluated(problem, start)
     here = problem.linearize(start)
     p = np.array([0.05, -0.02])
-    a = module.bend(run, run.x, here, p, 100.0)  # type: ignore[arg-type]
+    a = module.bend(run, run.x, here, p, 100.0, sparing)  # type: ignore[arg-type]
     r_pp = np.array([-20 * p[0] ** 2, 0.0])
     expected = np.linalg.solve(here.normal + 100 * np.eye(2), -0.5 * here.dense.T @ r_pp)
     np.testing.assert_allclose(a, expected, rtol=1e-8)
+
+
+def test_a_bend_comes_from_the_linear_algebra_of_the_steps() -> None:
+    problem, start = rosenbrock()
+    run, here, p = Evaluated(problem, start), problem.linearize(start), np.array([0.05, -0.02])
+    for answer, expected in ((Step(0.01 * p, "odd"), 0.01 * p), (None, 0 * p)):
+        a = module.bend(run, run.x, here, p, 100.0, lambda *_, it=answer: it)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(a, expected)
 
 
 def test_dependent_columns_do_no_harm() -> None:

@@ -184,8 +184,7 @@ def gram_of_nonzeros(matrix: csc_array) -> csc_array:
         parts = [[S.T @ S, between], [between.T, B.T @ B]]
         place = np.argsort(np.argsort(full, kind="stable"), kind="stable")
         found = csc_array(csc_array(block_array(parts, format="csc"))[:, place])[place]
-    found.sort_indices()
-    return found
+    return csc_array(csr_array(found).T)  # itself, as it is symmetric; this is how rows are sorted
 
 
 def part(matrix: Symmetric, mask: Mask) -> Symmetric:

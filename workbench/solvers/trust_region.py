@@ -101,7 +101,9 @@ class TrustRegion:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 length = float(np.linalg.norm(step.p))
                 predicted = here.predicted_decrease(step.p)
-                p = step.p + bend(run, x, here, step.p, damping) if slow and damping > 0 else step.p
+                p = step.p
+                if slow and damping > 0:
+                    p = p + bend(run, x, here, p, damping, self.linear_algebra)
                 to = np.clip(x + p, problem.lower, problem.upper)
                 gain_ratio = run.gain_ratio(x, here, to, predicted)
                 if len(run.trace) == 1:
@@ -126,7 +128,9 @@ class TrustRegion:
         return lambda damping: box_step(here, damping, D, low, high, self.linear_algebra)
 
 
-def bend(run: Run, x: Array, here: Linearization, p: Array, damping: float) -> Array:
+def bend(
+    run: Run, x: Array, here: Linearization, p: Array, damping: float, solve: LinearAlgebra
+) -> Array:
     """The a (n,) by which the residual's second derivative along the step p (n,) bends it.
 
     It is 0 where it is no small correction. See `TrustRegion`.
@@ -134,8 +138,8 @@ def bend(run: Run, x: Array, here: Linearization, p: Array, damping: float) -> A
     ahead = np.clip(x + AHEAD * p, run.problem.lower, run.problem.upper)
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
     r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
-    pull = here.jacobian.T @ (-0.5 * r_pp)
-    a = here.inverse_times(pull[:, None], damping) if np.isfinite(pull).all() else None
-    if a is None or not 2 * np.linalg.norm(a) <= BENT * np.linalg.norm(p):
+    curved = here.with_residual(0.5 * r_pp)
+    step = solve(curved, damping, np.ones_like(p)) if np.isfinite(curved.gradient).all() else None
+    if step is None or not 2 * np.linalg.norm(step.p) <= BENT * np.linalg.norm(p):
         return np.zeros_like(p)
-    return a.ravel()
+    return step.p
