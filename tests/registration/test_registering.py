@@ -53,7 +53,7 @@ def test_a_person_is_found_and_what_was_found_is_told(
 ) -> None:
     assert np.linalg.norm(whole.vertices - truth, axis=1).mean() < 0.01  # m
     assert whole.facing == pytest.approx(TURN, abs=0.05)
-    assert [stage.name for stage in whole.stages] == ["model", "strong", "weak"]
+    assert [stage.name for stage in whole.stages] == ["model", "free"]
     assert whole.stages[0].unknowns == 3 * body.n_joints + body.n_betas + 3
     assert whole.stages[-1].unknowns == whole.stages[0].unknowns + 3 * body.n_vertices
     assert whole.median == np.median(np.abs(whole.distances[whole.touching]))

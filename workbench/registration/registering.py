@@ -192,7 +192,7 @@ def register(
     >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
     >>> found = register(body, Scan(body.vertices()), recipe=Recipe(stages))
     >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
-    (True, ['model', 'strong', 'weak'])
+    (True, ['model', 'free'])
     """
     used, left_out = _without_boundary(scan, recipe.boundary)
     took = _Clock()

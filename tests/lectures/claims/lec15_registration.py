@@ -258,8 +258,8 @@ SAYS = {
         ]
         .any()
     ),
-    "within 20 mm on average, and empty ones elsewhere. All starts ended there about y for angles up to 30 "
-    "degrees; about x for angles up to 60 degrees; about z for angles up to 60 degrees.": lambda run: (
+    "within 20 mm on average, and empty ones elsewhere. All starts ended at the truth for angles up to 30 "
+    "degrees about y; for angles up to 60 degrees about x; for angles up to 60 degrees about z.": lambda run: (
         1e3 * run["maps"][0].near,
         *(one.reach for one in run["maps"]),
     ),
