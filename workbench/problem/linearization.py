@@ -245,13 +245,6 @@ class Linearization:
             smaller.__dict__["normal"] = storage.part(self.normal, rest)
         return smaller
 
-    def with_residual(self, residual: Array) -> "Linearization":
-        """The same Jacobian with another residual (m,)."""
-        other = Linearization(residual, self.jacobian)
-        if "normal" in self.__dict__:
-            other.__dict__["normal"] = self.normal
-        return other
-
     def holding(self, held: Mask, p: Array) -> "Linearization":
         """The linearization after the `held` unknowns have moved by p; their columns become 0."""
         moved = self.residual + self.along(np.where(held, p, 0.0))
