@@ -36,8 +36,8 @@ LEFT = 20  # points that must be left when those at the boundary are left out
 def coupled(body: Body) -> tuple[VertexStage, ...]:
     """The stages of free vertices for a body: none for triangle bodies, which have no such term.
 
-    The model follows the vertices of bodies of up to 3,000 vertices, and is held for larger ones,
-    where following takes ten times as long.
+    The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is held,
+    because following takes three times as long, and twice the memory (benchmarks/REGISTRATION.md).
     """
     if not isinstance(body, SkinnedBody):
         return ()
