@@ -41,7 +41,7 @@ def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
         camera_position=camera.place,
     )
     one = EXAMPLE.person(tmp_path / "people.npz", "person_a", body, FEW_STAGES)
-    assert 0.2 < one.held_out.mean() < 0.5
+    assert 0.1 < one.held_out.mean() < 0.5
     assert EXAMPLE.facing_away(one) > 0.9
     model = EXAMPLE.away(one, one.fits["distance"].vertices(), body.faces)
     loose = EXAMPLE.away(one, one.fits["loose distance"].vertices(), body.faces)
@@ -70,5 +70,7 @@ def test_real_people_are_found_from_behind(tmp_path: Path) -> None:
         )
         assert np.median(model) < 7  # mm
         assert np.median(free) < 5
-        betas = [np.linalg.norm(fit.values["betas"]) for fit in one.fits.values()]
-        assert betas[1] < betas[0]
+        for fit in one.fits.values():
+            low, high = fit.vertices()[:, 1].min(), fit.vertices()[:, 1].max()
+            assert abs(low) < 0.25  # m: feet that were not seen, on a floor that is not told
+            assert 1.6 < high < 1.85
