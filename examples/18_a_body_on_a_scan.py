@@ -2,7 +2,7 @@
 
 Four simulated depth cameras see a synthetic person, whose own shape no betas of `small` can
 express, with 2 mm of noise, holes, and clutter in the room. The scan knows neither where the
-person stands nor which way it faces. First pose, betas and place are found from sixteen starts;
+person stands nor which way it faces. First pose, betas and place are found from many starts;
 then the vertices themselves are free, coupled to the model by the edges of the mesh. The scan was
 made here, so the truth is known, and so is what was not seen.
 """

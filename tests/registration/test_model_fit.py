@@ -171,7 +171,7 @@ def test_progress_can_stop_a_fit(body: SkinnedBody, truth: Array) -> None:
     fit = fit_model(body, cloud(body, truth), progress=stop)
     assert len(told) == 3
     assert told[0].stages == 3
-    assert told[0].starts == 16
+    assert told[0].starts == 24
     assert "callback" in fit.stopped
     assert np.isfinite(fit.cost)
     assert any(one.part == "run" for one in doubts(fit))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 
 MOST = 200_000  # points that are looked at
 CELLS = 50  # cells along the longest side of the scan
@@ -25,15 +25,26 @@ def outline(points: Array) -> Array:
     if not size > 0:
         return some
     some = some[((some > low - size) & (some < high + size)).all(axis=1)]
-    cells = np.floor((some - low) / (size / CELLS)).astype(np.int64) + CELLS  # 0 to 3 CELLS
+    means, cell, counts = means_of_cells(some, low, size / CELLS)
+    enough = counts >= SHARE * np.median(counts[cell])
+    return np.asarray(means[enough])
+
+
+def means_of_cells(points: Array, origin: Array, width: float) -> tuple[Array, Index, Index]:
+    """Means (C, 3) of the points (N, 3) in each cubic cell that holds some, `width` wide.
+
+    Cells meet at the `origin` (3,). Also the cell of each point, (N,), and how many points each
+    cell holds, (C,).
+    """
+    numbers = np.floor((points - origin) / width).astype(np.int64)
+    numbers -= numbers.min(axis=0)
     _, cell, counts = np.unique(
-        np.ravel_multi_index(tuple(cells.T), (3 * CELLS + 1,) * 3),
+        np.ravel_multi_index(tuple(numbers.T), tuple(numbers.max(axis=0) + 1)),
         return_inverse=True,
         return_counts=True,
     )
-    sums = np.stack([np.bincount(cell, some[:, axis]) for axis in range(3)], axis=1)
-    enough = counts >= SHARE * np.median(counts[cell])
-    return np.asarray(sums[enough] / counts[enough, None])
+    sums = np.stack([np.bincount(cell, points[:, axis]) for axis in range(3)], axis=1)
+    return np.asarray(sums / counts[:, None]), cell, counts
 
 
 def extents(cells: Array, axes: Array) -> Array:

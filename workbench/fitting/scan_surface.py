@@ -11,9 +11,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index
+from workbench.fitting.scan_outline import means_of_cells
 from workbench.geometry.solids import face_vectors, sums_around
 
 NEIGHBOURS = 16
+CELLS = 100  # along the longest side of a cloud, whose means make normals: 2 cm of a person
 FEW = 6  # neighbours, from which on circles around a point are looked at for its area
 AT_ONCE = 20_000  # points
 SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point beside the surface
@@ -31,9 +33,20 @@ def areas_of_faces(points: Array, faces: Index) -> Array:
 
 
 def normals_of_neighbours(points: Array) -> Array:
-    """Unit normals (M, 3) of a cloud, on either side: where 16 neighbours spread least."""
+    """Unit normals (M, 3) of a cloud, on either side: where its 16 nearest places spread least.
+
+    The places are means of the points in cells of a hundredth of the cloud's size, where cells hold
+    more than one. However dense a cloud of a person is, a normal is that of several centimetres:
+    depth cameras round, so that their clouds are flat terraces 1 to 2 cm apart, and the normals of
+    a smaller neighbourhood would be those of the terraces.
+    """
+    low, high = np.percentile(points, (1, 99), axis=0)
+    size = float((high - low).max())
+    places = means_of_cells(points, low, size / CELLS)[0] if size > 0 else points
+    if len(places) < NEIGHBOURS:
+        places = points
     found = np.empty_like(points)
-    for rows, near in neighbourhoods(points, NEIGHBOURS):
+    for rows, near in neighbourhoods(points, NEIGHBOURS, places):
         found[rows] = least_spread(near)
     return found
 
@@ -78,12 +91,18 @@ def towards(normals: Array, points: Array, place: Array) -> Array:
     return np.where(((place - points) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
 
 
-def neighbourhoods(points: Array, count: int) -> Iterator[tuple[slice, Array]]:
-    """For some points at a time their nearest, themselves included: (rows, (m, count, 3))."""
-    tree = cKDTree(points)
+def neighbourhoods(
+    points: Array, count: int, places: Array | None = None
+) -> Iterator[tuple[slice, Array]]:
+    """For some points at a time the nearest `places`: (rows, (m, count, 3)).
+
+    Without places these are the points, themselves included.
+    """
+    among = points if places is None else places
+    tree = cKDTree(among)
     for start in range(0, len(points), AT_ONCE):
         rows = slice(start, start + AT_ONCE)
-        yield rows, points[tree.query(points[rows], k=count)[1]]
+        yield rows, among[tree.query(points[rows], k=count)[1]]
 
 
 def units(vectors: Array) -> Array:
