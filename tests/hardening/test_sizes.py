@@ -76,9 +76,8 @@ def test_a_sparse_jacobian_says_what_the_dense_one_says(monkeypatch: pytest.Monk
             problem.optimality(point[0], dense), rel=1e-9
         )
         for i in (0, dense.shape[1] - 1):
-            assert (
-                sparse.rows_changed_by(i) == dense.rows_changed_by(i)
-            ).mean() > 0.99  # products may be zero
+            changed = (one.column(i) != 0 for one in (sparse, dense))
+            assert np.equal(*changed).mean() > 0.99  # products may be zero
         sparse.jacobian.data[3] = np.nan
         assert not wb.Linearization(sparse.residual, sparse.jacobian).finite
 

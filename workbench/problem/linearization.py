@@ -97,6 +97,12 @@ class Linearization:
         """The directional derivative J d, (m,)."""
         return np.asarray(self.jacobian @ direction)
 
+    def with_residual(self, residual: Array) -> "Linearization":
+        """The same J with another residual (m,); J'J is not computed again."""
+        other = Linearization(residual, self.jacobian)
+        vars(other)["normal"] = self.normal  # a cached property of a frozen object
+        return other
+
     def column(self, i: int) -> Array:
         """Column i of J, (m,)."""
         return storage.dense(storage.columns_of(self.jacobian, np.array([i]))).ravel()
@@ -109,10 +115,6 @@ class Linearization:
         """The linearization of some rows by some unknowns only."""
         part = storage.by_columns(self._by_rows[rows][:, columns])
         return Linearization(self.residual[rows], part)
-
-    def rows_changed_by(self, i: int) -> Mask:
-        """Which rows (m,) unknown i changes: where its column of the Jacobian is not zero."""
-        return np.asarray(self.column(i) != 0)
 
     @cached_property
     def finite(self) -> bool:
@@ -224,8 +226,6 @@ class Linearization:
     @property
     def _relative(self) -> float:
         return ESTIMATED if self.estimated else EPS * max(self.shape)
-
-    # Steps.
 
     def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
         """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).

@@ -84,7 +84,7 @@ def lost(
     """
     found = gone.copy()
     for i in np.flatnonzero(gone):
-        rows = start.rows_changed_by(int(i))
+        rows = start.column(int(i)) != 0  # that it changes
         if rows.any() and (np.abs(here.residual[rows]) <= rounding.rows[rows]).all():
             found[i] = False
             continue

@@ -138,8 +138,7 @@ def bend(
     ahead = np.clip(x + AHEAD * p, run.problem.lower, run.problem.upper)
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
     r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
-    curved = Linearization(0.5 * r_pp, here.jacobian)
-    curved.__dict__["normal"] = here.normal  # known already: it does not depend on the residual
+    curved = here.with_residual(0.5 * r_pp)
     step = solve(curved, damping, np.ones_like(p)) if np.isfinite(curved.gradient).all() else None
     if step is None or not 2 * np.linalg.norm(step.p) <= BENT * np.linalg.norm(p):
         return np.zeros_like(p)
