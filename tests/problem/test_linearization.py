@@ -231,3 +231,12 @@ def test_rounding_explains_what_is_left_without_noise_and_nothing_more(seed: int
     off = values | {"trans": truth["trans"] + [1e-9, 0, 0]}
     assert optimality(problem, off, rounding) > 1e-3
     assert 0 < rounding.norm < 1e-9 / 0.002
+
+
+def test_at_another_residual_only_what_depends_on_it_changes() -> None:
+    here = Linearization(B, A)
+    other = here.with_residual(2 * B)
+    assert other.normal is here.normal
+    assert other.cost == pytest.approx(4 * here.cost)
+    np.testing.assert_allclose(other.gradient, 2 * here.gradient)
+    np.testing.assert_allclose(other.step(), 2 * here.step())
