@@ -22,6 +22,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.fitting import Scan, pose_prior, shape_prior
+from workbench.lectures.material.wilson import wilson
 from workbench.priors.mocap import held_out_poses
 from workbench.problem import Problem
 from workbench.registration import ModelFit, doubts, fit_model, support
@@ -124,9 +125,9 @@ def _run(body: SkinnedBody, points: Array, form: Form, start: Values) -> int:
 
 
 def table(scenes: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """Successes, errors, times and warnings of each scene."""
+    """Successes with Wilson's 95 % intervals, errors, times and warnings of each scene."""
     lines = [
-        "| scans | within 20 mm | mean of these, mm | seen / hidden, mm | worst, mm "
+        "| scans | within 20 mm (95 %) | mean of these, mm | seen / hidden, mm | worst, mm "
         "| CPU s, median / most | warned of those that fail | warned of the others |",
         "| --- | --: | --: | --: | --: | --: | --: | --: |",
     ]
@@ -139,12 +140,23 @@ def table(scenes: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
             for what in ("error", "seen", "hidden")
         )
         lines.append(
-            f"| {name} | {len(good)} of {len(runs)} | {mean:.1f} | {seen:.1f} / {hidden:.1f} | "
+            f"| {name} | {_share(len(good), len(runs))} | {mean:.1f} | {seen:.1f} / {hidden:.1f} | "
             f"{max(run['error'] for run in runs):.0f} | {np.median(times):.1f} / {max(times):.1f} "
-            f"| {sum(bool(run['warnings']) for run in bad)} of {len(bad)} | "
-            f"{sum(bool(run['warnings']) for run in good)} of {len(good)} |"
+            f"| {_share(_warned(bad), len(bad))} | {_share(_warned(good), len(good))} |"
         )
     return "\n".join(lines) + "\n"
+
+
+def _warned(runs: Sequence[Mapping[str, Any]]) -> int:
+    return sum(bool(run["warnings"]) for run in runs)
+
+
+def _share(k: int, n: int) -> str:
+    """k of n, and between which shares it lies."""
+    if not n:
+        return "0 of 0"
+    found = wilson(k, n)
+    return f"{k} of {n} ({100 * found.low:.0f} to {100 * found.high:.0f} %)"
 
 
 def page(results: Mapping[str, Any]) -> str:

@@ -42,7 +42,9 @@ class FitStage:
         iterations: the most from each start.
         settled: a run ends when three iterations together lower the cost by less than this share.
 
-    On the way sigma shrinks with the reach: a wide reach alone would give much clutter its say.
+    A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it.
+    With a wide reach, a few points of clutter outweigh the prior, and draw hidden limbs to them.
+    So sigma shrinks with the reach on the way, and the last reach is three sigmas.
     """
 
     points: int
@@ -59,9 +61,9 @@ class FitStage:
 
 
 FIT_STAGES = (
-    FitStage(300, 0.05, 0.10, 16, 20),
-    FitStage(800, 0.02, 0.05, 8, 25),
-    FitStage(3000, 0.005, 0.03, 3, 40, 0.002),
+    FitStage(300, 0.05, 0.10, 24, 30, 0.004),
+    FitStage(800, 0.02, 0.05, 8, 40, 0.002),
+    FitStage(3000, 0.005, 0.015, 3, 60, 0.0005),
 )
 
 

@@ -11,7 +11,7 @@ from workbench.fitting.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 YAWS = 8
-ARMS = (1.2, 0.3)  # rad below the horizontal: hanging down, and spread
+ARMS = (1.3, 0.7, 0.1)  # rad below the horizontal: hanging down, half raised, and spread
 STRAY = 0.01  # of the points may lie below the feet, and as many above the head
 LARGEST, SMALLEST = 5.0, 0.1  # times the height of the body: the size of a scan of a person
 FEWEST = 20  # points
