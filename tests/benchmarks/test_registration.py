@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from benchmarks import registration
 from benchmarks.registration import GOOD
 from workbench.registration import FIT_STAGES
@@ -30,11 +32,14 @@ def test_where_one_view_fails_is_as_the_page_says() -> None:
     assert f"In {len(hidden)} of these the vertices that were seen are right" in PAGE
     assert f"the other {len(FAILED) - len(hidden)} are wrong altogether" in PAGE
     assert all(run["hidden"] > GOOD for run in hidden)
+    assert all(run["seen"] > 4 * GOOD for run in FAILED if run["seen"] > GOOD)
 
 
 def test_a_point_of_clutter_is_worth_what_the_page_says() -> None:
     last = FIT_STAGES[-1]
-    assert f"At three sigmas it is worth {(last.reach / last.sigma) ** 2 / 2:.1f}." in PAGE
+    assert last.reach / last.sigma == pytest.approx(3)
+    assert f"a point of clutter is worth {3**2 / 2} units" in PAGE
+    assert f"At six sigmas it\nwould be {6**2 // 2}," in PAGE
 
 
 def test_shares_have_intervals_that_hold_them() -> None:
