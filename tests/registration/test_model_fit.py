@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench import load_body
+from workbench import load_body, registration
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
@@ -202,3 +202,25 @@ def test_settings_that_make_no_sense_are_refused(body: SkinnedBody, truth: Array
         scan_starts(body, scan, yaws=0)
     with pytest.raises(BadArgument, match="above zero"):
         FitStage(0, 0.1, 0.1, 1, 1)
+
+
+@pytest.mark.parametrize("reach", [0.015, 0.03])
+def test_a_point_at_the_surface_lowers_the_cost_by_what_its_stage_says(
+    body: SkinnedBody, reach: float
+) -> None:
+    """Half the square of reach / sigma, compared with a point far away."""
+    arguments = (body.bind_pose, np.zeros(body.n_betas), np.zeros(3))
+    here = dict(zip((block.name for block in body.blocks()), arguments, strict=True))
+    surface, stage = body.vertices(*arguments), FitStage(1000, 0.005, reach, 1, 1)
+
+    def cost(more: Array) -> float:
+        scan = Scan(np.concatenate([surface[:100], more]))
+        fit = fit_model(body, scan, stages=(stage,), starts=lambda body, scan: (here,))
+        return fit.problem.linearize(here).cost
+
+    lowered = cost(surface[:1] + 100.0) - cost(surface[:1])
+    assert lowered == pytest.approx((reach / stage.sigma) ** 2 / 2, rel=0.01)
+
+
+def test_the_last_reach_is_three_sigmas() -> None:
+    assert registration.FIT_STAGES[-1].reach == pytest.approx(3 * registration.FIT_STAGES[-1].sigma)

@@ -1,0 +1,47 @@
+"""The benchmark of fits to scans: what its kept results say, and what its page says of them."""
+
+import json
+
+import pytest
+
+from benchmarks import registration
+from benchmarks.registration import GOOD
+from workbench.registration import FIT_STAGES
+
+KEPT = json.loads(registration.RESULTS.read_text(encoding="utf-8"))
+PAGE = registration.PAGE.read_text(encoding="utf-8")
+FOUR, ONE = KEPT["scenes"]["4 views"], KEPT["scenes"]["1 view"]
+FAILED = [run for run in ONE if run["error"] > GOOD]
+
+
+def test_the_page_says_what_the_kept_results_say() -> None:
+    assert f"{registration.BEGIN}\n{registration.page(KEPT)}\n{registration.END}" in PAGE
+    assert [run["seed"] for run in ONE] == [run["seed"] for run in FOUR] == list(range(60))
+
+
+def test_four_views_are_enough_and_one_is_mostly() -> None:
+    good = [run["error"] for run in FOUR if run["error"] <= GOOD]
+    assert len(good) >= 57
+    assert sum(good) / len(good) <= 7
+    assert f"one view {len(FAILED)} of {len(ONE)} fits fail" in PAGE
+    assert sum(bool(run["warnings"]) for run in FAILED) >= 0.8 * len(FAILED)
+
+
+def test_where_one_view_fails_is_as_the_page_says() -> None:
+    hidden = [run for run in FAILED if run["seen"] <= GOOD]
+    assert f"In {len(hidden)} of these the vertices that were seen are right" in PAGE
+    assert f"the other {len(FAILED) - len(hidden)} are wrong altogether" in PAGE
+    assert all(run["hidden"] > GOOD for run in hidden)
+    assert all(run["seen"] > 4 * GOOD for run in FAILED if run["seen"] > GOOD)
+
+
+def test_a_point_of_clutter_is_worth_what_the_page_says() -> None:
+    last = FIT_STAGES[-1]
+    assert last.reach / last.sigma == pytest.approx(3)
+    assert f"a point of clutter is worth {3**2 / 2} units" in PAGE
+    assert f"At six sigmas it\nwould be {6**2 // 2}," in PAGE
+
+
+def test_shares_have_intervals_that_hold_them() -> None:
+    assert "46 of 60 (65 to 86 %)" in registration.table({"1 view": ONE})
+    assert "0 of 0 |" in registration.table({"4 views": FOUR})
