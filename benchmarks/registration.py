@@ -23,7 +23,6 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.comparison.statistics import rate
 from workbench.fitting import Scan, pose_prior, shape_prior
-from workbench.lectures.material.wilson import wilson
 from workbench.priors.mocap import held_out_poses
 from workbench.problem import Problem
 from workbench.registration import ModelFit, doubts, fit_model, support
