@@ -5,8 +5,8 @@ kinect_people.npz`. It holds arrays `person_a`, `person_b`, `person_c`, (N, 3) m
 `camera_position` (3,) m; clouds of your own in this form will do as well. The three people were
 published with the Point Cloud Library under a BSD licence, and do not come with the workbench.
 
-A Kinect rounds depths, so that its clouds are terraces one to two centimetres apart. Half of the
-points are held out, drawn at random. The boundary, where pixels mix a person with what is behind,
+A Kinect rounds depths, so that its clouds are terraces up to about two centimetres apart. Half of
+the points are held out, drawn at random. The boundary, where pixels mix a person with what is behind,
 is left out. A body is fitted to the rest, and then its vertices are free; distances of the
 held-out points from the surface say how well. Clothing lies outside of the body, and a fit by the
 plain distance takes it for flesh. A loose distance counts three tenths where a point is in front of
@@ -161,6 +161,10 @@ def main(path: Path, body: wb.SkinnedBody, figure: Path) -> dict[str, Person]:
     """Fit all people of a file, say what was found, and draw it."""
     with np.load(path) as arrays:
         names = [name for name in arrays.files if name.startswith("person")]
+        has_camera = "camera_position" in arrays.files
+    if not names or not has_camera:
+        print(NEEDED)
+        return {}
     people = {}
     for name in names:
         people[name] = person(path, name, body)

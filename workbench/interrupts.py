@@ -121,3 +121,14 @@ class Interrupts:
         while self._before:
             number, handler = self._before.popitem()
             signal.signal(number, handler)
+
+
+def caused_by(error: BaseException, kind: type[BaseException]) -> bool:
+    """Whether an error, or one of its causes, is of a kind.
+
+    C code that is interrupted during a callback raises a SystemError caused by the interrupt.
+    """
+    known: BaseException | None = error
+    while known is not None and not isinstance(known, kind):
+        known = known.__cause__
+    return known is not None

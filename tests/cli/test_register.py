@@ -54,7 +54,7 @@ def test_one_scan_becomes_a_page_and_a_surface(workbench: Run, scans: Path) -> N
     code, out, err = workbench("register", str(scans / "left.xyz"), "--body", "small")
     assert code == 0, err
     assert "note: the unit is taken to be m" in out
-    assert "stage 3 of 3, starts: 3 of 3" in out
+    assert "stage 3 of 3, starts: 2 of 3" in out
     folder = Path("runs/register-left")
     assert f"report: {folder / 'index.html'}" in out
     with np.load(folder / "registration.npz") as stored:
@@ -122,6 +122,7 @@ def test_what_was_typed_wrongly_is_told(
     code, _, err = workbench("register", str(scans / "left.xyz"), *given)
     assert code == 2
     assert said in err
+    assert workbench("register", str(scans), *given)[0] == 2  # nor is a folder begun
     assert not list(Path().glob("runs/*/*"))
 
 
@@ -134,6 +135,7 @@ def test_what_holds_no_scans_is_told(workbench: Run, tmp_path: Path) -> None:
 def test_a_killed_run_goes_on(scans: Path, tmp_path: Path) -> None:
     """Killed after its first scan, it registers only the other one when it is called again."""
     (scans / "empty.ply").unlink()
+    write_scan(str(scans / "straight.xyz"), 0.0)
     given = ["register", str(scans), "--body", "small", "--model-only"]
     command = [sys.executable, "-c", SHORTER, *given, "--out", str(tmp_path / "runs")]
     first = tmp_path / "runs" / "register-scans" / "left" / "summary.json"
@@ -144,9 +146,10 @@ def test_a_killed_run_goes_on(scans: Path, tmp_path: Path) -> None:
         time.sleep(PAUSE)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
+    assert first.exists()
     before = first.stat().st_mtime_ns
     again = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "1 of 2 scans are registered already" in again.stdout
+    assert "of 3 scans are registered already" in again.stdout
     assert first.stat().st_mtime_ns == before
     assert (tmp_path / "runs" / "register-scans" / "right" / "registration.npz").exists()
 

@@ -12,21 +12,24 @@ from tests.registration.clouds import TURN, cloud, from_one_side, person, write_
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, UnknownName
 from workbench.fitting import BadScan
 from workbench.registration import (
     FailedScan,
     FitStage,
+    ModelFit,
     Progress,
     Reading,
     Recipe,
     RegisteredScan,
     Registration,
     ScanJob,
+    Support,
     jobs_of,
     model_alone,
     register,
     registered,
+    support,
 )
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
@@ -157,3 +160,49 @@ def test_names_of_jobs_differ() -> None:
     assert [job.name for job in jobs_of(files)] == ["one", "two-ply", "two-obj"]
     with pytest.raises(BadArgument, match=r"a/one\.ply and b/one\.ply have the same name"):
         jobs_of([Path("a/one.ply"), Path("b/one.ply")])
+
+
+def test_names_of_jobs_are_names_of_folders() -> None:
+    files = [Path(name) for name in ("One.ply", "one.obj", "a#1.ply", " b.ply", "start.npz.obj")]
+    names = [job.name for job in jobs_of(files)]
+    assert names == ["One-ply", "one-obj", "a-1", "b", "start-npz-obj"]
+
+
+def test_how_files_are_read_is_checked_before_any_is() -> None:
+    with pytest.raises(UnknownName, match="no unit is called 'ft'"):
+        Reading(unit="ft")
+    with pytest.raises(UnknownName, match="no axis is called 'w'"):
+        Reading(up="w")
+    with pytest.raises(BadArgument, match="at least 1,000 points"):
+        Reading(most=10)
+
+
+def test_ctrl_c_while_the_result_is_judged_is_not_lost(
+    body: SkinnedBody, truth: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import workbench.registration.registering as module
+
+    def pressed(fit: ModelFit) -> Support:
+        os.kill(os.getpid(), signal.SIGINT)
+        return support(fit)
+
+    monkeypatch.setattr(module, "support", pressed)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            register(body, cloud(body, truth), recipe=QUICK)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_what_nothing_touches_is_not_registered(body: SkinnedBody, tmp_path: Path) -> None:
+    write_scan(str(tmp_path / "scan.xyz"))
+    numbers = np.loadtxt(tmp_path / "scan.xyz")
+    numbers[:, 3:] *= -1  # normals that point inwards
+    np.savetxt(tmp_path / "scan.xyz", numbers)
+    stages = (FitStage(200, 0.001, 1e-6, 1, 1),)
+    found = registered(
+        body, Recipe(stages, model_alone), Reading(), ScanJob("scan", tmp_path / "scan.xyz")
+    )
+    assert isinstance(found, FailedScan)
+    assert "touches the surface" in found.reason

@@ -22,8 +22,8 @@ from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
 from workbench.cli.train import train
 from workbench.cli.triangles import triangles
-from workbench.experiments.user_errors import caused_by
 from workbench.installation import DISTRIBUTION, VERSION
+from workbench.interrupts import caused_by
 
 P = ParamSpec("P")
 

@@ -22,7 +22,7 @@ from workbench.comparison.targets import TargetOutcome, named
 from workbench.comparison.words import advice, prices_sentence
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.own_file import ENOUGH
-from workbench.experiments.user_errors import caused_by
+from workbench.interrupts import caused_by
 from workbench.reports import write_comparison
 from workbench.reports.tables import Columns, Table
 from workbench.solvers import DEFAULT, SOLVERS

@@ -17,11 +17,11 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page, rich_table, say, warn_without_effect
 from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile, listed, some_of
-from workbench.experiments.user_errors import caused_by
 from workbench.fitting.scan_contents import READERS
 from workbench.fitting.scan_units import UNITS
 from workbench.fitting.scan_up import TURNS
 from workbench.homes import expanded
+from workbench.interrupts import caused_by
 from workbench.registration import (
     FailedScan,
     Progress,
@@ -116,6 +116,7 @@ def register(
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
     reading = Reading(unit, up, array, _place(camera), points)
     recipe = Recipe(vertex_stages=model_alone if model else coupled, boundary=boundary)
+    scans = [expanded(path) for path in scans]
     template, jobs = load_body(body), jobs_of(_files(console, scans))
     if len(jobs) == 1 and not scans[0].is_dir():
         _mind_unused(console, subjects, workers, dask)
@@ -155,12 +156,12 @@ def _one(
     console.print(rich_table(stages_table(found.registration)))
     for finding in found.registration.findings:
         say(console, f"[bold yellow]warning:[/] {escape(finding.text)}")
-    print_page(console, "report", write_registration(found, folder, body=name))
+    source = str(job.path.resolve())
+    print_page(console, "report", write_registration(found, folder, body=name, source=source))
 
 
 def _tell(bars: Bars, at: Progress) -> None:
-    done = at.start - 1 if at.iteration == 0 else at.start
-    bars(f"stage {at.stage} of {at.stages}, starts", done, at.starts)
+    bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts)
 
 
 def _many(
@@ -235,7 +236,7 @@ def _place(text: str | None) -> tuple[float, float, float] | None:
 def _files(console: Console, given: list[Path]) -> list[Path]:
     """The files of scans that were given, those in folders in the order of their names."""
     found: list[Path] = []
-    for path in map(expanded, given):
+    for path in given:
         if not path.is_dir():
             found.append(path)
             continue

@@ -13,8 +13,9 @@ from workbench.diagnostics import Diagnosis, diagnose_whole
 from workbench.errors import WorkbenchError
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.relative_costs import as_good, best_cost, excess
-from workbench.experiments.user_errors import caused_by, user_errors
+from workbench.experiments.user_errors import user_errors
 from workbench.fitting.setup import Measure, Setup, View, expect
+from workbench.interrupts import caused_by
 from workbench.problem import Problem
 from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Status
 

@@ -39,14 +39,3 @@ def _reason(error: BaseException) -> str:
         return f"it ends the program (sys.exit({error.code})) where it is read; take that out"
     said = error.msg if isinstance(error, SyntaxError) else str(error)
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
-
-
-def caused_by(error: BaseException, kind: type[BaseException]) -> bool:
-    """Whether an error, or one of its causes, is of a kind.
-
-    C code that is interrupted during a callback raises a SystemError caused by the interrupt.
-    """
-    known: BaseException | None = error
-    while known is not None and not isinstance(known, kind):
-        known = known.__cause__
-    return known is not None

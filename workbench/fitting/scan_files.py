@@ -17,7 +17,7 @@ from workbench.fitting.scan_surface import areas_of_faces, areas_of_neighbours, 
 from workbench.fitting.scan_units import UNITS, unit_of
 from workbench.fitting.scan_up import TURNS, up_axis
 
-MOST = 500_000  # points of a cloud; a fit uses a tenth of them
+FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
@@ -72,7 +72,7 @@ def read_scan(
     Raises BadFile or BadScan for a file that holds no scan, UnknownName or BadArgument.
     """
     path = Path(path)
-    if most < 1000:
+    if most < FEWEST:
         raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
     contents = contents_of(path, name)
     if camera_position is not None:

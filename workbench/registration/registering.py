@@ -86,8 +86,8 @@ class StageOutcome:
         iterations: from all starts together.
         cost: at its end.
         median: in m, of the distances from the scan's points to the surface, over those in contact.
-        touching: the share of the points that are in contact: nearer than 3 cm to surface that
-            faces their way.
+        touching: the share of the points that are in contact: nearer than the reach of the fit to
+            surface that faces their way.
         seconds: the time that it took.
     """
 
@@ -135,6 +135,7 @@ class Registration:
         findings: warnings, none if nothing speaks against the registration.
         height: in m, of the fitted person at rest.
         bind: (3,) rad, the rotation of the root in the body's bind pose.
+        reach: in m, the reach of the fit's last stage: where bad points begin.
     """
 
     scan: Scan
@@ -151,11 +152,12 @@ class Registration:
     findings: tuple[Finding, ...]
     height: float
     bind: Array
+    reach: float
 
     @property
     def touching(self) -> Mask:
-        """Which points (M,) are in contact: nearer than 3 cm to surface that faces their way."""
-        return np.asarray(np.abs(self.distances) < NEAR)
+        """Which points (M,) are in contact: within `reach` of surface that faces their way."""
+        return np.asarray(np.abs(self.distances) < self.reach)
 
     @property
     def facing(self) -> float:
@@ -203,7 +205,7 @@ def register(
         findings = doubts(fit, known, camera=None if camera is None else np.asarray(camera))
         vertices, values, seen = fit.vertices(), fit.values, known.seen
         unknowns = fit.problem.free.size
-        stages = [_outcome("model", unknowns, fit.iterations, fit.cost, used, body, vertices, took)]
+        stages = [_outcome("model", unknowns, fit.iterations, fit.cost, fit, vertices, took)]
         for stage in recipe.vertex_stages(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
@@ -213,10 +215,9 @@ def register(
             solution = done.stages[-1].solution
             free = sum(np.size(solution.values[name]) for name in stage.free)
             stages.append(
-                _outcome(
-                    stage.name, free, solution.iterations, solution.cost, used, body, vertices, took
-                )
+                _outcome(stage.name, free, solution.iterations, solution.cost, fit, vertices, took)
             )
+        interrupts.check()
     names = [block.name for block in body.blocks()]
     kept = {name: np.asarray(values[name]) for name in names}
     rest = body.vertices(body.bind_pose, kept[names[1]], np.zeros(3))
@@ -235,6 +236,7 @@ def register(
         findings,
         float(np.ptp(rest[:, 1])),
         np.asarray(body.bind_pose[0]),
+        fit.reach,
     )
 
 
@@ -268,14 +270,13 @@ def _outcome(
     unknowns: int,
     iterations: int,
     cost: float,
-    scan: Scan,
-    body: Body,
+    fit: ModelFit,
     vertices: Array,
     took: Callable[[], float],
 ) -> StageOutcome:
     seconds = took()
-    away = np.abs(_distances(scan, vertices, body.faces))
-    touching = away < NEAR
+    away = np.abs(_distances(fit.scan, vertices, fit.body.faces))
+    touching = away < fit.reach
     median = float(np.median(away[touching])) if touching.any() else float("nan")
     return StageOutcome(name, unknowns, iterations, cost, median, float(touching.mean()), seconds)
 

@@ -1,25 +1,32 @@
 """Scans in files as jobs: each is read and registered by itself, here or in another process."""
 
 import logging
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.errors import BadArgument, WorkbenchError, cut
-from workbench.fitting.scan_files import read_scan
+from workbench.errors import BadArgument, WorkbenchError, check_known, cut
+from workbench.fitting.scan_files import FEWEST, read_scan
+from workbench.fitting.scan_units import UNITS
+from workbench.fitting.scan_up import TURNS
+from workbench.interrupts import caused_by
 from workbench.registration.model_fit import Progress
 from workbench.registration.registering import Recipe, Registration, register
 
 LOG = logging.getLogger(__name__)
 MOST = 40_000  # points of a scan that are registered
+RESERVED = ("index.html", "registrations.csv", "start.npz", "summary.json")  # beside the folders
 LONGEST = 500  # letters of the reason of a failure
 
 
 @dataclass(frozen=True)
 class Reading:
     """How files of scans are read; what is None is guessed, and the notes say how.
+
+    Raises UnknownName for another unit or axis, and BadArgument for fewer than 1,000 points.
 
     Attributes:
         unit: m, cm, mm or in.
@@ -34,6 +41,14 @@ class Reading:
     array: str | None = None
     camera: tuple[float, float, float] | None = None
     most: int = MOST
+
+    def __post_init__(self) -> None:
+        if self.unit is not None:
+            check_known("unit", self.unit, UNITS)
+        if self.up is not None:
+            check_known("axis", self.up.removeprefix("+"), TURNS)
+        if self.most < FEWEST:
+            raise BadArgument(f"at least {FEWEST:,} points of a scan are read, not {self.most}")
 
 
 @dataclass(frozen=True)
@@ -96,26 +111,43 @@ def registered(
     except MemoryError:
         return FailedScan(job, f"there is not enough memory to register {job.path}")
     except Exception as error:
+        if caused_by(error, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
         LOG.warning("%s could not be registered", job.path, exc_info=True)
         return FailedScan(
             job, cut(f"an unforeseen error, {type(error).__name__}: {error}", LONGEST)
         )
+    if not (found.touching.any() and found.seen.any()):
+        return FailedScan(job, f"no point of {job.path} touches the surface of the fitted body")
     return RegisteredScan(job, found, read.camera_position, read.notes)
 
 
 def jobs_of(files: list[Path]) -> tuple[ScanJob, ...]:
-    """A job for each file, with names that differ: the file's without its suffix, or with it where
-    two would be alike. Raises BadArgument if two files have the same name, in different folders.
+    """A job for each file, with names that differ, also where capitals do not count: the file's
+    without its suffix, or with it where two would be alike or the name is one of `RESERVED`.
+
+    Raises BadArgument if two files have the same name, in different folders.
     """
-    stems = [path.stem for path in files]
+    stems = [_plain(path.stem) for path in files]
+    often = Counter(map(str.casefold, stems))
     names = [
-        path.stem if stems.count(path.stem) == 1 else path.name.replace(".", "-") for path in files
+        stem
+        if often[stem.casefold()] == 1 and stem.casefold() not in RESERVED
+        else _plain(path.name.replace(".", "-"))
+        for stem, path in zip(stems, files, strict=True)
     ]
-    for name, path in zip(names, files, strict=True):
-        if names.count(name) > 1:
-            same = [str(p) for n, p in zip(names, files, strict=True) if n == name]
+    folded = [name.casefold() for name in names]
+    for name, path in zip(folded, files, strict=True):
+        if folded.count(name) > 1:
+            same = [str(p) for n, p in zip(folded, files, strict=True) if n == name]
             raise BadArgument(
                 f"{' and '.join(same)} have the same name, and results are stored under it; "
                 f"rename {path.name}, or register them one after the other"
             )
     return tuple(ScanJob(name, path) for name, path in zip(names, files, strict=True))
+
+
+def _plain(name: str) -> str:
+    """A name for a folder that tables of registrations and all systems take."""
+    encodable = name.encode("utf-8", "replace").decode("utf-8")
+    return encodable.replace("#", "-").strip(" .") or "scan"

@@ -16,7 +16,7 @@ from workbench.reading.facts import json_in
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
 from workbench.reports.folder import MAKER, SUMMARY, refuse_foreign
 from workbench.reports.page import as_json, page, versions
-from workbench.reports.registration_page import ARRAYS, write_registration
+from workbench.reports.registration_page import ARRAYS, FORMAT, write_registration
 from workbench.reports.tables import number
 from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import replacing
@@ -27,17 +27,15 @@ MM = 1e3
 
 @dataclass(frozen=True)
 class Entry:
-    """A line of the table of scans.
+    """A registered scan in the table of scans.
 
     Attributes:
         name: the name of the scan.
-        summary: the numbers of its page; empty if it could not be registered.
-        reason: why it could not be registered; empty if it was.
+        summary: the numbers of its page.
     """
 
     name: str
     summary: dict[str, Any]
-    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +74,7 @@ class RegistrationFolder:
         """16 letters that differ when anything does on which the registration depends: the file's
         contents, the body, the recipe, how the file is read, and the code.
         """
-        about = (self.recipe, self.reading, self.body, self.recipe.vertex_stages(self.body))
+        about = (FORMAT, self.recipe, self.reading, self.body, self.recipe.vertex_stages(self.body))
         return digest([digest(about), file_digest(str(job.path)), code_version()])
 
     def kept(self, job: ScanJob, key: str) -> Entry | None:
@@ -101,13 +99,17 @@ class RegistrationFolder:
     ) -> Path:
         """Write the page over all scans and, for training, the table of subjects and the body.
 
-        `rows` has for each entry its subject, its gender and its set. Returns the page.
+        `rows` has for each entry its subject, its gender and its set. Returns the page. Without
+        entries there is no table.
         """
         self._write("index.html", self._page(entries, failed))
-        self._write(TABLE, table_of(rows))
+        if entries:
+            self._write(TABLE, table_of(rows))
         if isinstance(self.body, SkinnedBody):
             with replacing(self.place / START) as temporary:
                 save_body(self.body, temporary)
+        else:
+            (self.place / START).unlink(missing_ok=True)  # of a body that was used before
         self._write_summary(entries, failed)
         return self.place / "index.html"
 
@@ -118,7 +120,7 @@ class RegistrationFolder:
             rows=[_row(entry) for entry in entries],
             failed=failed,
             doubted=sum(bool(entry.summary["warnings"]) for entry in entries),
-            trains=isinstance(self.body, SkinnedBody),
+            trains=bool(entries) and isinstance(self.body, SkinnedBody),
         )
 
     def _write(self, name: str, text: str) -> None:
@@ -152,7 +154,7 @@ def _row(entry: Entry) -> dict[str, Any]:
     told = entry.summary
     return {
         "name": entry.name,
-        "median": number(MM * told["median_m"], 3),
+        "median": "–" if told["median_m"] is None else number(MM * told["median_m"], 3),
         "touching": f"{100 * told['touching']:.0f} %",
         "hidden": f"{100 * (1 - told['seen']):.0f} %",
         "height": f"{told['height_m']:.2f}",

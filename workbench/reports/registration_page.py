@@ -21,6 +21,7 @@ from workbench.reports.tables import Columns, Table, number
 from workbench.writing import write_arrays
 
 ARRAYS, MESH = "registration.npz", "registration.ply"
+FORMAT = 1  # of what is kept; raise it when these files change, so that none of before is taken
 FILES = {
     "index.html": "this page",
     ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "
@@ -32,12 +33,19 @@ MM = 1e3
 
 
 def write_registration(
-    found: RegisteredScan, folder: str | Path, *, body: str, key: str = ""
+    found: RegisteredScan,
+    folder: str | Path,
+    *,
+    body: str,
+    key: str = "",
+    source: str | None = None,
 ) -> Path:
     """Write the folder of a registered scan, and return its page; whole or not at all.
 
     `body` is the name of the body; `key` stands for all that the registration depends on, and is
-    kept in the summary. Raises BadFile if the place cannot be written or holds something else.
+    kept in the summary. `source` is the file by which the folder is known; without one, a folder of
+    ours about another file is replaced. Raises BadFile if the place cannot be written or holds
+    something else.
     """
     one = found.registration
     contents: dict[str, Content] = {
@@ -45,7 +53,7 @@ def write_registration(
         ARRAYS: lambda path: write_arrays(path, arrays(one)),
         MESH: lambda path: write_mesh(path, one.vertices, one.faces),
     }
-    return write_folder(folder, str(found.job.path.resolve()), contents, summary(found, body, key))
+    return write_folder(folder, source, contents, summary(found, body, key))
 
 
 def arrays(one: Registration) -> dict[str, NDArray[Any]]:
@@ -68,6 +76,7 @@ def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
         "kind": "registration",
         "key": key,
         "scan": found.job.name,
+        "file": str(found.job.path.resolve()),
         "body": body,
         "points": one.scan.n_points,
         "left_out": one.left_out,
