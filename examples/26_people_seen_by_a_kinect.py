@@ -6,8 +6,8 @@ kinect_people.npz`. It holds arrays `person_a`, `person_b`, `person_c`, (N, 3) m
 published with the Point Cloud Library under a BSD licence, and do not come with the workbench.
 
 A Kinect rounds depths, so that its clouds are terraces up to about two centimetres apart. Half of
-the points are held out, drawn at random. The boundary, where pixels mix a person with what is behind,
-is left out. A body is fitted to the rest, and then its vertices are free; distances of the
+the points are held out, drawn at random. The boundary, where pixels mix a person with what is
+behind, is left out. A body is fitted to the rest, and then its vertices are free; distances of the
 held-out points from the surface say how well. Clothing lies outside of the body, and a fit by the
 plain distance takes it for flesh. A loose distance counts three tenths where a point is in front of
 the skin, which leaves room for clothing.

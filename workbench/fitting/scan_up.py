@@ -20,9 +20,9 @@ END = 0.06  # of the height: the feet at one end, the head at the other
 FLOOR = 0.1  # of the height, at either end
 ABOVE, WIDER = 11.0, 0.5  # what the two signs of a head count
 SURE = 0.2  # of their sum
-# Of 160 simulated scans of poses from motion capture, by one camera and by four, 2 % would be turned
-# over wrongly and 88 % rightly; with a floor, a crate and loose points 1 % and 79 %; and nearly all
-# of these wrongly if FLOOR were 0.
+# Of 160 simulated scans of poses from motion capture, by one camera and by four, 2 % would be
+# turned over wrongly and 88 % rightly; with a floor, a crate and loose points 1 % and 79 %; and
+# nearly all of these wrongly if FLOOR were 0.
 
 
 def up_axis(cells: Array, given: str | None, declared: str | None = None) -> tuple[str, str]:
