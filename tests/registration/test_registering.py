@@ -166,6 +166,8 @@ def test_names_of_jobs_are_names_of_folders() -> None:
     files = [Path(name) for name in ("One.ply", "one.obj", "a#1.ply", " b.ply", "start.npz.obj")]
     names = [job.name for job in jobs_of(files)]
     assert names == ["One-ply", "one-obj", "a-1", "b", "start-npz-obj"]
+    (of_array, other) = jobs_of([Path("people.npz"), Path("one.ply")], "of/anna")
+    assert (of_array.name, other.name) == ("people-of-anna", "one")
 
 
 def test_how_files_are_read_is_checked_before_any_is() -> None:

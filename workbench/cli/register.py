@@ -117,7 +117,7 @@ def register(
     reading = Reading(unit, up, array, _place(camera), points)
     recipe = Recipe(vertex_stages=model_alone if model else coupled, boundary=boundary)
     scans = [expanded(path) for path in scans]
-    template, jobs = load_body(body), jobs_of(_files(console, scans))
+    template, jobs = load_body(body), jobs_of(_files(console, scans), array)
     if len(jobs) == 1 and not scans[0].is_dir():
         _mind_unused(console, subjects, workers, dask)
         _one(console, template, body, recipe, reading, jobs[0], out)

@@ -122,9 +122,10 @@ def registered(
     return RegisteredScan(job, found, read.camera_position, read.notes)
 
 
-def jobs_of(files: list[Path]) -> tuple[ScanJob, ...]:
+def jobs_of(files: list[Path], array: str | None = None) -> tuple[ScanJob, ...]:
     """A job for each file, with names that differ, also where capitals do not count: the file's
-    without its suffix, or with it where two would be alike or the name is one of `RESERVED`.
+    without its suffix, or with it where two would be alike or the name is one of `RESERVED`; and
+    the name of an array after that of an .npz file, which may hold several scans.
 
     Raises BadArgument if two files have the same name, in different folders.
     """
@@ -136,6 +137,11 @@ def jobs_of(files: list[Path]) -> tuple[ScanJob, ...]:
         else _plain(path.name.replace(".", "-"))
         for stem, path in zip(stems, files, strict=True)
     ]
+    if array is not None:
+        names = [
+            _plain(f"{name}-{array}") if path.suffix.lower() == ".npz" else name
+            for name, path in zip(names, files, strict=True)
+        ]
     folded = [name.casefold() for name in names]
     for name, path in zip(folded, files, strict=True):
         if folded.count(name) > 1:
@@ -150,4 +156,4 @@ def jobs_of(files: list[Path]) -> tuple[ScanJob, ...]:
 def _plain(name: str) -> str:
     """A name for a folder that tables of registrations and all systems take."""
     encodable = name.encode("utf-8", "replace").decode("utf-8")
-    return encodable.replace("#", "-").strip(" .") or "scan"
+    return encodable.replace("#", "-").replace("/", "-").strip(" .") or "scan"
