@@ -5,15 +5,23 @@ from typing import Any
 
 import pytest
 
-RUN_LECTURES = ("test_every_lecture.py", "test_prose.py")
+TOGETHER = {  # files of tests that share what takes long, and a name for them
+    "test_every_lecture.py": "lectures",
+    "test_prose.py": "lectures",
+    "test_benchmarks.py": "benchmarks",
+    "test_site.py": "site",
+    "test_no_hang.py": "no hang",
+    "test_triangle_study.py": "triangles",
+}
 TAUGHT = ("tests/lectures/", "tests/test_examples", "tests/cli/test_lecture")
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items: Iterable[pytest.Item]) -> None:
-    """Keep the tests that run lectures in one process, where each lecture is run once."""
+    """Keep tests that share what takes long in one process, where it is done once."""
     for item in items:
-        if item.path.name in RUN_LECTURES:
-            item.add_marker(pytest.mark.xdist_group("lectures"))
+        if item.path.name in TOGETHER:
+            item.add_marker(pytest.mark.xdist_group(TOGETHER[item.path.name]))
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -182,7 +182,9 @@ SAYS = {
     ),
     "- 6 **shifts**, three for each person": lambda run: counted(run, "data_alone", "a shift of"),
     "- 6 moves of a **root joint**": lambda run: counted(run, "data_alone", "joints[root] along"),
-    "- 3 **turns** of everything at rest": lambda run: counted(run, "data_alone", "a turn of all"),
+    "- 3 **turns** of everything at rest": lambda run: counted(
+        run, "data_alone", "a turn of everything"
+    ),
     "- 4 kinds of **blend shapes** that push": lambda run: counted(
         run, "data_alone", "posedirs that push"
     ),
