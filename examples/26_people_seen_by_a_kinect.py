@@ -21,7 +21,6 @@ import numpy as np
 
 import workbench as wb
 from workbench.fitting import ReadScan, boundary, read_scan
-from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import (
     FitStage,
@@ -30,6 +29,7 @@ from workbench.registration import (
     Registered,
     ScanTerm,
     VertexStage,
+    facing,
     fit_model,
 )
 from workbench.residuals import distance, loose
@@ -97,10 +97,10 @@ def away(one: Person, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def facing_away(one: Person) -> float:
     """The cosine between where the fitted body faces and the way from the camera to it."""
     pose = one.fits["distance"].values["pose"]
-    forward = matrix_from_vector(pose[0])[:, 2] * [1, 0, 1]
+    forward = facing(pose[0], one.fits["distance"].body.bind_pose[0])
     assert one.read.camera_position is not None
     from_camera = (one.read.scan.points.mean(axis=0) - one.read.camera_position) * [1, 0, 1]
-    return float(forward @ from_camera / np.linalg.norm(forward) / np.linalg.norm(from_camera))
+    return float(forward @ from_camera / np.linalg.norm(from_camera))
 
 
 def in_words(name: str, one: Person, faces: np.ndarray) -> str:

@@ -25,6 +25,7 @@ from workbench.registration import (
     Registration,
     ScanJob,
     Support,
+    facing,
     jobs_of,
     model_alone,
     register,
@@ -153,6 +154,14 @@ def test_what_is_wrong_with_one_scan_is_its_answer(
     monkeypatch.setattr("workbench.registration.scan_jobs.register", pressed)
     with pytest.raises(KeyboardInterrupt):
         registered(body, QUICK, Reading(), job)
+
+
+def test_a_body_faces_where_its_root_is_turned_to() -> None:
+    about_y = np.array([0.0, 0.5, 0.0])
+    np.testing.assert_allclose(facing(about_y, np.zeros(3)), [np.sin(0.5), 0, np.cos(0.5)])
+    np.testing.assert_allclose(facing(about_y, about_y), [0, 0, 1], atol=1e-15)
+    bent = facing(np.array([0.4, 0.0, 0.0]), np.zeros(3))  # forwards
+    np.testing.assert_allclose(bent, [0, 0, 1], atol=1e-15)
 
 
 def test_names_of_jobs_differ() -> None:

@@ -3,6 +3,7 @@
 from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
 from workbench.registration.doubts import Doubts, doubts
+from workbench.registration.facing import facing
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
@@ -82,6 +83,7 @@ __all__ = [
     "by_vertices",
     "distance_gauss_newton",
     "doubts",
+    "facing",
     "fit_model",
     "jobs_of",
     "model_alone",

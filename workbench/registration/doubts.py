@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array
 from workbench.diagnostics.wording import Finding
-from workbench.geometry.rotation import matrix_from_vector
+from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.support import Support, support
 
@@ -65,13 +65,13 @@ def doubts(
 
 
 def _ties(fit: ModelFit, limits: Doubts) -> Iterator[Finding]:
-    best, facing = fit.vertices(), _facing(fit, 0)
+    best, forward = fit.vertices(), _facing(fit, 0)
     for k, other in enumerate(fit.hypotheses[1:], start=1):
         gap = (other.cost - fit.cost) / fit.cost
         off = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
         if gap > limits.tie or off < limits.apart:
             continue
-        angle = float(np.arccos(np.clip(facing @ _facing(fit, k), -1, 1)))
+        angle = float(np.arccos(np.clip(forward @ _facing(fit, k), -1, 1)))
         if angle > limits.turned:
             yield Finding(
                 "facing",
@@ -89,10 +89,7 @@ def _ties(fit: ModelFit, limits: Doubts) -> Iterator[Finding]:
 def _facing(fit: ModelFit, k: int) -> Array:
     """The horizontal unit vector along which the root of a hypothesis faces."""
     pose = fit.hypotheses[k].values[fit.body.blocks()[0].name]
-    root = matrix_from_vector(pose[0]) @ matrix_from_vector(fit.body.bind_pose[0]).T
-    forward = root[:, 2] * [1.0, 0.0, 1.0]
-    length = float(np.linalg.norm(forward))
-    return np.asarray(forward / length) if length > 0 else np.asarray(root[:, 2])
+    return facing(pose[0], fit.body.bind_pose[0])
 
 
 def _data(known: Support, limits: Doubts) -> Iterator[Finding]:

@@ -15,10 +15,10 @@ from workbench.diagnostics.wording import Finding
 from workbench.errors import BadArgument
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
-from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
 from workbench.registration.doubts import doubts
+from workbench.registration.facing import facing
 from workbench.registration.free_vertices import (
     MODEL_STAGES,
     QUICK_VERTEX_STAGES,
@@ -162,9 +162,8 @@ class Registration:
     @property
     def facing(self) -> float:
         """The angle in rad about the vertical by which the body is turned from +z."""
-        pose, bind = next(iter(self.values.values())), self.bind
-        forward = (matrix_from_vector(pose[0]) @ matrix_from_vector(bind).T)[:, 2]
-        return float(np.arctan2(forward[0], forward[2]))
+        x, _, z = facing(next(iter(self.values.values()))[0], self.bind)
+        return float(np.arctan2(x, z))
 
     @property
     def median(self) -> float:
