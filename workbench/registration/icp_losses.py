@@ -36,7 +36,7 @@ class LeastSquares:
         return distances**2 / 2
 
     def weights(self, distances: Array) -> Array:
-        """Ones (M,)."""
+        """Ones (M,): by least squares, every point counts the same."""
         return np.ones(len(distances))
 
 
