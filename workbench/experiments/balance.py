@@ -10,7 +10,8 @@ from workbench.arrays import Array
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName, check_known, listed
 from workbench.fitting.compared_solvers import MANY
-from workbench.fitting.keypoints import keypoint_fit, landmark_set
+from workbench.fitting.keypoint_problem import landmark_set
+from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
 from workbench.reading.archive import shipped

@@ -29,7 +29,8 @@ from workbench.experiments.synthetic_people import (
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import BOUNDED, GRADED
-from workbench.fitting.keypoints import keypoint_fit, landmark_set
+from workbench.fitting.keypoint_problem import landmark_set
+from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.meshes import mesh_fit

@@ -2,28 +2,29 @@
 
 from collections.abc import Sequence
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks import Block, Points, Values
+from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
-from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.detector_layouts import counted_by_part
+from workbench.fitting.keypoint_problem import (
+    KeypointProblem,
+    camera_values,
+    landmark_set,
+    observed_blocks,
+)
 from workbench.fitting.keypoint_start import place_body
-from workbench.fitting.observations import COCO, BadObservation, Observations, Photograph, pinhole
+from workbench.fitting.observations import COCO, BadObservation, Observations
 from workbench.fitting.setup import Measure, Setup, View, names
-from workbench.geometry.camera import Camera, triangulate
-from workbench.problem import Problem
-from workbench.residuals import Residual, keypoints
+from workbench.geometry.camera import triangulate
 from workbench.residuals.kernels import Kernel, quadratic
 
 LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
 COUNTED = f"keypoints with a confidence above {LEAST_CONFIDENCE}"
-FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 
 
 def keypoint_fit(
@@ -48,23 +49,30 @@ def keypoint_fit(
 
     Raises BadObservation if the keypoints cannot place the body.
     """
+    of = KeypointProblem(body, sigma, kernel)
+    return keypoint_setup(of, observations, question, held_out, reference, compared)
+
+
+def keypoint_setup(
+    of: KeypointProblem,
+    observations: Observations,
+    question: str,
+    held_out: Sequence[str] = (),
+    reference: Array | None = None,
+    compared: tuple[str, ...] = (),
+) -> Setup:
+    """The fit of a problem to these observations; arguments and errors are `keypoint_fit`'s."""
+    body = of.body
     kind, held_out = landmark_set(body), names(held_out)
     landmarks = body.landmark_names(kind)
     photographs = observations.ordered(landmarks).photographs
-    pose, betas, trans = body.blocks()
-    points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
-    start, residuals, views, cameras = body.start(), [], [], []
-    for photo in photographs:
-        camera = Camera(photo.name + "/")
-        residual, (observed, confidence) = camera_residual(points, camera, landmarks, sigma, kernel)
-        start |= camera_values(camera, photo) | {
-            observed.name: photo.pixels,
-            confidence.name: photo.confidence,
-        }
+    problem, cameras, priors = of.of(photographs, held_out)
+    start, views = body.start(), []
+    for camera, photo in zip(cameras, photographs, strict=True):
+        observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
+        seen = {observed: photo.pixels, confidence: photo.confidence}
+        start |= camera_values(camera, photo) | seen
         out = photo.name in held_out
-        if not out:
-            residuals.append(residual)
-            cameras.append(camera)
         views.append(
             View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
         )
@@ -77,45 +85,17 @@ def keypoint_fit(
             "the keypoints do not determine the place of the body: those of its torso, or all of "
             "them, coincide or lie absurdly far out; check their coordinates, which are px"
         ) from error
-    priors = [pose_prior(body), shape_prior(body)]
-    free = ["pose", "betas", "trans"]
-    for camera, photo in zip((v.camera for v in views), photographs, strict=True):
-        if photo.K is None and photo.name not in held_out:
-            priors.append(focal_prior(camera, start))
-            free.append(camera.focal.name)
-    blocks = [block for camera in cameras for block in camera.blocks]
     return Setup(
-        problem=Problem([*residuals, *priors], free, blocks=blocks),
+        problem=problem,
         start=start,
         question=question,
         body=body,
         views=tuple(views),
         measures=lambda values: measures(body, views, values, reference),
-        priors=tuple(prior.name for prior in priors),
+        priors=priors,
         compared=compared,
         notes=(*observations.notes, *unused(observations, body)),
     )
-
-
-def camera_residual(
-    points: Points, camera: Camera, landmarks: tuple[str, ...], sigma: float, kernel: Kernel
-) -> tuple[Residual, tuple[Block, Block]]:
-    """The residual of M landmarks in one camera, and the blocks of what the camera observed.
-
-    These are `observed` (M, 2) px and `confidence` (M,), whose square is the residual's weight.
-    """
-    observed = Block(camera.prefix + "observed", (len(landmarks), 2), "px", landmarks)
-    confidence = Block(camera.prefix + "confidence", (len(landmarks),), "1", landmarks)
-    residual = keypoints(
-        points,
-        camera,
-        observed.symbol,
-        confidence.symbol**2,
-        sigma=sigma,
-        kernel=kernel,
-        name=f"keypoints({camera.prefix.rstrip('/')})",
-    )
-    return residual, (observed, confidence)
 
 
 def unused(observations: Observations, body: Body) -> tuple[str, ...]:
@@ -130,33 +110,6 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
         f"the landmarks {kind!r} of the body {body.name!r} do not include the others: "
         f"{counted_by_part(others)}",
     )
-
-
-def landmark_set(body: Body) -> str:
-    """The landmark set that is fitted: `coco` where the body has it, or else its joints."""
-    return "coco" if "coco" in body.landmarks else "joints"
-
-
-def camera_values(camera: Camera, photo: Photograph) -> Values:
-    """The camera's numbers; without K, the focal length is guessed as the longer side in px."""
-    width, height = photo.size
-    return camera.values(
-        K=pinhole(max(photo.size), width, height) if photo.K is None else photo.K,
-        R=np.eye(3) if photo.R is None else photo.R,
-        t=np.zeros(3) if photo.t is None else photo.t,
-        distortion=() if photo.distortion is None else photo.distortion,
-    )
-
-
-def focal_prior(camera: Camera, start: Values) -> Residual:
-    """A prior on log f_x with a standard deviation of 0.3, and one on log f_y - log f_x of 0.01.
-
-    The first is centred on the focal length of the start, the second on square pixels.
-    """
-    f = camera.focal.symbol
-    guess = np.log(start[camera.focal.name][0])
-    logs = cs.vertcat((cs.log(f[0]) - guess) / FOCAL_SIGMA, (cs.log(f[1]) - cs.log(f[0])) / 0.01)
-    return Residual(f"focal prior({camera.prefix.rstrip('/')})", logs, 1.0)
 
 
 def measures(

@@ -15,7 +15,7 @@ from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
 from workbench.residuals import Residual
-from workbench.solvers import SOLVERS
+from workbench.solvers import SOLVERS, Solver
 
 
 def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
@@ -95,6 +95,8 @@ class Setup:
         synthetic: what was made up, in a sentence; empty if all data were measured.
         notes: sentences on data that were given but not used, or that were not checked.
         made_of: values of the blocks that synthetic data were made of, before noise was added.
+        solver: what solves it unless another solver is named, such as stages from several starts;
+            None for the default of `solve`.
     """
 
     problem: Problem
@@ -110,6 +112,7 @@ class Setup:
     synthetic: str = ""
     notes: tuple[str, ...] = ()
     made_of: Values | None = None
+    solver: Solver | None = None
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")

@@ -28,6 +28,8 @@ from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
+StageKey = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights
+
 
 class Problem:
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
@@ -59,6 +61,9 @@ class Problem:
         self._known = Layout(tuple(self.known.values()))
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
+        self._stages: dict[
+            tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]], Problem
+        ] = {}
         self.stacked_constraints = (
             ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
         )
@@ -71,6 +76,24 @@ class Problem:
         names = texts("the names of free blocks", names)
         naming.check_names(names, self.known, self._named)
         return self._with(self.residuals, names)
+
+    def in_stage(self, names: tuple[str, ...] | None, weights: Mapping[str, float]) -> "Problem":
+        """The problem of a stage: `names` are free, or what is free now; `weights` says how many
+        times as often the rows of named residuals count. Made once, and kept for the next fit.
+
+        Raises what `freeing` raises, and UnknownName for a residual.
+        """
+        self.rows_named(weights)
+        differ = tuple(sorted((n, float(w)) for n, w in weights.items() if w != 1))
+        if names is None and not differ:
+            return self
+        key = names, differ
+        if key not in self._stages:
+            of = dict(differ)
+            residuals = [r.weighed(of[r.name]) if r.name in of else r for r in self.residuals]
+            free = self.free.spelled() if names is None else names
+            self._stages[key] = self._with(residuals, free)
+        return self._stages[key]
 
     def without(self, *residuals: str) -> "Problem":
         """The problem without the named residuals; blocks that no other reads are not free."""

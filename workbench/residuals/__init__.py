@@ -1,11 +1,15 @@
 """Residuals: short functions from points and numbers to named columns that should be zero."""
 
+from workbench.residuals.bending import HINGES, Hinge, bending
 from workbench.residuals.contact_forms import Form, distance, loose, offset, plane
 from workbench.residuals.edges import edges
 from workbench.residuals.gaussian import gaussian
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, of_norms, quadratic, scaled
 from workbench.residuals.keypoints import keypoints
+from workbench.residuals.limits import limits
 from workbench.residuals.mirrored import mirrored
+from workbench.residuals.mixture import log_sum_mixture, max_mixture
+from workbench.residuals.on_plane import on_plane
 from workbench.residuals.points import landmarks, vertices
 from workbench.residuals.regressed import regressed
 from workbench.residuals.residual import Residual
@@ -14,9 +18,12 @@ from workbench.residuals.smooth import smooth
 from workbench.residuals.stitching import stitching
 
 __all__ = [
+    "HINGES",
     "Form",
+    "Hinge",
     "Kernel",
     "Residual",
+    "bending",
     "distance",
     "edges",
     "gaussian",
@@ -24,11 +31,15 @@ __all__ = [
     "huber",
     "keypoints",
     "landmarks",
+    "limits",
+    "log_sum_mixture",
     "loose",
+    "max_mixture",
     "mirrored",
     "model_to_scan",
     "of_norms",
     "offset",
+    "on_plane",
     "plane",
     "quadratic",
     "regressed",

@@ -51,14 +51,18 @@ def gaussian(
         raise BadResidual(f"residual {name!r} needs a finite mean, but entry {i} of it is {mu[i]}")
     difference = x - cs.DM(mu)
     if C.ndim == 2:
-        return Residual(name, cs.DM(_whitening(C, name)) @ difference, 1.0)
+        return Residual(name, cs.DM(whitening(C, name)) @ difference, 1.0)
     if not ((C > 0) & np.isfinite(C)).all():
         wrong = C[~((C > 0) & np.isfinite(C))].flat[0]
         raise BadResidual(f"residual {name!r} needs finite variances above zero, not {wrong}")
     return Residual(name, difference, np.sqrt(C), unit)
 
 
-def _whitening(C: Array, name: str) -> Array:
+def whitening(C: Array, name: str) -> Array:
+    """L^-1 of a covariance C = L L', both (n, n), for the residual of this name.
+
+    Raises BadResidual for one that is not finite, not symmetric or not positive definite.
+    """
     rounding = 1e-12 * np.abs(C).max(initial=0)  # of what was computed in two orders
     # Cholesky would read the lower half only
     if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-9, atol=rounding)):

@@ -150,6 +150,15 @@ class Residual:
         same = all(one is other for one, other in zip(held, self.points, strict=True))
         return self if same else replace(self, points=held)
 
+    def weighed(self, factor: float) -> "Residual":
+        """The same residual with every weight multiplied by a number from 0 on."""
+        own = 1.0 if self.weights is None else self.weights
+        weights = factor * (own if isinstance(own, cs.MX) else np.asarray(own, dtype=float))
+        once = {id(one): one for _, one in self.by_frame}
+        parts = {key: one.weighed(factor) for key, one in once.items()}  # frames stay alike
+        by_frame = tuple((t, parts[id(one)]) for t, one in self.by_frame)
+        return replace(self, weights=weights, by_frame=by_frame)
+
     @property
     def reads(self) -> tuple[str, ...]:
         """Names of the blocks that it depends on, directly or through its points."""

@@ -26,7 +26,7 @@ from workbench.solvers.solution import (
     Status,
 )
 from workbench.solvers.sqp import Sqp
-from workbench.solvers.staged import Staged
+from workbench.solvers.staged import SolveStage, Staged
 from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
 from workbench.solvers.steepest_descent import SteepestDescent
 from workbench.solvers.trust_region import TrustRegion
@@ -107,6 +107,7 @@ __all__ = [
     "RadiusRule",
     "Scipy",
     "Solution",
+    "SolveStage",
     "Solver",
     "Spread",
     "Sqp",

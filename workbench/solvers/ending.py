@@ -14,7 +14,7 @@ from workbench.solvers.blindness import before_blind
 from workbench.solvers.ended import NAMED, Ended, Ending
 from workbench.solvers.flatness import flat_in_words
 from workbench.solvers.limits import Stop
-from workbench.solvers.no_minimum import unless_no_minimum
+from workbench.solvers.no_minimum import LOOSE, unless_no_minimum
 from workbench.solvers.sensitivity import lost
 from workbench.solvers.solution import Status
 from workbench.solvers.wrapping import rewrapped
@@ -53,6 +53,11 @@ def ending(run: Ended, stop: Stop) -> Ending:
         return found
     if converged:
         message = Status.CONVERGED.value
+        if run.limits.gradient_tolerance >= LOOSE:
+            message = (
+                f"the gradient is below the tolerance of {run.limits.gradient_tolerance:g}, which "
+                "is so large that no minimum need be here, only near"
+            )
         if unread:
             message += f" (no residual reads {some_of(unread, NAMED)})"
         if unnoticed:

@@ -16,6 +16,7 @@ from workbench.solvers.saddle import Saddle, most_gradients, saddle
 from workbench.solvers.solution import Status
 from workbench.solvers.valley import valley
 
+LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum
 MAY_BE_A_VALLEY = (
     Status.CONVERGED,
     Status.STALLED,
@@ -27,8 +28,11 @@ MAY_BE_A_VALLEY = (
 def unless_no_minimum(run: Ended, here: Linearization, found: Ending, converged: bool) -> Ending:
     """The same ending with its evaluations, or SADDLE or VALLEY if the point is shown to be one.
 
-    What cannot be evaluated shows nothing, and after Ctrl-C nothing is looked for.
+    What cannot be evaluated shows nothing. After Ctrl-C nothing is looked for, and neither is it
+    where the gradient tolerance is `LOOSE`, as in a stage whose end is only a start.
     """
+    if run.limits.gradient_tolerance >= LOOSE:
+        return found
 
     def check() -> None:
         if run.interrupted:

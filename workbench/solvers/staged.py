@@ -1,6 +1,10 @@
-"""Solving in stages: a few unknowns first, then more, each stage from where the last one ended."""
+"""Solving in stages, each from where the last one ended: a few unknowns first, then more, or some
+residuals weighted otherwise at first.
+"""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import NoneType
 
 import numpy as np
 
@@ -31,31 +35,70 @@ GOES_ON = (
 
 
 @dataclass(frozen=True)
-class Staged:
-    """Solve for the unknowns of each stage in turn, and at last for all free unknowns.
+class SolveStage:
+    """What is different in a stage: which names are free, and how much residuals count.
 
-    The rest is fixed meanwhile, so that, say, a body stands in the right place before the pose of
-    its arms is looked for. The trace of the solution is that of all stages and holds all blocks.
-    The limits of the solver apply to each stage by itself. Raises BadArgument for a stage that is
-    no tuple of names.
+    SMPLify's schedule, for example, is stages in which priors count more at first (Bogo et al.
+    2016). Raises BadArgument for a name that is no text, or a weight that is no number from 0 on.
 
     Attributes:
-        stages: the names of blocks and of entries that are free in each stage, such as
-            `(("trans", "pose[pelvis]"), ("trans", "pose"))`. The name of a block stands for those
-            of its entries that the problem leaves free.
+        free: the names of blocks and of entries that are free, such as `("trans",
+            "pose[pelvis]")`; None for all that the problem leaves free. The name of a block stands
+            for those of its entries that the problem leaves free.
+        weights: how many times as often the rows of a residual count as they do in the problem, by
+            the residual's name: `{"pose prior": 10}`; others count once.
+        solver: what solves this stage, if it is not what solves the others; often the same with a
+            larger `gradient_tolerance`, because the end of a stage is only a start.
+    """
+
+    free: tuple[str, ...] | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)
+    solver: Solver | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.free, (tuple, NoneType)) or self.free == ():
+            raise BadArgument(
+                "a stage is a tuple of names of blocks or entries, such as "
+                f"('trans', 'pose[pelvis]'), or None for all, not {self.free!r}"
+            )
+        for name, weight in self.weights.items():
+            number = isinstance(weight, (int, float, np.number)) and not isinstance(weight, bool)
+            if not number or not 0 <= weight < np.inf:
+                raise BadArgument(
+                    f"the weight of residual {name!r} in a stage is a finite number from 0 on, not "
+                    f"{weight!r}"
+                )
+
+
+@dataclass(frozen=True)
+class Staged:
+    """Solve stage after stage, and at last the problem as it is, with all that it leaves free.
+
+    The rest is fixed meanwhile, so that, say, a body stands in the right place before the pose of
+    its arms is looked for. The trace of the solution is that of all stages and holds all blocks;
+    where a stage weights residuals otherwise, its costs are not those of the problem. The limits of
+    the solver apply to each stage by itself. Raises BadArgument for a stage that is no tuple of
+    names and no `SolveStage`.
+
+    Attributes:
+        stages: what is different in each stage but the last: a `SolveStage`, or only the names that
+            are free in it, such as `(("trans", "pose[pelvis]"), ("trans", "pose"))`.
         solver: what solves each stage.
     """
 
-    stages: tuple[tuple[str, ...], ...]
+    stages: tuple[tuple[str, ...] | SolveStage, ...]
     solver: Solver = field(default_factory=LevenbergMarquardt)
 
     def __post_init__(self) -> None:
-        for stage in self.stages:
-            if not isinstance(stage, tuple) or not stage:
-                raise BadArgument(
-                    "a stage is a tuple of names of blocks or entries, such as "
-                    f"('trans', 'pose[pelvis]'), not {stage!r}"
-                )
+        _ = self.each
+
+    @property
+    def each(self) -> tuple[SolveStage, ...]:
+        """The stages, the last one included."""
+        return (
+            *(s if isinstance(s, SolveStage) else SolveStage(s) for s in self.stages),
+            SolveStage(),
+        )
 
     @property
     def abilities(self) -> Abilities | None:
@@ -65,9 +108,10 @@ class Staged:
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve stage by stage from `start`; see `Solver`.
 
-        Raises UnknownName for what the problem does not leave free.
+        Raises UnknownName for what the problem does not leave free, and for a residual that it does
+        not have.
         """
-        parts = [problem.free.chosen(entries(problem.free, stage)) for stage in self.stages]
+        parts = [_part(problem, stage) for stage in self.each]
         values = {**start}
         trace: list[Iterate] = []
         last: Solution | None = None
@@ -88,12 +132,10 @@ class Staged:
             return None if callback is None else callback(whole)
 
         with Interrupts() as interrupts:  # also between the stages
-            for free in (*parts, problem.free):
+            for stage, part in zip(self.each, parts, strict=True):
                 if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
-                whole = free.size == problem.free.size
-                part = problem if whole else problem.freeing(*free.spelled())
-                last = self.solver.solve(part, values, callback=record)
+                last = (stage.solver or self.solver).solve(part, values, callback=record)
                 values |= last.values
                 before, seconds = before + last.evaluations, seconds + last.seconds
         assert last is not None  # the last stage is always there
@@ -108,3 +150,12 @@ class Staged:
         if interrupts.pressed:
             return replace(solution, status=Status.STOPPED, message=INTERRUPTED)
         return solution
+
+
+def _part(problem: Problem, stage: SolveStage) -> Problem:
+    """The problem of a stage, which is the problem itself if nothing is different."""
+    names = stage.free
+    if names is not None:
+        free = problem.free.chosen(entries(problem.free, names))
+        names = None if free.size == problem.free.size else tuple(free.spelled())
+    return problem.in_stage(names, stage.weights)

@@ -1,0 +1,212 @@
+"""The terms of fits to images: exact values, bounds between forms, signs by bending a body."""
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from tests.differences import assert_hessian, assert_jacobian
+from workbench import Block, Problem, load_body, residuals
+from workbench.errors import BadResidual
+from workbench.priors.poses import shipped_mixture
+from workbench.residuals import HINGES, Residual
+
+RNG = np.random.default_rng(0)
+SHARES, MEANS = np.array([0.5, 0.3, 0.2]), RNG.normal(size=(3, 4))
+FACTORS = 0.5 * RNG.normal(size=(3, 4, 4)) + 0.8 * np.eye(4)
+COVARIANCES = FACTORS @ FACTORS.swapaxes(1, 2)
+X = Block("x", (4,))
+
+
+def problem_of(residual: Residual) -> Problem:
+    return Problem([residual], residual.reads)
+
+
+def cost(residual: Residual, x: np.ndarray) -> float:
+    r = problem_of(residual).residual(x, np.zeros(0))
+    return 0.5 * float(r @ r)
+
+
+def energies(x: np.ndarray) -> np.ndarray:
+    """e_j, of the docstring of the module, from the densities' own formula."""
+    found = []
+    for g, mu, C in zip(SHARES, MEANS, COVARIANCES, strict=True):
+        d = x - mu
+        squared = d @ np.linalg.solve(C, d)
+        found.append(0.5 * squared + 0.5 * np.log(np.linalg.det(C)) - np.log(g))
+    return np.array(found)
+
+
+def mixtures() -> tuple[Residual, Residual]:
+    given = {"shares": SHARES, "means": MEANS, "covariances": COVARIANCES}
+    return residuals.max_mixture(X.symbol, **given), residuals.log_sum_mixture(X.symbol, **given)
+
+
+def offsets() -> np.ndarray:
+    """The c_j: what the e_j are at the means."""
+    return np.array([0.5 * np.log(np.linalg.det(C)) for C in COVARIANCES]) - np.log(SHARES)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_mixtures_have_the_cost_of_their_formula(seed: int) -> None:
+    x = 2 * np.random.default_rng(seed).normal(size=4)
+    best, whole = mixtures()
+    c = offsets()
+    assert cost(best, x) == pytest.approx(energies(x).min() - c.min(), rel=1e-12)
+    assert cost(whole, x) == pytest.approx(logsumexp(-c) - logsumexp(-energies(x)), rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_max_mixture_is_above_the_mixture_by_at_most_log_of_the_count(seed: int) -> None:
+    x = 3 * np.random.default_rng(seed).normal(size=4)
+    best, whole = mixtures()
+    c = offsets()
+    gap = (cost(best, x) + c.min()) - (cost(whole, x) - logsumexp(-c))
+    assert -1e-12 <= gap <= np.log(3) + 1e-12
+
+
+def test_the_same_bound_holds_for_the_mixture_of_poses() -> None:
+    prior = shipped_mixture()
+    pose = Block("pose", (23, 3), "rad")
+    given = {"shares": prior.shares, "means": prior.means, "covariances": prior.covariances}
+    best = residuals.max_mixture(pose.symbol, **given)
+    whole = residuals.log_sum_mixture(pose.symbol, **given)
+    factors = np.linalg.cholesky(prior.covariances)
+    c = np.log(np.einsum("cdd->cd", factors)).sum(axis=1) - np.log(prior.shares)
+    flat = prior.draw(20, np.random.default_rng(1))[:, 1:].reshape(20, -1)
+    for x in flat:
+        gap = (cost(best, x) + c.min()) - (cost(whole, x) - logsumexp(-c))
+        assert -1e-8 <= gap <= np.log(8) + 1e-8
+        # and both are the density that draws are judged by
+        density = prior.log_density(x[None])[0] + 0.5 * 69 * np.log(2 * np.pi)
+        assert cost(best, x) + c.min() == pytest.approx(-density.max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_derivatives_of_mixtures(which: int) -> None:
+    problem = problem_of(mixtures()[which])
+    for seed in range(4):
+        x = np.random.default_rng(seed).normal(size=4)
+        assert_jacobian(problem, x, np.zeros(0), 1e-7)
+        assert_hessian(problem, x, np.zeros(0), 1e-7)
+
+
+def test_two_components_that_are_equally_likely_count_once() -> None:
+    """Exactly between two mirrored components, whose e_j are the same number."""
+    x = Block("x", (2,))
+    pair = residuals.max_mixture(
+        x.symbol, shares=[1, 1], means=[[1, 0], [-1, 0]], covariances=[np.eye(2), np.eye(2)]
+    )
+    assert cost(pair, np.zeros(2)) == pytest.approx(0.5)
+
+
+def test_a_mixture_of_one_is_a_gaussian() -> None:
+    one = {"shares": [2.0], "means": MEANS[:1], "covariances": COVARIANCES[:1]}
+    plain = residuals.gaussian(X.symbol, mean=MEANS[0], covariance=COVARIANCES[0])
+    x = RNG.normal(size=4)
+    for mixture in (residuals.max_mixture, residuals.log_sum_mixture):
+        assert cost(mixture(X.symbol, **one), x) == pytest.approx(cost(plain, x), rel=1e-12)
+        assert problem_of(mixture(X.symbol, **one)).linearize({"x": x}).finite
+
+
+def test_bad_mixtures_are_refused() -> None:
+    fine = {"shares": SHARES, "means": MEANS, "covariances": COVARIANCES}
+    for wrong in (
+        {"shares": [0.5, 0.5, 0.0]},
+        {"means": MEANS[:2]},
+        {"covariances": COVARIANCES[:, :3, :3]},
+        {"covariances": -COVARIANCES},
+    ):
+        with pytest.raises(BadResidual):
+            residuals.max_mixture(X.symbol, **fine | wrong)
+
+
+# Elbows and knees.
+
+
+@pytest.mark.parametrize("joint", HINGES)
+def test_bending_grows_where_a_joint_bends_backwards(joint: str) -> None:
+    """The table of signs, by the body itself: a wrist forwards and an ankle backwards are
+    natural, for a body that faces +z."""
+    body = load_body("small")
+    pose = body.blocks()[0]
+    term = residuals.bending(pose)
+    row = list(HINGES).index(joint)
+    hinge = HINGES[joint]
+
+    def bent(angle: float) -> np.ndarray:
+        values = np.zeros((24, 3))
+        values[body.joint_names.index(joint), hinge.axis] = angle
+        return values
+
+    def value(angle: float) -> float:
+        return float(problem_of(term).residual(bent(angle).ravel(), np.zeros(0))[row])
+
+    angles = np.linspace(-1.5, 1.5, 7)
+    towards = np.array([value(hinge.backwards * a) for a in angles])
+    assert (np.diff(towards) > 0).all()
+    assert value(0.0) == pytest.approx(1.0)
+    end = joint.replace("elbow", "wrist").replace("knee", "ankle")
+    place = body.joint_names.index(end)
+    natural = body.joints(pose=bent(-1.0 * hinge.backwards))[place]
+    straight = body.joints(pose=bent(0.0))[place]
+    forwards = natural[2] - straight[2]
+    assert forwards > 0.05 if "elbow" in joint else forwards < -0.05
+
+
+def test_bending_is_half_of_the_sum_of_exponentials_of_twice_the_angles() -> None:
+    pose = load_body("small").blocks()[0]
+    values = np.random.default_rng(2).normal(size=(24, 3))
+    expected = 0.5 * sum(
+        np.exp(2 * h.backwards * values[pose.labels.index(j), h.axis]) for j, h in HINGES.items()
+    )
+    assert cost(residuals.bending(pose), values.ravel()) == pytest.approx(expected, rel=1e-12)
+    assert_jacobian(problem_of(residuals.bending(pose)), values.ravel(), np.zeros(0), 1e-8)
+
+
+def test_bending_needs_a_pose_with_such_joints() -> None:
+    with pytest.raises(BadResidual, match="no pose"):
+        residuals.bending(Block("betas", (10,)))
+    with pytest.raises(BadResidual, match="none of them"):
+        residuals.bending(Block("pose", (2, 3), "rad", ("root", "tail")))
+
+
+# Limits and planes.
+
+
+def test_limits_count_only_outside() -> None:
+    x = Block("x", (4,), "rad")
+    term = residuals.limits(x, [-1, -1, -np.inf, -1], [1, 1, np.inf, np.inf], sigma=0.1)
+    assert term.size == 3
+    r = problem_of(term).residual(np.array([0.5, -1.2, 50.0, 70.0]), np.zeros(0))
+    np.testing.assert_allclose(r, [0, -2.0, 0], atol=1e-12)
+    assert term.label(2) == "limits(x)[3]"
+    for low, high in ((1.0, -1.0), (np.nan, 1.0), (-np.inf, np.inf)):
+        with pytest.raises(BadResidual):
+            residuals.limits(x, low, high, sigma=0.1)
+
+
+def test_points_on_a_plane() -> None:
+    placed = Block("placed", (3, 3), "m")
+    points = np.array([[0, 0.1, 5], [1, 0.3, 2], [2, -0.2, 7.0]])
+    floor = residuals.on_plane(placed.symbol, sigma=0.1, offset=0.1)
+    r = problem_of(floor).residual(points.ravel(), np.zeros(0))
+    np.testing.assert_allclose(r, [0, 2, -3], atol=1e-12)
+    wall = residuals.on_plane(placed.symbol, sigma=1.0, normal=(0, 0, -2.0), offset=-2.0)
+    r = problem_of(wall).residual(points.ravel(), np.zeros(0))
+    np.testing.assert_allclose(r, [-3, 0, -5], atol=1e-12)
+    height = Block("floor", (1,), "m")
+    unknown = residuals.on_plane(placed.symbol, sigma=1.0, offset=height.symbol)
+    assert unknown.reads == ("placed", "floor")
+    with pytest.raises(BadResidual, match="normal"):
+        residuals.on_plane(placed.symbol, sigma=1.0, normal=(0, 0, 0))
+
+
+def test_feet_of_a_body_are_named() -> None:
+    body = load_body("small")
+    points = body.landmark_points("coco", *(block.symbol for block in body.blocks()))
+    term = residuals.on_plane(points, sigma=0.01, some=("left_heel", "right_big_toe"))
+    assert term.label(1).endswith("[right_big_toe]")
+    with pytest.raises(BadResidual, match="tail"):
+        residuals.on_plane(points, sigma=0.01, some=("tail",))
+    assert isinstance(term.expression, cs.MX)

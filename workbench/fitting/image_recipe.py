@@ -1,0 +1,111 @@
+"""How a body is fitted to the keypoints of one image: terms, stages and starts, as data.
+
+SMPLify (Bogo et al., Keep it SMPL, 2016) has all of these: a robust reprojection error, priors on
+pose and shape, a term against elbows and knees that bend backwards, and stages in which priors
+count much at first. Its code multiplies residuals by weights: lambda_theta is 404, 404, 57.4 and
+4.78 in its four stages, lambda_beta 100, 50, 10 and 5, and the term of the elbows and knees is
+3.17 lambda_theta. Its prior on the pose is half a squared distance, its keypoints are whole
+squares in px, and so lambda_theta = sqrt(2) sigma for our sigma of a keypoint in px.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.keypoint_problem import Terms
+from workbench.fitting.setup import View
+from workbench.residuals import Residual, bending
+from workbench.residuals.bending import HINGES
+from workbench.solvers import LevenbergMarquardt, Solver, SolveStage
+
+KEYPOINTS = "keypoints"  # in the weights of a stage: those of every camera
+LAMBDA_POSE = 404.0, 404.0, 57.4, 4.78
+LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
+ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
+SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
+
+ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.03)  # of a stage that is only a start
+NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
+
+Starts = Callable[[Body, View, Values, int], Sequence[Values]]
+
+
+def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """Priors on pose and shape, and elbows and knees that do not bend backwards."""
+    pose = body.blocks()[0]
+    hinged = set(HINGES) & set(pose.labels or ())
+    return (pose_prior(body), shape_prior(body), *([bending(pose)] if hinged else []))
+
+
+def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """The same with the weights that SMPLify's code has in its last stage."""
+    counts = {
+        "shape prior": 2 * (LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]) ** 2,
+        "bending": 2 * ANGLES**2,
+    }
+    priors = image_priors(body)
+    return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in priors)
+
+
+def wider(sigma: float, *wide: float, solver: Solver | None = None) -> tuple[SolveStage, ...]:
+    """Stages in which keypoints have these larger sigmas in px, before the fit with `sigma`."""
+    return tuple(SolveStage(weights={KEYPOINTS: (sigma / w) ** 2}, solver=solver) for w in wide)
+
+
+def smplify_stages() -> tuple[SolveStage, ...]:
+    """SMPLify's schedule: the place first, and then three stages before the last one."""
+    last = LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]
+    weights = [
+        {KEYPOINTS: (LAMBDA_POSE[-1] / pose) ** 2, "shape prior": (shape / pose / last) ** 2}
+        for pose, shape in zip(LAMBDA_POSE[:-1], LAMBDA_SHAPE[:-1], strict=True)
+    ]
+    return (SolveStage(("trans", "pose[pelvis]")), *(SolveStage(weights=w) for w in weights))
+
+
+@dataclass(frozen=True)
+class ImageRecipe:
+    """How a body is fitted to the keypoints of one image.
+
+    Raises BadArgument for a sigma or an outlier that is not above 0.
+
+    Attributes:
+        sigma: the standard deviation of a keypoint, in px.
+        outlier: the distance in px from which on a coordinate counts as an outlier: Geman and
+            McClure's kernel has this scale, whatever sigma is.
+        priors: the residuals of a body beside its keypoints.
+        stages: what is different before the last stage; the name `keypoints` among the weights
+            stands for those of every camera.
+        solver: what solves each stage, if the stage does not say.
+    """
+
+    sigma: float = 4.0
+    outlier: float = 100.0
+    priors: Terms = image_priors
+    stages: tuple[SolveStage, ...] = wider(4.0, 60.0, solver=ROUGHLY)
+    solver: Solver = NEARLY
+
+    def __post_init__(self) -> None:
+        for name in ("sigma", "outlier"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise BadArgument(f"{name} is a length in px above 0, not {getattr(self, name)!r}")
+
+    def stages_of(self, cameras: Sequence[str]) -> tuple[SolveStage, ...]:
+        """The stages of a problem with these residuals of cameras."""
+
+        def spelled(stage: SolveStage) -> SolveStage:
+            weights = dict(stage.weights)
+            weight = weights.pop(KEYPOINTS, None)
+            each = {} if weight is None else dict.fromkeys(cameras, weight)
+            return replace(stage, weights=each | weights)
+
+        return tuple(map(spelled, self.stages))
+
+
+SMPLIFY = ImageRecipe(SMPLIFY_SIGMA, 100.0, smplify_priors, smplify_stages(), LevenbergMarquardt())
