@@ -127,7 +127,7 @@ def regressed() -> Case:
 
 def limits() -> Case:
     residual = residuals.limits(POSE, -0.5, 0.7, sigma=0.2)
-    return Case(residual, {"pose": np.zeros((3, 3))})
+    return Case(residual, {"pose": np.zeros((3, 3))}, spread=0.8)
 
 
 def on_plane() -> Case:
@@ -146,7 +146,7 @@ def max_mixture() -> Case:
     shares = np.array([0.2, 0.5, 0.3])
     best = int(np.argmax(shares / np.sqrt(np.linalg.det(C))))
     residual = residuals.max_mixture(BETAS.symbol, shares=shares, means=means, covariances=C)
-    return Case(residual, {"betas": means[best]})
+    return Case(residual, {"betas": means[best]}, spread=2.0)
 
 
 CASES: list[Callable[[], Case]] = [

@@ -30,6 +30,7 @@ class Overlay:
         projected: (M, 2) where the fitted body has them.
         surface: (N, 2) the body's vertices.
         depth: (N,) their distances from the camera's plane in m.
+        vertices: (N, 3) the vertices in space, in m.
     """
 
     view: View
@@ -37,6 +38,7 @@ class Overlay:
     projected: Array
     surface: Array
     depth: Array
+    vertices: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,9 @@ class Outcome:
         overlays: the fitted body in each view.
         surface: (N, 3) m, the posed body, if there is one.
         source: the user's file that the run is about.
+        stages: the body at the end of each stage, in the first fitted view, if it was solved in
+            stages.
+        hypotheses: the body of each hypothesis there, if there was more than one start.
     """
 
     name: str
@@ -74,6 +79,8 @@ class Outcome:
     overlays: tuple[Overlay, ...]
     surface: Array | None
     source: str = ""
+    stages: tuple[Overlay, ...] = ()
+    hypotheses: tuple[Overlay, ...] = ()
 
     @property
     def best_cost(self) -> float:
@@ -122,10 +129,11 @@ def run(
     progress(f"building {experiment.name}")
     setup = experiment.setup()
     _measured(experiment, setup, setup.start)  # so that a mistake in it is found before the solve
-    solver = solver or SOLVERS[DEFAULT]
+    strategy = setup.strategy or (lambda one: one or SOLVERS[DEFAULT])
+    given, solver = solver, strategy(solver)
     wanted = setup.compared if compare else ()
     progress("differentiating")  # before anything is timed
-    _prepare(setup.problem, solver, wanted)
+    _prepare(setup.problem, given, wanted)
     progress("solving")
     solution = solver.solve(setup.problem, setup.start, callback=callback)
     if not np.isfinite(solution.cost):
@@ -133,7 +141,7 @@ def run(
             f"{experiment.name} has no finite cost, or no slope, where it starts: "
             f"{solution.message}"
         )
-    own = catalogue_name(solver) or f"{solution.solver} (with other options)"
+    own = called(given, solver, solution)
     values = dict(setup.start) | solution.values
     progress("looking at the Jacobian")
     diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors)
@@ -165,7 +173,32 @@ def run(
         else (),
         surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
+        stages=_at(setup, values, [solution.trace[k].values for k in solution.stages]),
+        hypotheses=_at(setup, values, [one.values for one in solution.hypotheses]),
     )
+
+
+def called(given: Solver | None, solver: Solver, solution: Solution) -> str:
+    """The name of a solver in `SOLVERS`, or what it calls itself."""
+    if given is not None and solver is not given:
+        return solution.solver  # with the stages and starts of a setup
+    return catalogue_name(solver) or (
+        solution.solver if given is None else f"{solution.solver} (with other options)"
+    )
+
+
+def _at(setup: Setup, values: Values, each: Sequence[Values]) -> tuple[Overlay, ...]:
+    """The body at each of these values of free blocks, in the first fitted view."""
+    view = next((view for view in setup.views if not view.held_out), None)
+    if setup.body is None or view is None or len(each) < 2:
+        return ()
+    found = []
+    for free in each:
+        whole = dict(values) | free
+        arguments = arguments_from_values(setup.body, setup.problem.points, whole)
+        if arguments is not None:
+            found.append(overlay(setup.body, view, whole, arguments))
+    return tuple(found)
 
 
 def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:
@@ -177,7 +210,7 @@ def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Mea
         return tuple(found)
 
 
-def _prepare(problem: Problem, solver: Solver, compared: Iterable[str]) -> None:
+def _prepare(problem: Problem, solver: Solver | None, compared: Iterable[str]) -> None:
     """Derive and build the functions that the solvers will call."""
     problem.prepare()
     exact = SOLVERS["ipopt-exact"]
@@ -197,6 +230,7 @@ def overlay(
         projected=view.camera.pixels(found, values),
         surface=view.camera.pixels(surface, values),
         depth=view.camera.depths(surface, values),
+        vertices=surface,
     )
 
 
@@ -219,7 +253,8 @@ def _compare(
         name = left[0]
         progress(f"comparing: {name}")
         try:
-            found[name] = SOLVERS[name].solve(setup.problem, setup.start)
+            solver = SOLVERS[name] if setup.strategy is None else setup.strategy(SOLVERS[name])
+            found[name] = solver.solve(setup.problem, setup.start)
         except (KeyboardInterrupt, SystemError) as error:
             if not caused_by(error, KeyboardInterrupt):
                 raise

@@ -12,7 +12,7 @@ from workbench.fitting.keypoints import keypoint_setup
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
 from workbench.residuals.kernels import geman_mcclure, scaled
-from workbench.solvers import Staged
+from workbench.solvers import Solver, Staged
 
 
 def image_problem(
@@ -37,11 +37,14 @@ def image_fit(
 ) -> Setup:
     """Pose, betas and trans of a body from the keypoints of one image, by a recipe.
 
-    `of` is the `image_problem` of the body and the recipe. The setup's `solver` takes the stages of
-    the recipe, from `hypotheses` starts. Other arguments and errors are those of `keypoint_fit`.
+    `of` is the `image_problem` of the body and the recipe. The setup's `strategy` takes the stages
+    of the recipe, from `hypotheses` starts. Other arguments and errors are those of `keypoint_fit`.
     """
     recipe = recipe or ImageRecipe()
     setup = keypoint_setup(of, observations, question, held_out, reference, compared)
     cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
-    solver = Staged(recipe.stages_of(cameras), recipe.solver)
-    return replace(setup, solver=solver)
+
+    def strategy(solver: Solver | None) -> Solver:
+        return Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
+
+    return replace(setup, strategy=strategy)

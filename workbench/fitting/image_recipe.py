@@ -96,14 +96,14 @@ class ImageRecipe:
             if not 0 < getattr(self, name) < np.inf:
                 raise BadArgument(f"{name} is a length in px above 0, not {getattr(self, name)!r}")
 
-    def stages_of(self, cameras: Sequence[str]) -> tuple[SolveStage, ...]:
-        """The stages of a problem with these residuals of cameras."""
+    def stages_of(self, cameras: Sequence[str], solver: Solver | None) -> tuple[SolveStage, ...]:
+        """The stages of a problem with these residuals of cameras, by `solver` if there is one."""
 
         def spelled(stage: SolveStage) -> SolveStage:
             weights = dict(stage.weights)
             weight = weights.pop(KEYPOINTS, None)
             each = {} if weight is None else dict.fromkeys(cameras, weight)
-            return replace(stage, weights=each | weights)
+            return replace(stage, weights=each | weights, solver=solver or stage.solver)
 
         return tuple(map(spelled, self.stages))
 

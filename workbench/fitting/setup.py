@@ -95,8 +95,9 @@ class Setup:
         synthetic: what was made up, in a sentence; empty if all data were measured.
         notes: sentences on data that were given but not used, or that were not checked.
         made_of: values of the blocks that synthetic data were made of, before noise was added.
-        solver: what solves it unless another solver is named, such as stages from several starts;
-            None for the default of `solve`.
+        strategy: how it is solved, in stages or from several starts: a function that makes the
+            whole solver out of the one that is named, or out of None for the usual one. Without it,
+            that solver is applied to the problem as it is.
     """
 
     problem: Problem
@@ -112,7 +113,7 @@ class Setup:
     synthetic: str = ""
     notes: tuple[str, ...] = ()
     made_of: Values | None = None
-    solver: Solver | None = None
+    strategy: Callable[[Solver | None], Solver] | None = None
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")

@@ -19,7 +19,14 @@ from workbench.plots.distances import (
 )
 from workbench.plots.figure import house_style, png, sheet, smallest, svg
 from workbench.plots.minima import caption_minima, plot_minima
-from workbench.plots.overlay import caption_overlay, plot_overlay
+from workbench.plots.overlay import (
+    caption_hypothesis,
+    caption_overlay,
+    caption_stage,
+    plot_hypothesis,
+    plot_overlay,
+    plot_stage,
+)
 from workbench.plots.posterior import (
     caption_beside_laplace,
     caption_corner,
@@ -57,6 +64,7 @@ __all__ = [
     "caption_differences",
     "caption_direction",
     "caption_distances",
+    "caption_hypothesis",
     "caption_minima",
     "caption_overlay",
     "caption_shape_gallery",
@@ -64,6 +72,7 @@ __all__ = [
     "caption_singular_values",
     "caption_sparsity",
     "caption_spray",
+    "caption_stage",
     "caption_stitching",
     "caption_taylor",
     "caption_traces",
@@ -78,6 +87,7 @@ __all__ = [
     "plot_differences",
     "plot_direction",
     "plot_distances",
+    "plot_hypothesis",
     "plot_minima",
     "plot_overlay",
     "plot_shape_gallery",
@@ -86,6 +96,7 @@ __all__ = [
     "plot_sparsity",
     "plot_spray",
     "plot_spray_in_view",
+    "plot_stage",
     "plot_stitching",
     "plot_taylor",
     "plot_traces",

@@ -7,7 +7,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import ScaledTranslation
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.experiments.running import Outcome, Overlay
 from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, reprojection_errors
 from workbench.plots.body import painted
@@ -25,16 +25,42 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
 
     All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
     """
-    overlay, body = outcome.overlays[view], outcome.setup.body
+    faces = None if outcome.setup.body is None else outcome.setup.body.faces
+    return plot_body_in_view(outcome.overlays[view], faces, ax=ax, shape=shape)
+
+
+def plot_stage(outcome: Outcome, stage: int, *, ax: Axes) -> Axes:
+    """The body at the end of a stage, as `plot_overlay` draws it."""
+    return _plot_numbered(outcome, outcome.stages[stage], f"Stage {stage + 1}", ax)
+
+
+def plot_hypothesis(outcome: Outcome, number: int, *, ax: Axes) -> Axes:
+    """The body of a hypothesis, as `plot_overlay` draws it."""
+    cost = outcome.solution.hypotheses[number].cost
+    what = f"Hypothesis {number + 1}, cost {cost:.4g}"
+    return _plot_numbered(outcome, outcome.hypotheses[number], what, ax)
+
+
+def _plot_numbered(outcome: Outcome, overlay: Overlay, title: str, ax: Axes) -> Axes:
+    faces = None if outcome.setup.body is None else outcome.setup.body.faces
+    plot_body_in_view(overlay, faces, ax=ax)
+    ax.set_title(f"{title}: mean {reprojection(overlay)[0]:.1f} px", loc="left")
+    return ax
+
+
+def plot_body_in_view(
+    overlay: Overlay, faces: Index | None, *, ax: Axes, shape: float = 1.25
+) -> Axes:
+    """A body in a view, by `plot_overlay`; `faces` (F, 3) are the triangles of its surface."""
     seen = overlay.view.confidence > 0
     observed, projected = overlay.view.observed[seen], overlay.projected[seen]
     opacity = np.clip(overlay.view.confidence[seen], 0, 1)
     ax.set_facecolor(OUTSIDE)
     frame = Rectangle((0, 0), *overlay.view.size, facecolor="white", edgecolor=FAINT, linewidth=0.8)
     ax.add_patch(frame).set_zorder(0.5)
-    if body is not None and outcome.surface is not None:
-        solid = _solid(overlay, outcome.surface)
-        ax.add_collection(painted(overlay.surface, solid, body.faces, contrast=0.4)).set_zorder(1)
+    if faces is not None:
+        solid = _solid(overlay, overlay.vertices)
+        ax.add_collection(painted(overlay.surface, solid, faces, contrast=0.4)).set_zorder(1)
     faded = [(*to_rgb(VERMILLION), float(alpha)) for alpha in opacity]
     pairs = LineCollection(
         list(np.stack([observed, projected], axis=1)), colors=faded, linewidths=1.0
@@ -91,6 +117,35 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
         f"{overlay.view.name}{held_out}. {count} {COUNTED} lie on average {error:.1f} px "
         f"from those of the fitted body; the farthest, "
         f"{overlay.landmarks[worst].replace('_', ' ')}, by {off[worst]:.1f} px.{missing}"
+    )
+
+
+def caption_stage(outcome: Outcome, stage: int) -> str:
+    """What `plot_stage` shows."""
+    stages, error = len(outcome.stages), reprojection(outcome.stages[stage])[0]
+    last = ", which is the result" if stage == stages - 1 else ""
+    return (
+        f"The body at the end of stage {stage + 1} of {stages}{last}. {COUNTED.capitalize()} lie "
+        f"on average {error:.1f} px from those of the body."
+    )
+
+
+def caption_hypothesis(outcome: Outcome, number: int) -> str:
+    """What `plot_hypothesis` shows."""
+    found, error = outcome.solution.hypotheses[number], reprojection(outcome.hypotheses[number])[0]
+    best = outcome.solution.hypotheses[0].cost
+    above = (
+        "It has the lowest cost."
+        if number == 0
+        else (
+            f"Its cost is {found.cost - best:.3g} above the lowest: on its own evidence it is "
+            f"exp(-{found.cost - best:.3g}) times as likely."
+        )
+    )
+    starts = "1 start" if len(found.starts) == 1 else f"{len(found.starts)} starts"
+    return (
+        f"Hypothesis {number + 1}, to which {starts} led; keypoints lie on average {error:.1f} px "
+        f"from those of the body. {above}"
     )
 
 

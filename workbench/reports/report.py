@@ -1,5 +1,6 @@
 """A run as a folder: one page with the figures in it, and the numbers beside it."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from workbench.reports.page import page
 from workbench.solvers import Solution
 from workbench.writing import write_arrays
 
+MOST_SHOWN = 6  # stages, or hypotheses, that are drawn side by side
 FILES = {
     "index.html": "this page",
     "values.npz": "every block by its name, free and fixed, and the points drawn in each view",
@@ -82,6 +84,12 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         cost=tables.number(solution.cost, 6),
         optimality=tables.number(solution.optimality, 2),
         overlays=overlay_figures(outcome),
+        stages=numbered_figures(
+            outcome, len(outcome.stages), plots.plot_stage, plots.caption_stage
+        ),
+        ends=numbered_figures(
+            outcome, len(outcome.hypotheses), plots.plot_hypothesis, plots.caption_hypothesis
+        ),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
@@ -126,6 +134,16 @@ def overlay_figures(outcome: Outcome) -> list[Shown]:
     """The fitted body over the keypoints, one figure per view."""
     views = range(len(outcome.overlays))
     return [plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i) for i in views]
+
+
+def numbered_figures(
+    outcome: Outcome,
+    count: int,
+    plot: Callable[..., object],
+    caption: Callable[[Outcome, int], str],
+) -> list[Shown]:
+    """A figure for each stage or hypothesis; of many hypotheses the first ones."""
+    return [plotted(3.8, 5.0, plot, caption, outcome, i) for i in range(min(count, MOST_SHOWN))]
 
 
 def distance_figure(outcome: Outcome) -> Shown | None:

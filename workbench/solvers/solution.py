@@ -111,6 +111,8 @@ class Solution:
             to start again; else None.
         judging: the evaluations by which the end was judged after the run. They are not among
             `evaluations`, and no limit of the solver applies to them.
+        stages: where in the trace each stage of `Staged` ended, the last one included; empty for a
+            solve without stages.
     """
 
     values: Values
@@ -130,6 +132,7 @@ class Solution:
     running: tuple[str, ...] = ()
     lower: Values | None = None
     judging: Evaluations = field(default_factory=Evaluations)
+    stages: tuple[int, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -164,6 +167,7 @@ class Solution:
             "lost_since": self.lost_since,
             "running": self.running,
             "judging": asdict(self.judging),
+            "stages": self.stages,
             "hypotheses": [[h.cost, h.status.name, h.starts, h.violation] for h in self.hypotheses],
         }
         arrays = {FACTS: np.array(json.dumps(facts))}
@@ -236,7 +240,20 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
         lost_since=since,
         running=facts.several("running", text) if "running" in facts.entries else (),
         judging=Evaluations() if judging is None else _evaluations(judging),
+        stages=facts.several("stages", _in_trace(len(rows))) if "stages" in facts.entries else (),
     )
+
+
+def _in_trace(length: int) -> Callable[[object, str], int]:
+    """A reader of the number of an iterate."""
+
+    def read(given: object, name: str) -> int:
+        found = whole(given, name)
+        if not 0 <= found < length:
+            raise BadFile(f"{name} is {found}, and the trace has {length} iterates")
+        return found
+
+    return read
 
 
 def _row(given: object, name: str) -> Row:

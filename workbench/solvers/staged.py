@@ -115,6 +115,7 @@ class Staged:
         values = {**start}
         trace: list[Iterate] = []
         last: Solution | None = None
+        ends: list[int] = []
         before, seconds = Evaluations(), 0.0
 
         def completed(values: Values) -> Values:
@@ -137,6 +138,7 @@ class Staged:
                     break
                 last = (stage.solver or self.solver).solve(part, values, callback=record)
                 values |= last.values
+                ends.append(len(trace) - 1)
                 before, seconds = before + last.evaluations, seconds + last.seconds
         assert last is not None  # the last stage is always there
         solution = replace(
@@ -146,6 +148,7 @@ class Staged:
             evaluations=before,
             seconds=seconds,
             trace=tuple(trace),
+            stages=tuple(end for end in ends if end >= 0),
         )
         if interrupts.pressed:
             return replace(solution, status=Status.STOPPED, message=INTERRUPTED)
