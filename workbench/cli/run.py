@@ -87,7 +87,7 @@ def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
 
 
 def carry_out(
-    console: Console, experiment: Experiment, solver: Solver, compare: bool, out: Path
+    console: Console, experiment: Experiment, solver: Solver | None, compare: bool, out: Path
 ) -> None:
     """Run an experiment, print its summary, and write its report.
 

@@ -1,50 +1,112 @@
 """A body on the keypoints of one image: the setup, and the stages and starts that solve it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.fitting.image_recipe import ImageRecipe
+from workbench.fitting.image_recipe import ByHeight, ImageRecipe, Recipe
+from workbench.fitting.image_starts import turned_about
 from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.keypoints import keypoint_setup
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
-from workbench.residuals.kernels import geman_mcclure, scaled
-from workbench.solvers import Solver, Staged
+from workbench.residuals.kernels import geman_mcclure, quadratic, scaled
+from workbench.solvers import Solver, Staged, Starts
+
+STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
 
 
-def image_problem(
-    body: SkinnedBody | TriangleBody, recipe: ImageRecipe | None = None
-) -> KeypointProblem:
-    """The problem of a recipe, to be made once for many images."""
-    recipe = recipe or ImageRecipe()
-    kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
-    return KeypointProblem(body, recipe.sigma, kernel, recipe.priors)
+@dataclass(frozen=True, eq=False)
+class ImageFits:
+    """Fits of a body to single images by a recipe; what images have in common is made once.
+
+    Attributes:
+        body: the body that is fitted.
+        recipe: how it is fitted, by the height of the person in the image.
+    """
+
+    body: SkinnedBody | TriangleBody
+    recipe: Recipe = field(default_factory=ByHeight)
+    _made: dict[int, tuple[ImageRecipe, KeypointProblem]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+    _placing: list[KeypointProblem] = field(default_factory=list, init=False, repr=False)
+
+    def setup(
+        self,
+        observations: Observations,
+        question: str,
+        *,
+        hypotheses: int = 1,
+        held_out: Sequence[str] = (),
+        reference: Array | None = None,
+        compared: tuple[str, ...] = (),
+    ) -> Setup:
+        """Pose, betas and trans of the body from the keypoints of one image.
+
+        The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts: the
+        body as it is placed by its torso, and then turned about its own axis. Other arguments and
+        errors are those of `keypoint_fit`.
+        """
+        given = observations, question, held_out, reference, compared
+        if not self._placing:
+            self._placing.append(KeypointProblem(self.body, 1.0, quadratic))
+        placed = keypoint_setup(self._placing[0], *given)
+        recipe, of = self._for(_height(placed))
+        setup = keypoint_setup(of, *given)
+        cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
+        starts = turned_about(self.body, setup.start, hypotheses)
+
+        def strategy(solver: Solver | None) -> Solver:
+            staged = Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
+            return staged if len(starts) == 1 else Starts(starts, staged)
+
+        return replace(setup, strategy=strategy)
+
+    def _for(self, height: float) -> tuple[ImageRecipe, KeypointProblem]:
+        """The recipe and the problem for a person so many px high."""
+        step = round(float(np.log(max(height, 1.0)) / np.log(STEP)))
+        if step not in self._made:
+            recipe = self.recipe(STEP**step)
+            kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
+            problem = KeypointProblem(self.body, recipe.sigma, kernel, recipe.priors)
+            self._made[step] = recipe, problem
+        return self._made[step]
 
 
 def image_fit(
     observations: Observations,
-    of: KeypointProblem,
+    body: SkinnedBody | TriangleBody,
     question: str,
     *,
-    recipe: ImageRecipe | None = None,
+    recipe: Recipe | None = None,
     hypotheses: int = 1,
     held_out: Sequence[str] = (),
-    reference: Array | None = None,
     compared: tuple[str, ...] = (),
 ) -> Setup:
-    """Pose, betas and trans of a body from the keypoints of one image, by a recipe.
+    """Pose, betas and trans of a body from the keypoints of one image, as SMPLify does.
 
-    `of` is the `image_problem` of the body and the recipe. The setup's `strategy` takes the stages
-    of the recipe, from `hypotheses` starts. Other arguments and errors are those of `keypoint_fit`.
+    The setup's `strategy` is how it is solved: in stages, from `hypotheses` starts. To fit many
+    images, make one `ImageFits`. Raises BadObservation if the keypoints cannot place the body.
     """
-    recipe = recipe or ImageRecipe()
-    setup = keypoint_setup(of, observations, question, held_out, reference, compared)
-    cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
+    fits = ImageFits(body, recipe or ByHeight())
+    return fits.setup(
+        observations, question, hypotheses=hypotheses, held_out=held_out, compared=compared
+    )
 
-    def strategy(solver: Solver | None) -> Solver:
-        return Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
 
-    return replace(setup, strategy=strategy)
+def _height(setup: Setup) -> float:
+    """How many px the resting body would be high at the depth at which it was placed."""
+    view = next(view for view in setup.views if not view.held_out)
+    body = setup.body
+    assert body is not None
+    pose, betas, trans = (setup.start[block.name] for block in body.blocks())
+    stature = float(np.ptp(body.template[:, 1]))
+    joints = body.joints(pose, betas, trans)
+    depth = float(np.median(view.camera.depths(joints, setup.start)))
+    focal = float(np.mean(setup.start[view.camera.focal.name]))
+    return focal * stature / max(depth, 1e-3)

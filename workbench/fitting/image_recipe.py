@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.keypoint_problem import Terms
-from workbench.fitting.setup import View
+from workbench.fitting.stature import MEASURED, stature_prior
 from workbench.residuals import Residual, bending
 from workbench.residuals.bending import HINGES
 from workbench.solvers import LevenbergMarquardt, Solver, SolveStage
@@ -31,10 +29,9 @@ LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
 ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
-ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.03)  # of a stage that is only a start
+Recipe = Callable[[float], "ImageRecipe"]  # of the person's height in the image, in px
+ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
-
-Starts = Callable[[Body, View, Values, int], Sequence[Values]]
 
 
 def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
@@ -70,8 +67,30 @@ def smplify_stages() -> tuple[SolveStage, ...]:
 
 
 @dataclass(frozen=True)
+class WithStature:
+    """The priors of an image and a stature that was measured.
+
+    Attributes:
+        height: the stature in m.
+        sigma: its standard deviation in m.
+    """
+
+    height: float
+    sigma: float = MEASURED
+
+    def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+        """The priors of this body. Raises BadArgument for one that is not skinned."""
+        if not isinstance(body, SkinnedBody):
+            raise BadArgument(
+                f"the stature of body {body.name!r} is no linear function of its shape; fit it "
+                "without a height, or take a skinned body"
+            )
+        return (*image_priors(body), stature_prior(body, self.height, sigma=self.sigma))
+
+
+@dataclass(frozen=True)
 class ImageRecipe:
-    """How a body is fitted to the keypoints of one image.
+    """How a body is fitted to the keypoints of one image, with all lengths in px.
 
     Raises BadArgument for a sigma or an outlier that is not above 0.
 
@@ -85,11 +104,11 @@ class ImageRecipe:
         solver: what solves each stage, if the stage does not say.
     """
 
-    sigma: float = 4.0
-    outlier: float = 100.0
-    priors: Terms = image_priors
-    stages: tuple[SolveStage, ...] = wider(4.0, 60.0, solver=ROUGHLY)
-    solver: Solver = NEARLY
+    sigma: float
+    outlier: float
+    priors: Terms
+    stages: tuple[SolveStage, ...]
+    solver: Solver
 
     def __post_init__(self) -> None:
         for name in ("sigma", "outlier"):
@@ -108,4 +127,36 @@ class ImageRecipe:
         return tuple(map(spelled, self.stages))
 
 
-SMPLIFY = ImageRecipe(SMPLIFY_SIGMA, 100.0, smplify_priors, smplify_stages(), LevenbergMarquardt())
+def smplify(height: float) -> ImageRecipe:
+    """SMPLify's own terms, weights and stages, whatever the person's height in px."""
+    stages = smplify_stages()
+    return ImageRecipe(SMPLIFY_SIGMA, 100.0, smplify_priors, stages, LevenbergMarquardt())
+
+
+@dataclass(frozen=True)
+class ByHeight:
+    """A recipe whose lengths grow with the height of the person in the image.
+
+    Whether a keypoint is wrong, or the body still far from where it should be, is a matter of
+    its distance compared with the person, not of px: 100 px are little for a person who fills a
+    photograph, and half of one in its background.
+
+    Attributes:
+        sigma: the standard deviation of a keypoint, in px.
+        outlier: from which distance on a coordinate counts as an outlier, as a share of the
+            person's height in the image.
+        wide: the sigmas of keypoints in the stages before the last one, as such shares.
+        priors: the residuals of a body beside its keypoints.
+        solver: what solves the last stage; those before are solved roughly.
+    """
+
+    sigma: float = 4.0
+    outlier: float = 0.08
+    wide: tuple[float, ...] = (0.34, 0.047)
+    priors: Terms = image_priors
+    solver: Solver = NEARLY
+
+    def __call__(self, height: float) -> ImageRecipe:
+        """The recipe for a person so many px high."""
+        stages = wider(self.sigma, *(share * height for share in self.wide), solver=ROUGHLY)
+        return ImageRecipe(self.sigma, self.outlier * height, self.priors, stages, self.solver)

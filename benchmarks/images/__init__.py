@@ -1,0 +1,1 @@
+"""Fits to images, videos and markers, measured: `python -m benchmarks.images`."""

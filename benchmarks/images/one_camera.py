@@ -1,0 +1,245 @@
+"""The command `python -m benchmarks.images.one_camera [RECORDING]`: one image, against the truth.
+
+The person of `balance`, whom four cameras saw, is fitted to one of them; the truth is the fit to
+all four. With a recording of motion capture, synthetic people in poses that are held out of the
+priors (`priors.mocap.held_out_poses`) are fitted as well, with and without gross outliers among
+their keypoints. Numbers go to `results/images.json`, and the tables of IMAGES.md are written from
+them.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import machine
+from benchmarks.keeping import keep, write_between
+from workbench import load_body, solve
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.comparison.statistics import rate
+from workbench.experiments.balance import observations
+from workbench.fitting import keypoint_fit, photograph
+from workbench.fitting.image_fit import ImageFits
+from workbench.fitting.image_recipe import ByHeight, WithStature, smplify
+from workbench.fitting.keypoint_problem import KeypointProblem
+from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.observations import SIDES, Observations
+from workbench.fitting.setup import Setup
+from workbench.geometry.camera import Camera
+from workbench.geometry.rigid import umeyama
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.priors.mocap import held_out_poses
+from workbench.solvers import Solution
+
+HERE = Path(__file__).parent.parent
+RESULTS, PAGE = HERE / "results" / "images.json", HERE / "IMAGES.md"
+BEGIN = "<!-- from here on written by `python -m benchmarks.images.one_camera` -->"
+END = "<!-- up to here -->"
+LIMBS = tuple(
+    f"{side}_{part}"
+    for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    for side in SIDES
+)
+FAILED = 150.0  # mm: a fit that is farther off on average
+REPORTED = range(0, 100, 4)  # frames of `balance`; recipes were chosen on 2, 10, ..., 98
+STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
+PEOPLE = 200
+NOISE = 5.0  # px
+OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One image: what was observed, what was held out, and the true landmarks (M, 3) m."""
+
+    observed: Observations
+    held_out: tuple[str, ...]
+    truth: Array
+    made_of: Values | None = None
+
+
+Fit = Callable[[Case], tuple[Solution, Setup]]
+
+
+def as_before(body: SkinnedBody) -> Fit:
+    """The fit without a robust kernel and stages."""
+    of = KeypointProblem(body)
+
+    def fit(case: Case) -> tuple[Solution, Setup]:
+        setup = keypoint_setup(of, case.observed, "", case.held_out)
+        return solve(setup.problem, setup.start), setup
+
+    return fit
+
+
+def in_stages(fits: ImageFits, hypotheses: int = 1) -> Fit:
+    """The fit by a recipe."""
+
+    def fit(case: Case) -> tuple[Solution, Setup]:
+        setup = fits.setup(case.observed, "", hypotheses=hypotheses, held_out=case.held_out)
+        assert setup.strategy is not None
+        return setup.strategy(None).solve(setup.problem, setup.start), setup
+
+    return fit
+
+
+def from_the_truth(fits: ImageFits) -> Fit:
+    """The last stage of a recipe alone, from where the synthetic person is."""
+
+    def fit(case: Case) -> tuple[Solution, Setup]:
+        setup = fits.setup(case.observed, "", held_out=case.held_out)
+        assert case.made_of is not None
+        return ByHeight().solver.solve(setup.problem, setup.start | case.made_of), setup
+
+    return fit
+
+
+def balance_cases(body: SkinnedBody) -> Iterator[Case]:
+    """Each camera alone, in each of the reported frames."""
+    for frame in REPORTED:
+        observed, _ = observations(frame)
+        whole = keypoint_fit(observed, body, "")
+        values = solve(whole.problem, whole.start).values
+        truth = body.landmark("coco", *(values[block.name] for block in body.blocks()))
+        names = [photo.name for photo in observed.photographs]
+        for name in names:
+            yield Case(observed, tuple(other for other in names if other != name), truth)
+
+
+def synthetic_cases(body: SkinnedBody, poses: Array, seeds: range, outliers: int) -> Iterator[Case]:
+    """A person in a held-out pose, seen from a random direction at a height of 400 to 900 px."""
+    names = body.landmark_names("coco")
+    for seed in seeds:
+        rng = np.random.default_rng((seed, 27))
+        pose = poses[rng.integers(len(poses))]
+        betas = rng.normal(size=body.n_betas)
+        values = {"pose": pose, "betas": betas, "trans": np.zeros(3)}
+        values["trans"] = -body.joints(pose, betas).mean(axis=0)
+        focal, size = 1200.0, 1100
+        depth = focal * 1.7 / rng.uniform(400, 900)
+        up = np.diag([1.0, -1.0, -1.0])
+        tilt = matrix_from_vector([rng.uniform(-0.1, 0.4), 0.0, 0.0])
+        R = tilt @ up @ matrix_from_vector([0.0, rng.uniform(-np.pi, np.pi), 0.0])
+        K = np.array([[focal, 0, size / 2], [0, focal, size / 2], [0, 0, 1]])
+        lens = Camera("c/").values(K=K, R=R, t=(0, 0, depth))
+        truth = body.landmark("coco", *values.values())
+        pixels = Camera("c/").pixels(truth, lens)
+        pixels = pixels + NOISE * rng.normal(size=pixels.shape)
+        wrong = rng.choice(len(names), outliers, replace=False)
+        turn = rng.uniform(0, 2 * np.pi, outliers)
+        pixels[wrong] += FAR * np.column_stack([np.cos(turn), np.sin(turn)])
+        points = np.column_stack([pixels, np.ones(len(pixels))])
+        shot = photograph("one", (size, size), points, {"K": K, "R": R, "t": [0, 0, depth]})
+        yield Case(Observations(tuple(names), (shot,)), (), truth, values)
+
+
+def errors(found: Array, truth: Array) -> dict[str, float]:
+    """Mean distances in mm of limbs (12, 3) m: from the middle of the hips, after Procrustes, and
+    in space.
+    """
+    hips = [LIMBS.index(f"{side}_hip") for side in SIDES]
+
+    def mean(a: Array, b: Array) -> float:
+        return float(1e3 * np.linalg.norm(a - b, axis=1).mean())
+
+    return {
+        "MPJPE": mean(found - found[hips].mean(axis=0), truth - truth[hips].mean(axis=0)),
+        "PA": mean(umeyama(found, truth)(found), truth),
+        "absolute": mean(found, truth),
+    }
+
+
+def measured(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
+    """Errors of all cases and CPU milliseconds; the first case is fitted twice, to warm up."""
+    limbs = [body.landmark_names("coco").index(name) for name in LIMBS]
+    each: dict[str, list[float]] = {"MPJPE": [], "PA": [], "absolute": [], "ms": []}
+    for case in [cases[0], *cases]:
+        began = time.process_time()
+        solution, _ = fit(case)
+        took = 1e3 * (time.process_time() - began)
+        found = body.landmark("coco", *(solution.values[block.name] for block in body.blocks()))
+        told = errors(found[limbs], case.truth[limbs]) | {"ms": took}
+        for name, value in told.items():
+            each[name].append(value)
+    return {name: values[1:] for name, values in each.items()}
+
+
+def run(recording: Path | None) -> dict[str, Any]:
+    """All tables, by name and recipe."""
+    body = load_body("default")
+    found: dict[str, Any] = {"machine": machine.description(), "balance": {}, "people": {}, "outliers": {}}
+    fits = ImageFits(body)
+    tall = ImageFits(body, ByHeight(priors=WithStature(STATURE)))
+    recipes: dict[str, Fit] = {
+        "as before": as_before(body),
+        "in stages": in_stages(fits),
+        "in stages, 2 starts": in_stages(fits, 2),
+        "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
+    }
+    cases = list(balance_cases(body))
+    for name, fit in (recipes | {"in stages, stature known": in_stages(tall)}).items():
+        found["balance"][name] = measured(body, fit, cases)
+        print("balance", name, line(found["balance"][name]), flush=True)
+    if recording is None:
+        return found
+    poses = held_out_poses(recording)
+    for scene, outliers in (("people", 0), ("outliers", OUTLIERS)):
+        cases = list(synthetic_cases(body, poses, range(PEOPLE), outliers))
+        for name, fit in (recipes | {"from the truth": from_the_truth(fits)}).items():
+            found[scene][name] = measured(body, fit, cases)
+            print(scene, name, line(found[scene][name]), flush=True)
+    return found
+
+
+def line(found: dict[str, list[float]]) -> str:
+    """The cells of a row of a table."""
+    n = len(found["MPJPE"])
+    failed = sum(value > FAILED for value in found["MPJPE"])
+    found_rate = rate(failed, n)
+    low, high = found_rate.low, found_rate.high
+    cells = [f"{np.mean(found[name]):.1f}" for name in ("MPJPE", "PA", "absolute")]
+    cells.append(f"{100 * failed / n:.1f} % ({100 * low:.0f} to {100 * high:.0f})")
+    cells.append(f"{np.median(found['ms']):.0f}")
+    return " | ".join(cells)
+
+
+def tables(found: dict[str, Any]) -> str:
+    """The tables of the page."""
+    head = "MPJPE, mm | PA, mm | in space, mm | above 150 mm (95 %) | CPU ms"
+    titles = {
+        "balance": "The person of `balance`, one camera",
+        "people": f"{PEOPLE} synthetic people, {NOISE:g} px of noise",
+        "outliers": f"The same people, {OUTLIERS} keypoints {FAR:g} px off",
+    }
+    lines = []
+    for scene, title in titles.items():
+        if not found[scene]:
+            continue
+        n = len(next(iter(found[scene].values()))["MPJPE"])
+        lines += ["", f"{title} ({n} fits):", "", f"| fit | {head} |"]
+        lines += ["| --- | --: | --: | --: | --: | --: |"]
+        lines += [f"| {name} | {line(each)} |" for name, each in found[scene].items()]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run, keep the numbers, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("recording", type=Path, nargs="?", help="motion capture (.npz)")
+    parser.add_argument("--dry", action="store_true", help="print, and write nothing")
+    options = parser.parse_args()
+    found = run(options.recording)
+    if not options.dry:
+        keep(RESULTS, found, 4)
+        write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,306 @@
+"""A body on the keypoints of one image: terms, stages, starts, folders of images."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench import LevenbergMarquardt, Problem, load_body
+from workbench.errors import BadArgument
+from workbench.experiments.balance import observations
+from workbench.fitting.image_fit import ImageFits, image_fit
+from workbench.fitting.image_jobs import (
+    FailedImage,
+    FittedImage,
+    ImageReading,
+    ImageWork,
+    image_jobs,
+    in_parts,
+)
+from workbench.fitting.image_recipe import (
+    LAMBDA_POSE,
+    LAMBDA_SHAPE,
+    SMPLIFY_SIGMA,
+    ByHeight,
+    WithStature,
+    image_priors,
+    smplify,
+    wider,
+)
+from workbench.fitting.image_starts import turned_about
+from workbench.fitting.keypoint_problem import KeypointProblem
+from workbench.fitting.observations import COCO, Observations, photograph
+from workbench.fitting.stature import stature, stature_prior
+from workbench.geometry.camera import Camera
+from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.residuals.kernels import geman_mcclure, scaled
+from workbench.solvers import Staged, Starts
+
+BODY = load_body("small")
+SIZE = (1080, 1080)
+K = np.array([[1100.0, 0, 540], [0, 1100, 540], [0, 0, 1]])
+R = np.diag([1.0, -1.0, -1.0])
+
+
+def person(seed: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    pose = draw_poses(shipped_gaussian(), 1, rng)[0]
+    pose[0] = [0.0, 0.4 * rng.normal(), 0.0]
+    return {"pose": pose, "betas": rng.normal(size=BODY.n_betas), "trans": np.array([0, 0, 0.2])}
+
+
+def seen(
+    values: dict[str, np.ndarray], noise: float = 0.0, seed: int = 0, name: str = "one"
+) -> Observations:
+    """A photograph of a person, 4 m away."""
+    camera = Camera("c/")
+    lens = camera.values(K=K, R=R, t=(0, 0, 4.0))
+    names = BODY.landmark_names("coco")
+    pixels = camera.pixels(BODY.landmark("coco", *values.values()), lens)
+    pixels = pixels + noise * np.random.default_rng(seed).normal(size=pixels.shape)
+    keypoints = np.column_stack([pixels, np.ones(len(pixels))])
+    given = photograph(name, SIZE, keypoints, {"K": K, "R": R, "t": [0, 0, 4.0]})
+    return Observations(tuple(names), (given,))
+
+
+def test_a_person_is_found_again() -> None:
+    truth = person(1)
+    setup = image_fit(seen(truth), BODY, "q", recipe=ByHeight(solver=LevenbergMarquardt()))
+    assert setup.strategy is not None
+    solution = setup.strategy(None).solve(setup.problem, setup.start)
+    assert solution.converged
+    off = np.array([m.value for m in setup.measures(setup.start | solution.values)])
+    assert off[0] < 2.0  # px, held off zero by the priors
+    joints = BODY.joints(*(solution.values[n] for n in ("pose", "betas", "trans")))
+    true = BODY.joints(*truth.values())
+    away = np.linalg.norm((joints - joints[0]) - (true - true[0]), axis=1)
+    assert away.mean() < 0.08
+
+
+def test_an_image_of_the_same_kind_has_the_same_problem() -> None:
+    fits = ImageFits(BODY)
+    first, second = fits.setup(seen(person(1)), "q"), fits.setup(seen(person(1), 3.0), "q")
+    assert first.problem is second.problem
+    other = fits.setup(seen(person(1), name="two"), "q")
+    assert other.problem is not first.problem
+    assert set(first.start) == set(first.problem.free.names) | set(first.problem.fixed.names)
+
+
+def test_a_keypoint_of_confidence_0_has_no_influence() -> None:
+    one = seen(person(1), noise=3.0)
+    (shot,) = one.photographs
+    doubt = shot.confidence.copy()
+    doubt[3] = 0.0
+    away = shot.pixels.copy()
+    away[3] += 500.0
+    ends = []
+    for pixels in (shot.pixels, away):
+        given = Observations(one.names, (replace(shot, confidence=doubt, pixels=pixels),))
+        setup = image_fit(given, BODY, "q")
+        assert setup.strategy is not None
+        ends.append(setup.strategy(None).solve(setup.problem, setup.start).values["pose"])
+    np.testing.assert_array_equal(*ends)
+
+
+def test_outliers_hardly_matter() -> None:
+    """Two keypoints are nearly half a person's height off; means over five people."""
+    errors: dict[str, list[float]] = {"clean": [], "robust": [], "quadratic": []}
+    for seed in range(4, 9):
+        truth = person(seed)
+        clean = seen(truth, noise=3.0)
+        (shot,) = clean.photographs
+        wrong = shot.pixels.copy()
+        wrong[[7, 16]] += [[150.0, -120.0], [-170.0, 90.0]]
+        dirty = Observations(clean.names, (replace(shot, pixels=wrong),))
+        true = BODY.joints(*truth.values())
+        for name, given, recipe in (
+            ("clean", clean, ByHeight()),
+            ("robust", dirty, ByHeight()),
+            ("quadratic", dirty, ByHeight(outlier=1e6)),
+        ):
+            setup = image_fit(given, BODY, "q", recipe=recipe)
+            assert setup.strategy is not None
+            found = setup.strategy(None).solve(setup.problem, setup.start).values
+            joints = BODY.joints(found["pose"], found["betas"], found["trans"])
+            off = np.linalg.norm((joints - joints[0]) - (true - true[0]), axis=1)
+            errors[name].append(float(off.mean()))
+    means = {name: np.mean(each) for name, each in errors.items()}
+    assert means["robust"] < 0.3 * means["quadratic"]
+    assert means["robust"] < means["clean"] + 0.05
+
+
+# Stages.
+
+
+def test_the_stages_of_smplify_have_its_weights() -> None:
+    """Relative to the keypoints, which its code does not weight at all."""
+    setup = image_fit(seen(person(1)), BODY, "q", recipe=smplify)
+    stages = smplify(500.0).stages_of(["keypoints(one)"], None)
+    parts = [setup.problem.in_stage(None, stage.weights) for stage in stages[1:]]
+    x, fixed = setup.problem.split(setup.start | {"betas": np.full(BODY.n_betas, 0.7)})
+    plain = Problem(
+        KeypointProblem(BODY, 1.0, scaled(geman_mcclure, 100.0))
+        .of(setup_photographs(), ())[0]
+        .residuals,
+        setup.problem.free.names,
+        blocks=tuple(setup.problem.known.values()),
+    )
+    wide = plain.residual(x, fixed)
+    keypoints = float(wide[plain.rows["keypoints(one)"]] @ wide[plain.rows["keypoints(one)"]])
+    for (pose, shape), part in zip(
+        zip(LAMBDA_POSE, LAMBDA_SHAPE, strict=True), [*parts, setup.problem], strict=True
+    ):
+        r = part.residual(x, fixed)
+        square = {name: float(r[rows] @ r[rows]) for name, rows in part.rows.items()}
+        scale = square["keypoints(one)"] / keypoints  # their energy in px^2 times this
+        assert square["shape prior"] / scale == pytest.approx(shape**2 * 0.49 * BODY.n_betas)
+        at_rest = 4 * (3.17 * pose) ** 2  # all four hinges are straight
+        assert square["bending"] / scale == pytest.approx(at_rest)
+        assert scale == pytest.approx(2 / pose**2)
+    assert pytest.approx(4.78 / np.sqrt(2)) == SMPLIFY_SIGMA
+
+
+def setup_photographs() -> tuple:
+    return seen(person(1)).ordered(BODY.landmark_names("coco")).photographs
+
+
+def test_stages_are_those_of_the_recipe_and_end_at_the_problem_itself() -> None:
+    setup = image_fit(seen(person(1), 3.0), BODY, "q")
+    assert setup.strategy is not None
+    solver = setup.strategy(None)
+    assert isinstance(solver, Staged)
+    solution = solver.solve(setup.problem, setup.start)
+    assert len(solution.stages) == 3
+    assert solution.stages[-1] == len(solution.trace) - 1
+    x, fixed = setup.problem.split(setup.start | solution.values)
+    r = setup.problem.residual(x, fixed)
+    assert solution.cost == pytest.approx(0.5 * float(r @ r))
+    other = setup.strategy(LevenbergMarquardt(max_iterations=7))
+    assert isinstance(other, Staged)
+    assert all(stage.solver == LevenbergMarquardt(max_iterations=7) for stage in other.each[:-1])
+
+
+def test_wider_stages_have_the_sigma_that_they_say() -> None:
+    (stage,) = wider(4.0, 40.0)
+    assert stage.weights["keypoints"] == pytest.approx(0.01)
+    for wrong in (0.0, -1.0, np.inf):
+        with pytest.raises(BadArgument):
+            ByHeight(sigma=wrong)(500.0)
+
+
+# Starts.
+
+
+def test_starts_turn_the_body_about_its_middle() -> None:
+    setup = image_fit(seen(person(1)), BODY, "q")
+    starts = turned_about(BODY, setup.start, 8)
+    middles = [BODY.joints(s["pose"], s["betas"], s["trans"]).mean(axis=0) for s in starts]
+    np.testing.assert_allclose(middles, np.repeat(middles[:1], 8, axis=0), atol=1e-9)
+    shoulders = [BODY.joint_names.index(f"{side}_shoulder") for side in ("left", "right")]
+    across = []
+    for s in starts:
+        left, right = BODY.joints(s["pose"], s["betas"], s["trans"])[shoulders]
+        across.append((left - right) / np.linalg.norm(left - right))
+    np.testing.assert_allclose(across[1], -across[0], atol=1e-9)
+    assert len({tuple(np.round(a, 6)) for a in across}) == 8
+    with pytest.raises(BadArgument, match="1 to 8"):
+        turned_about(BODY, setup.start, 9)
+
+
+def test_hypotheses_are_kept_in_the_order_of_their_costs() -> None:
+    setup = image_fit(seen(person(2), 3.0), BODY, "q", hypotheses=3)
+    assert setup.strategy is not None
+    solver = setup.strategy(None)
+    assert isinstance(solver, Starts)
+    solution = solver.solve(setup.problem, setup.start)
+    costs = [h.cost for h in solution.hypotheses]
+    assert costs == sorted(costs)
+    assert solution.cost == costs[0]
+    assert sum(len(h.starts) for h in solution.hypotheses) == 3
+
+
+# Stature.
+
+
+@pytest.mark.parametrize("name", ["small", "default", "default-male", "default-female"])
+def test_stature_is_that_of_the_mesh_to_a_centimetre(name: str) -> None:
+    body = load_body(name)
+    betas = np.random.default_rng(0).normal(size=(50, body.n_betas))
+    exact = np.ptp(body.vertices(betas=betas)[..., 1], axis=1)
+    np.testing.assert_allclose(stature(body, betas), exact, atol=0.01)
+
+
+def test_a_known_stature_is_kept() -> None:
+    truth = person(4)
+    recipe = ByHeight(priors=WithStature(1.5))
+    setup = image_fit(seen(truth, 2.0), BODY, "q", recipe=recipe)
+    assert setup.strategy is not None
+    found = setup.strategy(None).solve(setup.problem, setup.start).values
+    assert stature(BODY, found["betas"]) == pytest.approx(1.5, abs=0.02)
+    for wrong in (3.0, 0.1, 172.0, np.nan):
+        with pytest.raises(BadArgument, match="stature is between"):
+            stature_prior(BODY, wrong)
+
+
+def test_stature_is_an_affine_residual_of_betas() -> None:
+    term = stature_prior(BODY, 1.7)
+    problem = Problem([term], ["betas"])
+    betas = np.random.default_rng(1).normal(size=BODY.n_betas)
+    r = problem.residual(betas, np.zeros(0))
+    assert r[0] == pytest.approx((stature(BODY, betas) - 1.7) / 0.01)
+
+
+# Files.
+
+
+def written(folder: Path, count: int) -> list[Path]:
+    found = []
+    for i in range(count):
+        (shot,) = seen(person(i), 2.0, i).ordered(COCO).photographs
+        numbers = np.column_stack([shot.pixels, shot.confidence]).ravel().tolist()
+        found.append(folder / f"frame{i}.json")
+        found[-1].write_text(json.dumps([{"keypoints": numbers}]))
+    return found
+
+
+def test_each_image_of_a_folder_is_fitted_by_itself(tmp_path: Path) -> None:
+    files = written(tmp_path, 3)
+    (tmp_path / "broken.json").write_text("{")
+    jobs = image_jobs([*files, tmp_path / "broken.json"])
+    work = ImageWork(BODY, reading=ImageReading(SIZE, 1100.0), hypotheses=2)
+    found = [one for part in in_parts(jobs, 2) for one in work(part)]
+    assert [one.job.name for one in found] == ["frame0", "frame1", "frame2", "broken"]
+    assert isinstance(found[-1], FailedImage)
+    for one in found[:-1]:
+        assert isinstance(one, FittedImage)
+        assert one.error < 6.0
+        assert 3.0 < one.depth < 5.0
+        assert list(one.costs) == sorted(one.costs)
+    again = work([jobs[1]])[0]
+    assert isinstance(again, FittedImage)
+    assert isinstance(found[1], FittedImage)
+    np.testing.assert_array_equal(again.values["pose"], found[1].values["pose"])
+
+
+def test_files_of_the_same_name_are_refused() -> None:
+    with pytest.raises(BadArgument, match="same name"):
+        image_jobs([Path("a/one.json"), Path("b/One.json")])
+
+
+def test_bodies_without_these_joints_have_no_bending() -> None:
+    names = [term.name for term in image_priors(BODY)]
+    assert names == ["pose prior", "shape prior", "bending"]
+
+
+def test_one_camera_of_a_real_person() -> None:
+    """A fit to one camera of the four explains what this camera saw."""
+    body = load_body("small")
+    observed, _ = observations(40)
+    names = [p.name for p in observed.photographs]
+    setup = image_fit(observed, body, "q", held_out=names[1:])
+    assert setup.strategy is not None
+    values = setup.start | setup.strategy(None).solve(setup.problem, setup.start).values
+    told = {m.name: m.value for m in setup.measures(values)}
+    assert told["reprojection, mean of the fitted"] < 8.0

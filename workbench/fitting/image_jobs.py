@@ -1,0 +1,170 @@
+"""Images in files as jobs: each is read and fitted by itself, here or in another process."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument, WorkbenchError, cut
+from workbench.fitting.image_fit import ImageFits
+from workbench.fitting.image_recipe import ByHeight
+from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.keypoints import reprojection_errors
+from workbench.interrupts import caused_by
+
+LOG = logging.getLogger(__name__)
+AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
+LONGEST = 500  # letters of the reason of a failure
+
+
+@dataclass(frozen=True)
+class ImageReading:
+    """How files of keypoints are read.
+
+    Attributes:
+        size: width and height of the images in px; None if the files say it.
+        focal: the focal length in px; None to estimate it for each image.
+        calibration: a file with one camera, or None.
+        person: the number of the person in each file; None for the one seen best.
+    """
+
+    size: tuple[int, int] | None = None
+    focal: float | None = None
+    calibration: Path | None = None
+    person: int | None = None
+
+
+@dataclass(frozen=True)
+class ImageJob:
+    """One image to be fitted: a name for it, and its file of keypoints."""
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True, eq=False)
+class FittedImage:
+    """The body that was fitted to one image.
+
+    Attributes:
+        job: its name and its file.
+        values: pose, betas, trans, and the focal length if it was free.
+        others: the same of the other hypotheses, in the order of their costs.
+        costs: the cost of every hypothesis, the lowest first.
+        status: how the best run ended.
+        error: the mean distance in px of keypoints with a confidence above 0.2; NaN without any.
+        depth: the distance in m of the body's root from the camera's plane.
+        seconds: how long the fit took.
+        notes: sentences on what the file holds and was not read.
+    """
+
+    job: ImageJob
+    values: Values
+    others: tuple[Values, ...]
+    costs: tuple[float, ...]
+    status: str
+    error: float
+    depth: float
+    seconds: float
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FailedImage:
+    """An image to which no body could be fitted, and why, in a sentence."""
+
+    job: ImageJob
+    reason: str
+
+
+Fitted = FittedImage | FailedImage
+
+
+@dataclass(frozen=True, eq=False)
+class ImageWork:
+    """How images are read and fitted; called with some of them, it returns what it found of each.
+
+    Attributes:
+        body: the body that is fitted.
+        recipe: how it is fitted.
+        reading: how files are read.
+        hypotheses: the number of starts of each image.
+    """
+
+    body: SkinnedBody | TriangleBody
+    recipe: ByHeight = field(default_factory=ByHeight)
+    reading: ImageReading = field(default_factory=ImageReading)
+    hypotheses: int = 1
+
+    def __call__(self, jobs: Sequence[ImageJob]) -> list[Fitted]:
+        """What was found of each image, in their order. Only Ctrl-C is raised."""
+        fits = ImageFits(self.body, self.recipe)
+        return [self._one(fits, job) for job in jobs]
+
+    def _one(self, fits: ImageFits, job: ImageJob) -> Fitted:
+        reading = self.reading
+        try:
+            observed = read_observations(
+                [job.path],
+                calibration=reading.calibration,
+                size=reading.size,
+                focal=reading.focal,
+                person=reading.person,
+            )
+            setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)
+            assert setup.strategy is not None
+            solution = setup.strategy(None).solve(setup.problem, setup.start)
+        except WorkbenchError as error:
+            return FailedImage(job, cut(error, LONGEST))
+        except Exception as error:
+            if caused_by(error, KeyboardInterrupt):
+                raise KeyboardInterrupt from error
+            LOG.warning("no body could be fitted to %s", job.path, exc_info=True)
+            reason = f"an unforeseen error, {type(error).__name__}: {error}"
+            return FailedImage(job, cut(reason, LONGEST))
+        if not np.isfinite(solution.cost):
+            return FailedImage(job, f"the fit has no finite cost: {solution.message}")
+        whole = setup.start | solution.values
+        body, view = self.body, setup.views[0]
+        pose, betas, trans = (whole[block.name] for block in body.blocks())
+        landmarks = body.landmark(view.landmarks, pose, betas, trans)
+        off = reprojection_errors(
+            view.observed, view.camera.pixels(landmarks, whole), view.confidence
+        )
+        root: Array = body.joints(pose, betas, trans)[:1]
+        return FittedImage(
+            job,
+            dict(solution.values),
+            tuple(dict(one.values) for one in solution.hypotheses[1:]),
+            tuple(one.cost for one in solution.hypotheses) or (solution.cost,),
+            solution.status.name,
+            float(np.mean(off)) if off.size else np.nan,
+            float(view.camera.depths(root, whole)[0]),
+            solution.seconds,
+            setup.notes,
+        )
+
+
+def image_jobs(files: Sequence[Path]) -> tuple[ImageJob, ...]:
+    """A job for each file, by its name without the suffix. Raises BadArgument for two alike."""
+    names = [path.stem for path in files]
+    folded = [name.casefold() for name in names]
+    for path, name in zip(files, folded, strict=True):
+        if folded.count(name) > 1:
+            same = [str(p) for p, n in zip(files, folded, strict=True) if n == name]
+            raise BadArgument(
+                f"{' and '.join(same)} have the same name, and results are stored under it; "
+                f"rename {path.name}, or fit them one after the other"
+            )
+    return tuple(ImageJob(name, path) for name, path in zip(names, files, strict=True))
+
+
+def in_parts(jobs: Sequence[ImageJob], count: int = AT_ONCE) -> list[tuple[ImageJob, ...]]:
+    """The jobs, so many at a time."""
+    return [tuple(jobs[i : i + count]) for i in range(0, len(jobs), count)]

@@ -1,0 +1,219 @@
+"""Fits to many images in one folder: what is done is kept, and a page and a table show all."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.bodies import SkinnedBody
+from workbench.comparison.identity import code_version, digest, file_digest
+from workbench.errors import BadFile
+from workbench.fitting.image_jobs import FailedImage, FittedImage, ImageJob, ImageWork
+from workbench.fitting.stature import stature
+from workbench.reading.archive import opened
+from workbench.reading.expected import read_expected, reals
+from workbench.reading.facts import json_in
+from workbench.reports.folder import MAKER, SUMMARY, refuse_foreign
+from workbench.reports.page import as_json, page, versions
+from workbench.reports.tables import number
+from workbench.writing import replacing, write_arrays
+
+FORMAT = 1  # of what is stored for an image
+FITS = "fits"  # the folder of the fits of single images
+TABLE = "fits.csv"
+COLUMNS = (
+    "file",
+    "status",
+    "cost",
+    "next cost",
+    "mean error (px)",
+    "depth (m)",
+    "height (m)",
+    "seconds",
+)
+
+
+@dataclass(frozen=True)
+class ImageEntry:
+    """A fitted image in the table: its name, and the facts of its file."""
+
+    name: str
+    facts: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class ImageFolder:
+    """A folder with the fit of each image, a page and a table over all.
+
+    Raises BadFile if the folder holds something else, or cannot be made.
+
+    Attributes:
+        place: where it is.
+        work: how images are read and fitted.
+        body_name: the body as it was given.
+        source: what was given, by which the folder is known as ours.
+    """
+
+    place: Path
+    work: ImageWork
+    body_name: str
+    source: str
+
+    def __post_init__(self) -> None:
+        refuse_foreign(self.place, self.source)
+        try:
+            (self.place / FITS).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadFile(
+                f"cannot make the folder {self.place}: {error.strerror}; choose another with --out"
+            ) from error
+        self._write_summary([], [])
+
+    def key_of_work(self) -> str:
+        """What all fits depend on: the body, the recipe, how files are read, and the code."""
+        work, recipe = self.work, self.work.recipe
+        priors = [(p.name, str(p.expression), p.sigma) for p in recipe.priors(work.body)]
+        how = (recipe.sigma, recipe.outlier, recipe.wide, recipe.solver, priors)
+        about = (FORMAT, work.body, how, work.reading, work.hypotheses)
+        return digest([digest(about), code_version()])
+
+    def key(self, job: ImageJob, of_work: str) -> str:
+        """16 letters that differ when anything does on which the fit of an image depends."""
+        return digest([of_work, file_digest(str(job.path))])
+
+    def kept(self, job: ImageJob, key: str) -> ImageEntry | None:
+        """The entry of an image that is fitted already under this key; None if it is not."""
+        try:
+            found = json_in(self._path(job, "json"))
+        except BadFile:
+            return None
+        whole = isinstance(found, dict) and self._path(job, "npz").is_file()
+        return ImageEntry(job.name, found) if whole and found.get("key") == key else None
+
+    def keep(self, found: FittedImage, key: str) -> ImageEntry:
+        """Write the fit of an image, its arrays first, and return its entry."""
+        values, others = found.values, found.others
+        arrays = {name: np.asarray(value) for name, value in values.items()}
+        for i, other in enumerate(others):
+            arrays |= {f"hypothesis {i + 2}:{name}": np.asarray(v) for name, v in other.items()}
+        write_arrays(self._path(found.job, "npz"), arrays)
+        body = self.work.body
+        betas = values[body.blocks()[1].name]
+        height = float(stature(body, betas)) if isinstance(body, SkinnedBody) else None
+        facts = {
+            "key": key,
+            "status": found.status,
+            "costs": found.costs,
+            "error_px": None if np.isnan(found.error) else found.error,
+            "depth_m": found.depth,
+            "height_m": height,
+            "seconds": found.seconds,
+            "notes": found.notes,
+        }
+        text = as_json(facts)
+        with replacing(self._path(found.job, "json")) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        return ImageEntry(found.job.name, json.loads(text))
+
+    def finish(self, entries: Sequence[ImageEntry], failed: Sequence[FailedImage]) -> Path:
+        """Write the page, the table and `poses.npz` of all images; returns the page."""
+        self._write(TABLE, table_of(entries))
+        self._write_poses(entries)
+        text = page(
+            "images.html",
+            title=f"{self.body_name} in {len(entries)} images",
+            rows=[_row(entry) for entry in entries],
+            failed=failed,
+            ambiguous=sum(_ambiguous(entry) for entry in entries),
+            hypotheses=self.work.hypotheses,
+        )
+        self._write("index.html", text)
+        self._write_summary(entries, failed)
+        return self.place / "index.html"
+
+    def _write_poses(self, entries: Sequence[ImageEntry]) -> None:
+        """Pose, betas and trans of all images in one file, in the order of the table."""
+        blocks = self.work.body.blocks()
+        expected = {block.name: reals(*block.shape) for block in blocks}
+        rows: dict[str, list[Any]] = {block.name: [] for block in blocks}
+        for entry in entries:
+            with opened(self.place / FITS / f"{entry.name}.npz", "fit", "fit it again") as archive:
+                for name, found in read_expected(archive, expected).items():
+                    rows[name].append(found)
+        if entries:
+            files = np.array([entry.name for entry in entries])
+            stacked = {name: np.array(found) for name, found in rows.items()}
+            write_arrays(self.place / "poses.npz", {**stacked, "file": files})
+
+    def _path(self, job: ImageJob, kind: str) -> Path:
+        return self.place / FITS / f"{job.name}.{kind}"
+
+    def _write(self, name: str, text: str) -> None:
+        with replacing(self.place / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    def _write_summary(self, entries: Sequence[ImageEntry], failed: Sequence[FailedImage]) -> None:
+        about = {
+            "made_by": MAKER,
+            "source": self.source,
+            "kind": "images",
+            "body": self.body_name,
+            "recipe": {"sigma": self.work.recipe.sigma, "outlier": self.work.recipe.outlier},
+            "hypotheses": self.work.hypotheses,
+            "images": [entry.name for entry in entries],
+            "failed": {one.job.name: one.reason for one in failed},
+            "versions": versions(),
+            "files": ["index.html", TABLE, "poses.npz", SUMMARY],
+        }
+        self._write(SUMMARY, as_json(about))
+
+
+def table_of(entries: Sequence[ImageEntry]) -> str:
+    """The table of all images (.csv)."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for entry in entries:
+        told = entry.facts
+        costs = [*told["costs"], None, None]
+        writer.writerow(
+            (
+                entry.name,
+                told["status"],
+                costs[0],
+                costs[1],
+                told["error_px"],
+                told["depth_m"],
+                told["height_m"],
+                told["seconds"],
+            )
+        )
+    return text.getvalue()
+
+
+CLOSE = 3.0  # between costs: the other hypothesis is at least exp(-3) = 1/20 times as likely
+
+
+def _ambiguous(entry: ImageEntry) -> bool:
+    costs = entry.facts["costs"]
+    return len(costs) > 1 and costs[1] - costs[0] < CLOSE
+
+
+def _row(entry: ImageEntry) -> dict[str, Any]:
+    told = entry.facts
+    costs = told["costs"]
+    return {
+        "name": entry.name,
+        "status": told["status"].lower().replace("_", " "),
+        "cost": number(costs[0], 4),
+        "next": number(costs[1] - costs[0], 3) if len(costs) > 1 else "–",
+        "error": "–" if told["error_px"] is None else number(told["error_px"], 3),
+        "depth": f"{told['depth_m']:.2f}",
+        "height": "–" if told["height_m"] is None else f"{told['height_m']:.2f}",
+        "notes": told["notes"],
+    }
