@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.mirrored_poses import AXIAL
-from workbench.geometry.mirror import opposite
+from workbench.geometry.mirror import AXIAL, opposite
 from workbench.priors.mocap import Mocap, read_mocap
 
 AXES = "xyz"

@@ -3,10 +3,8 @@
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
-from workbench.geometry.mirror import opposites
+from workbench.geometry.mirror import AXIAL, opposites
 from workbench.priors.mocap import Mocap
-
-AXIAL = np.array([1.0, -1.0, -1.0])  # what becomes of a rotation vector
 
 
 def mirrored_pose(pose: Array, joints: Index) -> Array:

@@ -174,17 +174,19 @@ def measured(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
 def run(recording: Path | None) -> dict[str, Any]:
     """All tables, by name and recipe."""
     body = load_body("default")
-    found: dict[str, Any] = {"machine": machine.description(), "balance": {}, "people": {}, "outliers": {}}
+    found: dict[str, Any] = {"balance": {}, "people": {}, "outliers": {}}
+    found["machine"] = machine.description()
     fits = ImageFits(body)
     tall = ImageFits(body, ByHeight(priors=WithStature(STATURE)))
     recipes: dict[str, Fit] = {
         "as before": as_before(body),
-        "in stages": in_stages(fits),
-        "in stages, 2 starts": in_stages(fits, 2),
+        "regressed start": in_stages(fits),
+        "regressed start and one at rest": in_stages(fits, 2),
+        "regressed start, a wide stage": in_stages(ImageFits(body, ByHeight(wide=(0.047,)))),
         "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
     }
     cases = list(balance_cases(body))
-    for name, fit in (recipes | {"in stages, stature known": in_stages(tall)}).items():
+    for name, fit in (recipes | {"regressed start, stature known": in_stages(tall)}).items():
         found["balance"][name] = measured(body, fit, cases)
         print("balance", name, line(found["balance"][name]), flush=True)
     if recording is None:

@@ -6,17 +6,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.fitting.image_recipe import ByHeight, ImageRecipe, Recipe
-from workbench.fitting.image_starts import turned_about
+from workbench.fitting.image_recipe import Appearance, ByHeight, ImageRecipe, Recipe
+from workbench.fitting.image_starts import image_starts
 from workbench.fitting.keypoint_problem import KeypointProblem
-from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.keypoints import LEAST_CONFIDENCE, keypoint_setup
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
 from workbench.residuals.kernels import geman_mcclure, quadratic, scaled
 from workbench.solvers import Solver, Staged, Starts
 
+SUSPECT = 1 / 7  # of a person's height in the image
 STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
 
 
@@ -26,12 +28,12 @@ class ImageFits:
 
     Attributes:
         body: the body that is fitted.
-        recipe: how it is fitted, by the height of the person in the image.
+        recipe: how it is fitted, by the appearance of the person.
     """
 
     body: SkinnedBody | TriangleBody
     recipe: Recipe = field(default_factory=ByHeight)
-    _made: dict[int, tuple[ImageRecipe, KeypointProblem]] = field(
+    _made: dict[tuple[int, bool], tuple[ImageRecipe, KeypointProblem]] = field(
         default_factory=dict, init=False, repr=False
     )
     _placing: list[KeypointProblem] = field(default_factory=list, init=False, repr=False)
@@ -56,10 +58,11 @@ class ImageFits:
         if not self._placing:
             self._placing.append(KeypointProblem(self.body, 1.0, quadratic))
         placed = keypoint_setup(self._placing[0], *given)
-        recipe, of = self._for(_height(placed))
-        setup = keypoint_setup(of, *given)
+        starts = image_starts(self.body, placed, hypotheses)
+        first = placed.start | starts[0]
+        recipe, of = self._for(appearance(placed, first))
+        setup = replace(keypoint_setup(of, *given), start=first)
         cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
-        starts = turned_about(self.body, setup.start, hypotheses)
 
         def strategy(solver: Solver | None) -> Solver:
             staged = Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
@@ -67,15 +70,16 @@ class ImageFits:
 
         return replace(setup, strategy=strategy)
 
-    def _for(self, height: float) -> tuple[ImageRecipe, KeypointProblem]:
-        """The recipe and the problem for a person so many px high."""
-        step = round(float(np.log(max(height, 1.0)) / np.log(STEP)))
-        if step not in self._made:
-            recipe = self.recipe(STEP**step)
+    def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
+        """The recipe and the problem for a person who looks nearly like this."""
+        step = round(float(np.log(max(person.height, 1.0)) / np.log(STEP)))
+        key = step, person.suspects > 0
+        if key not in self._made:
+            recipe = self.recipe(Appearance(STEP**step, int(key[1])))
             kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
             problem = KeypointProblem(self.body, recipe.sigma, kernel, recipe.priors)
-            self._made[step] = recipe, problem
-        return self._made[step]
+            self._made[key] = recipe, problem
+        return self._made[key]
 
 
 def image_fit(
@@ -99,14 +103,18 @@ def image_fit(
     )
 
 
-def _height(setup: Setup) -> float:
-    """How many px the resting body would be high at the depth at which it was placed."""
+def appearance(setup: Setup, values: Values) -> Appearance:
+    """How high a person at the depth of a start would be in the image, and which of the keypoints
+    are suspected to be wrong: those farther from the start's than a seventh of that height.
+    """
     view = next(view for view in setup.views if not view.held_out)
     body = setup.body
     assert body is not None
-    pose, betas, trans = (setup.start[block.name] for block in body.blocks())
+    pose, betas, trans = (values[block.name] for block in body.blocks())
     stature = float(np.ptp(body.template[:, 1]))
-    joints = body.joints(pose, betas, trans)
-    depth = float(np.median(view.camera.depths(joints, setup.start)))
-    focal = float(np.mean(setup.start[view.camera.focal.name]))
-    return focal * stature / max(depth, 1e-3)
+    found = body.landmark(view.landmarks, pose, betas, trans)
+    depth = float(np.median(view.camera.depths(found, values)))
+    height = float(np.mean(values[view.camera.focal.name])) * stature / max(depth, 1e-3)
+    off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
+    suspects = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
+    return Appearance(height, int(suspects.sum()))

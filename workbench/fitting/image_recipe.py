@@ -29,7 +29,7 @@ LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
 ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
-Recipe = Callable[[float], "ImageRecipe"]  # of the person's height in the image, in px
+Recipe = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 
@@ -127,8 +127,21 @@ class ImageRecipe:
         return tuple(map(spelled, self.stages))
 
 
-def smplify(height: float) -> ImageRecipe:
-    """SMPLify's own terms, weights and stages, whatever the person's height in px."""
+@dataclass(frozen=True)
+class Appearance:
+    """What is known of a person in an image before the fit.
+
+    Attributes:
+        height: how high the person would be in the image if they stood upright, in px.
+        suspects: how many keypoints lie far from where the start has them.
+    """
+
+    height: float
+    suspects: int = 0
+
+
+def smplify(person: Appearance) -> ImageRecipe:
+    """SMPLify's own terms, weights and stages, whatever the person looks like."""
     stages = smplify_stages()
     return ImageRecipe(SMPLIFY_SIGMA, 100.0, smplify_priors, stages, LevenbergMarquardt())
 
@@ -145,6 +158,7 @@ class ByHeight:
         sigma: the standard deviation of a keypoint, in px.
         outlier: from which distance on a coordinate counts as an outlier, as a share of the
             person's height in the image.
+        strict: the same if some keypoints are suspected to be wrong already at the start.
         wide: the sigmas of keypoints in the stages before the last one, as such shares.
         priors: the residuals of a body beside its keypoints.
         solver: what solves the last stage; those before are solved roughly.
@@ -152,11 +166,14 @@ class ByHeight:
 
     sigma: float = 4.0
     outlier: float = 0.08
-    wide: tuple[float, ...] = (0.34, 0.047)
+    strict: float = 0.04
+    wide: tuple[float, ...] = ()
     priors: Terms = image_priors
     solver: Solver = NEARLY
 
-    def __call__(self, height: float) -> ImageRecipe:
-        """The recipe for a person so many px high."""
+    def __call__(self, person: Appearance) -> ImageRecipe:
+        """The recipe for a person of this appearance."""
+        height = person.height
         stages = wider(self.sigma, *(share * height for share in self.wide), solver=ROUGHLY)
-        return ImageRecipe(self.sigma, self.outlier * height, self.priors, stages, self.solver)
+        outlier = height * (self.strict if person.suspects else self.outlier)
+        return ImageRecipe(self.sigma, outlier, self.priors, stages, self.solver)

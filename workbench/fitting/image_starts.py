@@ -7,9 +7,33 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.mesh_start import moved
+from workbench.fitting.observations import BadObservation
+from workbench.fitting.regressed_start import regressed_start
+from workbench.fitting.regressor_files import shipped_regressor
+from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
 
 MOST = 8  # directions in which a body may face
+
+
+def image_starts(body: Body, placed: Setup, count: int) -> list[Values]:
+    """`count` starts of a body in one image, the likeliest first.
+
+    The first is what the regressor makes of the keypoints, the second the resting body where its
+    torso was seen, which `placed` begins with; the others are the first one turned about its own
+    axis. A body that the regressor does not know begins at rest. Raises BadArgument for fewer than
+    1 or more than 8 starts.
+    """
+    if not 1 <= count <= MOST:
+        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
+    at_rest = {block.name: placed.start[block.name] for block in body.blocks()}
+    view = next(view for view in placed.views if not view.held_out)
+    try:
+        first = regressed_start(shipped_regressor(), body, view, placed.start)
+    except (BadArgument, BadObservation):
+        return turned_about(body, at_rest, count)
+    turned = turned_about(body, first, max(1, count - 1))
+    return [turned[0], at_rest, *turned[1:]][:count]
 
 
 def turned_about(body: Body, values: Values, count: int) -> list[Values]:

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 
 REFLECTION = np.array([-1.0, 1.0, 1.0])  # what becomes of a position (x, y, z)
+AXIAL = np.array([1.0, -1.0, -1.0])  # what becomes of a rotation vector
 
 
 def opposite(name: str) -> str:
