@@ -23,6 +23,7 @@ from workbench.fitting.image_recipe import (
     LAMBDA_POSE,
     LAMBDA_SHAPE,
     SMPLIFY_SIGMA,
+    Appearance,
     ByHeight,
     WithStature,
     image_priors,
@@ -118,7 +119,7 @@ def test_outliers_hardly_matter() -> None:
         for name, given, recipe in (
             ("clean", clean, ByHeight()),
             ("robust", dirty, ByHeight()),
-            ("quadratic", dirty, ByHeight(outlier=1e6)),
+            ("quadratic", dirty, ByHeight(outlier=1e6, strict=1e6)),
         ):
             setup = image_fit(given, BODY, "q", recipe=recipe)
             assert setup.strategy is not None
@@ -137,9 +138,11 @@ def test_outliers_hardly_matter() -> None:
 def test_the_stages_of_smplify_have_its_weights() -> None:
     """Relative to the keypoints, which its code does not weight at all."""
     setup = image_fit(seen(person(1)), BODY, "q", recipe=smplify)
-    stages = smplify(500.0).stages_of(["keypoints(one)"], None)
+    stages = smplify(Appearance(500.0)).stages_of(["keypoints(one)"], None)
     parts = [setup.problem.in_stage(None, stage.weights) for stage in stages[1:]]
-    x, fixed = setup.problem.split(setup.start | {"betas": np.full(BODY.n_betas, 0.7)})
+    x, fixed = setup.problem.split(
+        setup.start | {"pose": np.zeros((24, 3)), "betas": np.full(BODY.n_betas, 0.7)}
+    )
     plain = Problem(
         KeypointProblem(BODY, 1.0, scaled(geman_mcclure, 100.0))
         .of(setup_photographs(), ())[0]
@@ -167,7 +170,8 @@ def setup_photographs() -> tuple:
 
 
 def test_stages_are_those_of_the_recipe_and_end_at_the_problem_itself() -> None:
-    setup = image_fit(seen(person(1), 3.0), BODY, "q")
+    recipe = ByHeight(wide=(0.3, 0.05))
+    setup = image_fit(seen(person(1), 3.0), BODY, "q", recipe=recipe)
     assert setup.strategy is not None
     solver = setup.strategy(None)
     assert isinstance(solver, Staged)
@@ -187,7 +191,7 @@ def test_wider_stages_have_the_sigma_that_they_say() -> None:
     assert stage.weights["keypoints"] == pytest.approx(0.01)
     for wrong in (0.0, -1.0, np.inf):
         with pytest.raises(BadArgument):
-            ByHeight(sigma=wrong)(500.0)
+            ByHeight(sigma=wrong)(Appearance(500.0))
 
 
 # Starts.
@@ -195,7 +199,8 @@ def test_wider_stages_have_the_sigma_that_they_say() -> None:
 
 def test_starts_turn_the_body_about_its_middle() -> None:
     setup = image_fit(seen(person(1)), BODY, "q")
-    starts = turned_about(BODY, setup.start, 8)
+    rest = setup.start | {"pose": np.zeros((24, 3))}
+    starts = turned_about(BODY, rest, 8)
     middles = [BODY.joints(s["pose"], s["betas"], s["trans"]).mean(axis=0) for s in starts]
     np.testing.assert_allclose(middles, np.repeat(middles[:1], 8, axis=0), atol=1e-9)
     shoulders = [BODY.joint_names.index(f"{side}_shoulder") for side in ("left", "right")]
