@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from workbench.bodies.catalogue import load_body
+from workbench.cli.marker_fits import fit_markers
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Compare, Out, SolverName, carry_out, solver_named
 from workbench.errors import BadArgument, BadFile
@@ -26,7 +27,8 @@ def fit(
         list[Path],
         typer.Argument(
             help="Keypoints (COCO, COCO-WholeBody or OpenPose JSON, one file per camera), or a "
-            f"mesh ({', '.join(REGISTERED)}) of the body's topology, in metres."
+            f"mesh ({', '.join(REGISTERED)}) of the body's topology, in metres, or an .npz of "
+            "markers: markers (T, M, 3), labels (M,)."
         ),
     ],
     cameras: Annotated[
@@ -47,24 +49,34 @@ def fit(
             help="Number of the person in the file, from 0; without it, the one seen best."
         ),
     ] = None,
+    marker_set: Annotated[
+        Path | None,
+        typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of markers, if their file has none.")
+    ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
-        typer.Option(
-            help="Standard deviation of the data; by default 4 px, or 0.002 m for a mesh."
-        ),
+        typer.Option(help="Standard deviation of the data; by default 4 px, or 0.002 m in space."),
     ] = None,
     solver: SolverName = DEFAULT,
     compare: Compare = False,
     out: Out = Path("runs"),
 ) -> None:
-    """Fit a body to keypoints or to a mesh of its topology; write a report to runs/FILE/."""
+    """Fit a body to keypoints, markers or a mesh of its topology; report to runs/FILE/."""
     if sigma is not None and not 0 < sigma < math.inf:
         raise BadArgument(f"--sigma takes a number above 0, not {sigma:g}")
     if focal is not None and not 0 < focal < math.inf:
         raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
     image, console = _size(size), Console()
     model = load_body(body)
+    if files[0].suffix.lower() == ".npz":
+        if len(files) > 1:
+            raise BadFile(f"markers are in one file, not in {len(files)}; give one")
+        fit_markers(console, files[0], model, marker_set, fps, sigma, solver_named(solver), out)
+        return
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:
             raise BadFile(f"a body is fitted to one mesh at a time, not to {len(files)}; give one")

@@ -1,0 +1,1 @@
+"""Benchmarks of fits to images, videos and markers."""
