@@ -1,1 +1,1 @@
-"""Fits to images, videos and markers, measured: `python -m benchmarks.images`."""
+"""Benchmarks of fits to images, videos and markers."""

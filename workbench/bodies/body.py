@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
 from workbench.bodies.landmarks import Landmarks
-from workbench.errors import BadBlock, UnknownName
+from workbench.errors import BadBlock, NotSupported, UnknownName
 
 Blocks = tuple[Block, Block, Block]
 Given = ArrayLike | None  # an argument in numbers; None: as in the template
@@ -96,8 +96,18 @@ class Body(Protocol):
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
 
-    def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
-        """A named set of landmarks on the posed surface, (3, M) m."""
+    def landmark_points(
+        self,
+        name: str,
+        pose: cs.MX,
+        betas: cs.MX,
+        trans: cs.MX,
+        offsets: cs.MX | None = None,
+    ) -> Points:
+        """A named set of landmarks on the posed surface, (3, M) m.
+
+        Those of a SkinnedBody may have offsets (3, M) m, which displace them at rest.
+        """
 
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
@@ -106,9 +116,17 @@ class Body(Protocol):
         """The posed joints (..., K, 3) m."""
 
     def landmark(
-        self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
+        self,
+        name: str,
+        pose: Given = None,
+        betas: Given = None,
+        trans: Given = None,
+        offsets: Given = None,
     ) -> Array:
-        """A named set of landmarks (..., M, 3) m; `joints` are always there."""
+        """A named set of landmarks (..., M, 3) m; `joints` are always there.
+
+        Those of a SkinnedBody may have offsets (..., M, 3) m, which displace them at rest.
+        """
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
         """The names of the points of a landmark set."""
@@ -128,6 +146,32 @@ def blocks_of(body: Body, prefix: str, made: dict[str, Blocks]) -> Blocks:
             Block(prefix + "trans", (3,), "m", ("x", "y", "z")),
         )
     return made[prefix]
+
+
+def offsets_of(
+    sets: Mapping[str, Landmarks], name: str, prefix: str, made: dict[tuple[str, str], Block]
+) -> Block:
+    """The block of the offsets of a set of landmarks: the one in `made`, or a new one kept there.
+
+    Raises UnknownName, NotSupported for joints, and BadBlock for a prefix that is no text.
+    """
+    if isinstance(name, str) and name == "joints":
+        raise NotSupported(no_offsets("of joints"))
+    names = landmark_set(sets, name).names
+    if not isinstance(prefix, str):
+        raise BadBlock(f"the prefix of a body's blocks is a text, not a {type(prefix).__name__}")
+    if (prefix, name) not in made:
+        made[prefix, name] = Block(prefix + "offsets", (len(names), 3), "m", names)
+    return made[prefix, name]
+
+
+def no_offsets(of_what: str) -> str:
+    """Why there are no offsets of some points."""
+    return (
+        f"there are no offsets {of_what}: they displace vertices at rest, of which the landmarks "
+        "of a SkinnedBody are means; take a landmark set of such a body, such as one with a single "
+        "vertex for each point"
+    )
 
 
 def landmark_set(sets: Mapping[str, T], name: str) -> T:

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies.body import Given, blocks_of, landmark_set
+from workbench.bodies.body import Given, blocks_of, landmark_set, no_offsets, offsets_of
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import ALL
@@ -25,7 +25,7 @@ from workbench.bodies.forward.sources import joint_points, landmark_points, surf
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked, parts_of, readonly_parts, remade
 from workbench.bodies.validation import check, chosen_vertices
-from workbench.errors import BadBody, UnknownName
+from workbench.errors import BadBody, NotSupported, UnknownName
 
 REALS = ("template", "shapedirs", "posedirs", "weights", "bound_in", "rest_joints")
 
@@ -88,6 +88,7 @@ class SkinnedBody:
     _made: dict[str, tuple[Block, Block, Block]] = field(
         default_factory=dict, init=False, repr=False
     )
+    _offsets: dict[tuple[str, str], Block] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("skinning", "features"):
@@ -140,10 +141,18 @@ class SkinnedBody:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
         return blocks_of(self, prefix, self._made)
 
+    def offsets(self, name: str, prefix: str = "") -> Block:
+        """`offsets` (M, 3) m of a set of landmarks: the same object for the same set and prefix.
+
+        See `landmark_points`. Raises UnknownName, and NotSupported for joints.
+        """
+        return offsets_of(self.landmarks, name, prefix, self._offsets)
+
     @property
     def known_blocks(self) -> tuple[Block, ...]:
         """Every block that this body has made so far."""
-        return (*(b for blocks in self._made.values() for b in blocks), *self.free.values())
+        own = (block for blocks in self._made.values() for block in blocks)
+        return (*own, *self._offsets.values(), *self.free.values())
 
     def freed(self, *names: str, prefix: str = "") -> "SkinnedBody":
         """A body with the same numbers, whose named arrays are unknowns in every expression.
@@ -177,7 +186,7 @@ class SkinnedBody:
         return self._sharing_blocks(replace(self, free={}, **found))
 
     def _sharing_blocks(self, other: "SkinnedBody") -> "SkinnedBody":
-        other.__dict__["_made"] = self._made
+        other.__dict__.update(_made=self._made, _offsets=self._offsets)
         return other
 
     def start(self, prefix: str = "") -> Values:
@@ -207,12 +216,25 @@ class SkinnedBody:
         at = Arguments(self, pose, betas, trans)
         return Points.of(joint_points(self, at, self.numeric), "joints")
 
-    def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
-        """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
+    def landmark_points(
+        self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX, offsets: cs.MX | None = None
+    ) -> Points:
+        """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there.
+
+        `offsets` (3, M) m displace each landmark at rest, and move with the body: landmark m is
+        the mean of its vertices v_i + o_m, each moved as the vertex is. Markers on skin or clothes
+        are such landmarks (Loper, Mahmood and Black, MoSh, 2014). They are the symbol of the block
+        `offsets(name)`, or an expression of blocks.
+
+        Raises UnknownName, BadBody for other shapes, and NotSupported for offsets of joints.
+        """
         if isinstance(name, str) and name == "joints":
+            if offsets is not None:
+                raise NotSupported(no_offsets("of joints"))
             return self.joint_points(pose, betas, trans)
-        at = Arguments(self, pose, betas, trans)
         found = landmark_set(self.landmarks, name)
+        displaced = None if offsets is None else (self.offsets(name), offsets)
+        at = Arguments(self, pose, betas, trans, displaced)
         return Points.of(landmark_points(self, at, self.numeric, found), name)
 
     # Points in numbers. Any argument may have batch axes in front.
@@ -226,12 +248,25 @@ class SkinnedBody:
         return evaluation.joints(self.numeric, pose, betas, trans)
 
     def landmark(
-        self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
+        self,
+        name: str,
+        pose: Given = None,
+        betas: Given = None,
+        trans: Given = None,
+        offsets: Given = None,
     ) -> Array:
-        """A named set of landmarks (..., M, 3) m; `joints` are always there."""
+        """A named set of landmarks (..., M, 3) m; `joints` are always there.
+
+        `offsets` (..., M, 3) m displace them at rest; see `landmark_points`. Raises NotSupported
+        for offsets of joints.
+        """
         if isinstance(name, str) and name == "joints":
+            if offsets is not None:
+                raise NotSupported(no_offsets("of joints"))
             return self.joints(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
+        if offsets is not None:
+            return evaluation.displaced(self.numeric, found, (pose, betas, trans), offsets)
         return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
@@ -263,18 +298,3 @@ class SkinnedBody:
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives in numbers."""
         return self.numeric.kinematics
-
-
-def not_skinned(body: object, what: str, instead: str) -> str:
-    """Why `what` cannot be had of this body, which is no SkinnedBody; empty if it is one.
-
-    `instead` says what to do with a body of another kind.
-    """
-    if isinstance(body, SkinnedBody):
-        return ""
-    kind, name = type(body).__name__, getattr(body, "name", None)
-    if not hasattr(body, "joint_names"):
-        return (
-            f"{what} is made of a SkinnedBody, not of something of type {kind}; load_body has one"
-        )
-    return f"{what} is made of a SkinnedBody, but body {name!r} is a {kind}; {instead}"

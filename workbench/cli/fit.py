@@ -1,20 +1,25 @@
-"""`workbench fit`: fits a body to keypoints or a mesh of the user."""
+"""`workbench fit`: fits a body to keypoints, a video, markers or a mesh of the user."""
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.cli.images import fit_folder
+from workbench.cli.marker_fits import fit_markers
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Compare, Out, carry_out, solver_named
+from workbench.cli.video import fit_video
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
+from workbench.fitting.clip_files import read_clip
 from workbench.fitting.compared_solvers import MANY, SECOND_ORDER
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_jobs import ImageReading, ImageWork
@@ -22,19 +27,62 @@ from workbench.fitting.image_recipe import ByHeight, WithStature
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.meshes import own_mesh
+from workbench.fitting.setup import Setup
 from workbench.fitting.stature import checked_height
 from workbench.geometry.meshes import READERS, REGISTERED
 from workbench.homes import expanded
-from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt
+from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
+
+FPS = 30.0  # frames per second of a clip that does not say
+MARKERS = ".npz"
+
+
+@dataclass(frozen=True)
+class Given:
+    """What was given to `workbench fit`, checked, and where its sentences go.
+
+    Attributes:
+        console: where sentences are printed.
+        body: the body that is fitted.
+        body_name: as it was given.
+        reading: how files of keypoints are read.
+        recipe: how one image is fitted.
+        sigma: the standard deviation of the data, or None for the usual one.
+        solver: the solver that was named, or None.
+        compare: whether other solvers are run too.
+        out: the folder in which results get a folder.
+    """
+
+    console: Console
+    body: SkinnedBody | TriangleBody
+    body_name: str
+    reading: ImageReading
+    recipe: ByHeight
+    sigma: float | None
+    solver: str | None
+    compare: bool
+    out: Path
+
+    @property
+    def named(self) -> Solver:
+        """The solver that was named, or the default."""
+        return solver_named(self.solver or DEFAULT)
+
+    def mind(self, unused: dict[str, bool], because: str) -> None:
+        """Name the options that were given and have no effect."""
+        for option, has in unused.items():
+            if has:
+                warn_without_effect(self.console, option, because)
 
 
 def fit(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Keypoints (COCO, COCO-WholeBody or OpenPose JSON, one file per camera), a folder "
-            "of such files of one person each, all seen by one camera, or a "
-            f"mesh ({', '.join(REGISTERED)}) of the body's topology, in metres."
+            help="Keypoints of one moment (COCO, COCO-WholeBody or OpenPose JSON, one file per "
+            "camera); a folder of such files, of one image each; with --video a clip; an .npz of "
+            "markers: markers (T, M, 3), labels (M,); or a mesh "
+            f"({', '.join(REGISTERED)}) of the body's topology, in metres."
         ),
     ],
     cameras: Annotated[
@@ -55,32 +103,49 @@ def fit(
             help="Number of the person in the file, from 0; without it, the one seen best."
         ),
     ] = None,
-    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     height: Annotated[
         float | None,
         typer.Option(
-            help="Stature of the person in metres, if it is known; it tells how far away they are."
+            help="Stature of the person in one image in metres, if it is known; it tells how far "
+            "away they are."
         ),
     ] = None,
     hypotheses: Annotated[
         int,
         typer.Option(
-            help="Number of starts for keypoints of one camera: how many bodies are tried that may "
-            "look alike, such as one that faces the other way."
+            help="Number of starts for one image: how many bodies are tried that may look alike, "
+            "such as one that faces the other way."
         ),
     ] = 1,
-    sigma: Annotated[
+    video: Annotated[
+        bool,
+        typer.Option(
+            help="The argument is a clip: a folder with a keypoint file for each frame, or with "
+            "such a folder for each camera."
+        ),
+    ] = False,
+    fps: Annotated[
         float | None,
         typer.Option(
-            help="Standard deviation of the data; by default 4 px, or 0.002 m for a mesh."
+            help=f"Frames per second of a clip, {FPS:g} if not given; or of markers, if their file "
+            "does not say."
         ),
+    ] = None,
+    marker_set: Annotated[
+        Path | None,
+        typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
+    ] = None,
+    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
+    sigma: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation of the data; by default 4 px, or 0.002 m in space."),
     ] = None,
     solver: Annotated[
         str | None,
         typer.Option(
             "--solver",
-            help=f"One of {', '.join(SOLVERS)}; by default {DEFAULT}, and for the stages of a fit "
-            "to one image levenberg-marquardt.",
+            help=f"One of {', '.join(SOLVERS)}; by default {DEFAULT}, and for one image "
+            "levenberg-marquardt.",
         ),
     ] = None,
     compare: Compare = False,
@@ -96,83 +161,109 @@ def fit(
     ] = None,
     out: Out = Path("runs"),
 ) -> None:
-    """Fit a body to keypoints or to a mesh of its topology; write a report to runs/FILE/.
+    """Fit a body to keypoints, a video, markers or a mesh; write a report to runs/FILE/.
 
-    The keypoints of one camera are fitted in stages with a robust kernel, as in SMPLify. For a
-    folder of them the results are in runs/fit-FOLDER/, and a command that was interrupted continues
-    where it stopped.
+    One image is fitted as SMPLify does, from a start that a small network reads off the keypoints.
+    For a folder of images the results are in runs/fit-FOLDER/, and a command that was interrupted
+    continues where it stopped.
     """
-    if sigma is not None and not 0 < sigma < math.inf:
-        raise BadArgument(f"--sigma takes a number above 0, not {sigma:g}")
-    if focal is not None and not 0 < focal < math.inf:
-        raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
+    for option, number in (("--sigma", sigma), ("--focal", focal), ("--fps", fps)):
+        if number is not None and not 0 < number < math.inf:
+            raise BadArgument(f"{option} takes a number above 0, not {number:g}")
     if workers < 1:
         raise BadArgument(f"--workers takes 1 or more, not {workers}")
-    image, console = _size(size), Console()
-    model, files = load_body(body), [expanded(path) for path in files]
+    if solver is not None:
+        solver_named(solver)
+    reading = ImageReading(_size(size), focal, cameras, person)
     recipe = _recipe(height, sigma)
-    if files[0].is_dir():
-        if len(files) > 1:
-            raise BadFile(f"one folder is fitted at a time, not {len(files)}; give one")
-        for option, unused in (("--compare", compare), ("--solver", solver is not None)):
-            if unused:
-                warn_without_effect(console, option, "it is for a single fit, not for a folder")
-        reading = ImageReading(image, focal, cameras, person)
+    model, paths = load_body(body), [expanded(path) for path in files]
+    given = Given(Console(), model, body, reading, recipe, sigma, solver, compare, out)
+    first = paths[0]
+    many = {"--workers": workers > 1, "--dask": dask is not None}
+    one_image = {"--height": height is not None, "--hypotheses": hypotheses != 1}
+    of_keypoints = {
+        "--cameras": cameras is not None,
+        "--size": size is not None,
+        "--focal": focal is not None,
+        "--person": person is not None,
+    }
+    moving = {"--fps": fps is not None}
+    of_markers = {"--marker-set": marker_set is not None}
+    if len(paths) > 1 and (video or first.is_dir() or first.suffix.lower() in (*READERS, MARKERS)):
+        raise BadFile(
+            f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
+        )
+    if not first.is_dir() or video:
+        given.mind(many, "it is for a folder of images")
+    if video:
+        given.mind(one_image | of_markers | {"--compare": compare}, "it is not for a clip")
+        clip = read_clip(
+            first,
+            fps=fps or FPS,
+            calibration=cameras,
+            size=reading.size,
+            focal=focal,
+            person=person,
+        )
+        fit_video(given.console, first, clip, model, sigma or 4.0, given.named, out)
+    elif first.is_dir():
+        single = {"--compare": compare, "--solver": solver is not None}
+        given.mind(single | moving | of_markers, "it is not for a folder of images")
         work = ImageWork(model, recipe, reading, hypotheses)
-        fit_folder(console, files[0], work, body=body, out=out, workers=workers, dask=dask)
-        return
-    for option, has in (("--workers", workers > 1), ("--dask", dask is not None)):
-        if has:
-            warn_without_effect(console, option, "it is for a folder of images")
-    if files[0].suffix.lower() in READERS:
-        if len(files) > 1:
-            raise BadFile(f"a body is fitted to one mesh at a time, not to {len(files)}; give one")
-        given = {
-            "--cameras": cameras,
-            "--size": size,
-            "--focal": focal,
-            "--person": person,
-            "--height": height,
-            "--hypotheses": None if hypotheses == 1 else hypotheses,
-        }
-        for option in (option for option, value in given.items() if value is not None):
-            warn_without_effect(console, option, "it is for keypoints, and this is a mesh")
-        setup = own_mesh(files[0], model, 0.002 if sigma is None else sigma)
+        fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
+    elif first.suffix.lower() == MARKERS:
+        given.mind(of_keypoints | one_image | {"--compare": compare}, "it is not for markers")
+        fit_markers(given.console, first, model, marker_set, fps, sigma, given.named, out)
+    elif first.suffix.lower() in READERS:
+        given.mind(of_keypoints, "it is for keypoints, and this is a mesh")
+        given.mind(one_image | moving | of_markers, "it is not for a mesh")
+        setup = own_mesh(first, model, 0.002 if sigma is None else sigma)
+        _carry_out(given, first, setup)
     else:
-        observed = read_observations(
-            files, calibration=cameras, size=image, focal=focal, person=person
-        )
-        if focal is not None and cameras is not None:
-            warn_without_effect(
-                console, "--focal", f"{cameras} says the focal length of each camera"
-            )
-        question = (
-            f"Which pose, shape and place of the body explain the keypoints of "
-            f"{', '.join(str(f.name) for f in files)}?"
-        )
-        if len(files) == 1:
-            whole = replace(recipe, solver=LevenbergMarquardt())
-            setup = image_fit(
-                observed,
-                model,
-                question,
-                recipe=whole,
-                hypotheses=hypotheses,
-                compared=SECOND_ORDER,
-            )
-        else:
-            for option, has in (("--height", height is not None), ("--hypotheses", hypotheses > 1)):
-                if has:
-                    why = "it is for one camera; several show where and how tall a person is"
-                    warn_without_effect(console, option, why)
-            setup = keypoint_fit(observed, model, question, sigma=recipe.sigma, compared=MANY)
-    experiment = Experiment(
-        files[0].stem, lambda: setup, "a user's own file", source=str(files[0].resolve())
+        given.mind(moving | of_markers, "it is not for keypoints of one moment")
+        if len(paths) > 1:
+            why = "it is for one camera; several show where and how tall a person is"
+            given.mind(one_image, why)
+        _carry_out(given, first, _keypoints(given, paths, hypotheses))
+
+
+def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
+    """The fit to keypoints of one moment, from one camera or several."""
+    reading = given.reading
+    observed = read_observations(
+        files,
+        calibration=reading.calibration,
+        size=reading.size,
+        focal=reading.focal,
+        person=reading.person,
     )
-    named = None if solver is None else solver_named(solver)
-    if named is None and setup.strategy is None:
-        named = solver_named(DEFAULT)
-    carry_out(console, experiment, named, compare, out)
+    if reading.focal is not None and reading.calibration is not None:
+        why = f"{reading.calibration} says the focal length of each camera"
+        warn_without_effect(given.console, "--focal", why)
+    question = (
+        f"Which pose, shape and place of the body explain the keypoints of "
+        f"{', '.join(str(f.name) for f in files)}?"
+    )
+    if len(files) > 1:
+        sigma = given.recipe.sigma
+        return keypoint_fit(observed, given.body, question, sigma=sigma, compared=MANY)
+    return image_fit(
+        observed,
+        given.body,
+        question,
+        recipe=replace(given.recipe, solver=LevenbergMarquardt()),
+        hypotheses=hypotheses,
+        compared=SECOND_ORDER,
+    )
+
+
+def _carry_out(given: Given, file: Path, setup: Setup) -> None:
+    """Solve a setup and write its report."""
+    experiment = Experiment(
+        file.stem, lambda: setup, "a user's own file", source=str(file.resolve())
+    )
+    named = None if given.solver is None and setup.strategy is not None else given.named
+    carry_out(given.console, experiment, named, given.compare, given.out)
 
 
 def _recipe(height: float | None, sigma: float | None) -> ByHeight:

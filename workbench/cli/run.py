@@ -88,8 +88,8 @@ def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
 
 def carry_out(
     console: Console, experiment: Experiment, solver: Solver | None, compare: bool, out: Path
-) -> None:
-    """Run an experiment, print its summary, and write its report.
+) -> tuple[Values, Path]:
+    """Run an experiment, print its summary, and write its report: the values, and the folder.
 
     After an interrupt the report holds what was found until then, and the exit code is 130.
     """
@@ -107,6 +107,7 @@ def carry_out(
     print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
+    return outcome.values, folder
 
 
 def solved(console: Console, setup: Setup, solver: Solver) -> Values:

@@ -10,6 +10,7 @@ from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
 from workbench.experiments.correspondences import known_correspondences, shape_from_landmarks
 from workbench.experiments.experiment import Experiment
+from workbench.experiments.markers import markers
 from workbench.experiments.own_file import BESIDE, ENOUGH, run_file
 from workbench.experiments.registration import registration
 from workbench.experiments.suites import SUITES
@@ -27,6 +28,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
             "every vertex is seen, and its number is known",
         ),
         Experiment("landmarks", shape_from_landmarks, "shape from 3D joints alone"),
+        Experiment("markers", markers, "motion capture: shape, poses and places of 41 markers"),
         Experiment("registration", registration, "a person who is not in the shape space"),
     )
 }

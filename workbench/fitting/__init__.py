@@ -16,8 +16,14 @@ from workbench.fitting.keypoint_files import read_keypoints, read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.landmarks import joint_fit
+from workbench.fitting.marker_files import MarkerRecording, read_markers
+from workbench.fitting.marker_frames import random_frames, spread_frames
+from workbench.fitting.marker_information import informative_frames
+from workbench.fitting.marker_sets import MarkerSet, default_markers, read_marker_set
+from workbench.fitting.markers import marker_fit, marker_solver
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
+from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
@@ -29,6 +35,9 @@ __all__ = [
     "BadObservation",
     "BadScan",
     "KnownAnswer",
+    "MarkerFit",
+    "MarkerRecording",
+    "MarkerSet",
     "Measure",
     "Observations",
     "Photograph",
@@ -37,17 +46,26 @@ __all__ = [
     "Setup",
     "View",
     "boundary",
+    "default_markers",
     "from_correspondences",
+    "informative_frames",
     "joint_fit",
     "keypoint_fit",
+    "marker_fit",
+    "marker_solver",
     "mesh_fit",
+    "mosh",
     "own_mesh",
     "photograph",
     "placed",
     "pose_prior",
+    "random_frames",
     "read_calibration",
     "read_keypoints",
+    "read_marker_set",
+    "read_markers",
     "read_observations",
     "read_scan",
     "shape_prior",
+    "spread_frames",
 ]

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.bodies import SkinnedBody
-from workbench.bodies.skinned import not_skinned
+from workbench.bodies.skinned_only import not_skinned
 from workbench.errors import BadArgument
 from workbench.residuals import Residual
 

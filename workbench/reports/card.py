@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.extras import shapes_in_words
-from workbench.bodies.skinned import not_skinned
+from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.skinned import not_skinned
+from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import banded_factor

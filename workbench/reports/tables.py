@@ -201,7 +201,8 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
         if SMALL < block.size <= MOST and len(block.shape) == 2 and block.shape[1] == 3:
             unit = _unit(block)
             value = block.taken(outcome.values[block.name])
-            names = block.labels or [str(k) for k in range(len(value))]
+            labels = None if block.framed else block.labels  # those of a frame's rows
+            names = labels or [str(k) for k in range(len(value))]
             rows = tuple(
                 (name, *(number(float(x), 3) for x in (*row, np.linalg.norm(row))))
                 for name, row in zip(names, value, strict=True)

@@ -15,7 +15,8 @@ from workbench.bodies.files.smplx_vertices import vertex_ids
 from workbench.bodies.files.triangle_layout import STYLE
 from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
-from workbench.bodies.skinned import SkinnedBody, not_skinned
+from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
 from workbench.writing import replacing, write_arrays

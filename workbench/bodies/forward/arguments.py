@@ -1,4 +1,7 @@
-"""What stands for the pose, the betas and the translation of a body: affine maps of blocks."""
+"""What stands for the pose, the betas and the translation of a body: affine maps of blocks.
+
+Landmarks have a fourth argument, if they are displaced by offsets.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +25,19 @@ from workbench.errors import BadBody
 class Arguments:
     """A body, and what stands for its pose (3, K) rad, betas (B, 1) and trans (3, 1) m.
 
-    Raises BadBody for what has another shape, or is no symbol or expression of symbols.
+    `displaced` is a block (L, 3) m for the offsets of L landmarks, and what stands for it; None
+    if there are no offsets. Raises BadBody for what has another shape, or is no symbol or
+    expression of symbols.
     """
 
     body: Body
     pose: cs.MX
     betas: cs.MX
     trans: cs.MX
+    displaced: tuple[Block, cs.MX] | None = None
 
     def __post_init__(self) -> None:
-        for block, given in zip(self.body.blocks(), self.symbols, strict=True):
+        for block, given in self._given:
             if isinstance(given, cs.SX):
                 raise BadBody(
                     f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
@@ -48,13 +54,25 @@ class Arguments:
             if given.shape != block.symbol_shape:
                 raise BadBody(
                     f"body {self.body.name!r} takes a symbol of shape {block.symbol_shape} for "
-                    f"{block.name}, not {given.shape}; take block.symbol for block in body.blocks()"
+                    f"{block.name}, not {given.shape}; take block.symbol for block in "
+                    "body.blocks(), and body.offsets(name).symbol for the offsets of landmarks"
                 )
 
     @property
     def symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """In the order that a body takes them."""
+        """In the order that a body takes them, without offsets."""
         return self.pose, self.betas, self.trans
+
+    @property
+    def offsets(self) -> cs.MX | None:
+        """The offsets of landmarks, (3, L) m, if there are any."""
+        return None if self.displaced is None else self.displaced[1]
+
+    @property
+    def _given(self) -> tuple[tuple[Block, cs.MX], ...]:
+        """A block of the shape of each argument, and what stands for it."""
+        own = tuple(zip(self.body.blocks(), self.symbols, strict=True))
+        return own if self.displaced is None else (*own, self.displaced)
 
     def blocks(self) -> tuple[Block, ...]:
         """The block behind each symbol, the body's own (with unit and labels) where it is one.
@@ -62,7 +80,11 @@ class Arguments:
         A symbol of another origin has the joints' names if it holds nothing but rotation vectors.
         """
         known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
-        read = cs.symvar(cs.veccat(*self.symbols))
+        if self.displaced is not None:
+            block, given = self.displaced
+            if given.is_symbolic() and given.__hash__() not in known:
+                known[given.__hash__()] = Block.of(given, block.unit, block.labels)
+        read = cs.symvar(cs.veccat(*(given for _, given in self._given)))
         return tuple(known.get(s.__hash__()) or self._piece(s) for s in read)
 
     def _piece(self, symbol: cs.MX) -> Block:
@@ -96,11 +118,9 @@ class Arguments:
     @cached_property
     def maps(self) -> Maps | None:
         """The arguments as affine maps of blocks; None if one of them is something else."""
-        pose, betas, trans = (
-            Affine.of(given, block.shape)
-            for given, block in zip(self.symbols, self.body.blocks(), strict=True)
-        )
-        return None if pose is None or betas is None or trans is None else (pose, betas, trans)
+        found = [Affine.of(given, block.shape) for block, given in self._given]
+        maps = tuple(one for one in found if one is not None)
+        return maps if len(maps) == len(found) else None
 
     @property
     def _apart(self) -> bool:
@@ -126,8 +146,9 @@ def arguments_from_values(
         at = getattr(one.source, "arguments", None)
         if not isinstance(at, Arguments) or at.body is not body or at.maps is None:
             continue
-        if all(name in values for part in at.maps for name in part.reads):
+        maps = at.maps[:3]
+        if all(name in values for part in maps for name in part.reads):
             numbers = {name: np.asarray(value, dtype=float) for name, value in values.items()}
-            pose, betas, trans = (part.value(numbers) for part in at.maps)
+            pose, betas, trans = (part.value(numbers) for part in maps)
             return pose, betas, trans
     return None

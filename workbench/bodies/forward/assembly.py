@@ -1,5 +1,7 @@
 """How the derivative of points by blocks is put together from that by pose, betas and trans.
 
+Landmarks may have offsets as a fourth argument.
+
 A row of the pose may be one entry of a block that nothing else reads. Then it is written where that
 entry's row belongs, without a copy. All other rows are written aside, and matrix products carry
 them on to the blocks.
@@ -18,17 +20,15 @@ from workbench.arrays import Array, Index
 from workbench.blocks.affine import Affine, alone, filled
 from workbench.bodies.forward.rows import Rows, Target
 
-ROLES = ("pose", "betas", "trans")
-Maps = tuple[Affine, Affine, Affine]  # in this order
+ROLES = ("pose", "betas", "trans", "offsets")
+Maps = tuple[Affine, ...]  # in this order; offsets are left out where there are none
 
 
-def plain_names(maps: Maps) -> tuple[str, str, str] | None:
-    """The names of three blocks, if the arguments are these and nothing else."""
-    pose, betas, trans = (one.plain for one in maps)
-    if pose is None or betas is None or trans is None:
-        return None
+def plain_names(maps: Maps) -> tuple[str, ...] | None:
+    """The name of a block for each argument, if the arguments are these and nothing else."""
+    names = tuple(one.plain for one in maps if one.plain is not None)
     # of one block in two roles the derivatives have to be added
-    return (pose, betas, trans) if len({pose, betas, trans}) == 3 else None
+    return names if len({*names}) == len(maps) else None
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def assembly_of(maps: Maps, names: tuple[str, ...], wanted: Mapping[str, Index])
             reached[name].discard(entry)
     combined = {name: np.array(sorted(left)) for name, left in reached.items() if left}
     parts = {}
-    for role, one, rows in zip(ROLES, maps, straight, strict=True):
+    for role, one, rows in zip(ROLES, maps, straight, strict=False):
         slopes = {
             name: csr_array(one.terms[name][:, entries[name][left]])
             for name, left in combined.items()

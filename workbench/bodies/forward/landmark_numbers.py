@@ -23,28 +23,31 @@ class LandmarkArithmetic:
 
         y_p = G_j(p) (v_p; m_p),        landmark l = sum of its y_p
         dy_p/dpose[k, a] = w_ka x (y_p - m_p t_k) [j(p) at or below k] + R_j(p) P_pk df/dpose[k, a]
+
+    An offset of landmark l displaces its rest points, so that nothing else changes, and the
+    derivative of the landmark by it is the sum of its m_p R_j(p).
     """
 
     rest_points: RestPoints
     ancestors: Array
 
-    def evaluate(self, motion: Motion, betas: Array) -> LandmarksAtOrigin:
-        """The landmarks moved by a motion, of the person with these betas (B,)."""
-        return LandmarksAtOrigin(self, motion, betas)
+    def evaluate(
+        self, motion: Motion, betas: Array, offsets: Array | None = None
+    ) -> LandmarksAtOrigin:
+        """The landmarks moved by a motion, of the person with these betas (B,).
 
-    def evaluate_batch(self, motions: Motion, betas: Array) -> Array:
-        """The landmarks (M, L, 3) m for M motions and betas (M, B), by matrix products."""
+        `offsets` (L, 3) m displace them at rest, where there are any.
+        """
+        return LandmarksAtOrigin(self, motion, betas, offsets)
+
+    def evaluate_batch(self, motions: Motion, betas: Array, offsets: Array | None = None) -> Array:
+        """The landmarks (M, L, 3) m for M motions and betas (M, B), by matrix products.
+
+        `offsets` (M, L, 3) m displace them at rest, where there are any.
+        """
         points = self.rest_points
-        moved = points.moved(points.turns(motions.G), points.rest(motions.features, betas))
-        return points.summed(moved).transpose(0, 2, 1)
-
-    @cached_property
-    def landmark(self) -> Index:
-        """The landmark of each rest point, (P,)."""
-        P = len(self.rest_points.joint)
-        return np.repeat(
-            np.arange(len(self.rest_points.first)), np.diff(self.rest_points.first, append=P)
-        )
+        rest = points.rest(motions.features, betas, offsets)
+        return points.summed(points.moved(points.turns(motions.G), rest)).transpose(0, 2, 1)
 
     @cached_property
     def mass(self) -> Array:
@@ -71,22 +74,27 @@ class LandmarkArithmetic:
         Zero where a landmark has no rest point on a joint.
         """
         found = np.zeros((len(self.ancestors), len(of_rest_points), len(self.rest_points.first)))
-        found[self.rest_points.joint, :, self.landmark] = of_rest_points.T
+        points = self.rest_points
+        found[points.joint, :, points.landmark] = of_rest_points.T
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class LandmarksAtOrigin:
-    """The landmarks at one motion and betas (B,), before translation; see AtOrigin."""
+    """The landmarks at one motion and betas (B,), before translation; see AtOrigin.
+
+    `offsets` (L, 3) m displace them at rest, where there are any.
+    """
 
     of: LandmarkArithmetic
     motion: Motion
     betas: Array
+    offsets: Array | None = None
 
     @cached_property
     def rest(self) -> Array:
         """v: the rest points, (3, P) m."""
-        return self.of.rest_points.rest(self.motion.features, self.betas)
+        return self.of.rest_points.rest(self.motion.features, self.betas, self.offsets)
 
     @cached_property
     def turns(self) -> Array:
@@ -104,10 +112,15 @@ class LandmarksAtOrigin:
         return self.of.rest_points.summed(self.moved).T
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
-        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 L) each."""
+        """Write the transposed derivative into `pose`, `betas`, `trans` and `offsets`.
+
+        Each is of the shape (size, 3 L).
+        """
         for name, target in into.items():
             if name == "trans":
                 found = np.tile(np.eye(3), len(self.of.rest_points.first))
+            elif name == "offsets":
+                found = self._by_offsets()
             else:
                 planar = self._by_pose(slopes) if name == "pose" else self._by_betas(slopes)
                 found = planar.transpose(0, 2, 1).reshape(len(target), 3 * planar.shape[2])
@@ -116,13 +129,30 @@ class LandmarksAtOrigin:
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """Gradients of sum(pull * points), pull (L, 3), by G (K, 3, 4), features and betas."""
         of, points = self.of, self.of.rest_points
-        on_moved = pull.T[:, of.landmark]
+        on_moved = pull.T[:, points.landmark]
         on_rest = np.einsum("dcp,dp->cp", self.turns[:, :3], on_moved).ravel()
         placed = of.on_joints(np.concatenate([self.rest, points.mass[None]]))  # (K, 4, L)
         on_features = np.zeros_like(self.motion.features)
         on_features[points.used] = points.posedirs @ on_rest
         on_G = np.matmul(pull.T, placed.transpose(0, 2, 1))
         return on_G, on_features, points.shapedirs @ on_rest
+
+    def pulled_by_offsets(self, pull: Array) -> Array:
+        """The gradient of sum(pull * points), pull (L, 3), by the offsets, (L, 3)."""
+        return np.asarray(np.einsum("dcl,ld->lc", self._blended, pull))
+
+    @cached_property
+    def _blended(self) -> Array:
+        """The blended rotation of each landmark, the sum of its m_p R_j(p): (3, 3, L)."""
+        points = self.of.rest_points
+        return points.summed(self.turns[:, :3] * points.mass)
+
+    def _by_offsets(self) -> Array:
+        """The transposed derivative of the landmarks by their offsets, (3 L, 3 L)."""
+        L = len(self.of.rest_points.first)
+        found, each = np.zeros((L, 3, L, 3)), np.arange(L)
+        found[each, :, each] = self._blended.transpose(2, 1, 0)
+        return found.reshape(3 * L, 3 * L)
 
     def _by_pose(self, slopes: Slopes) -> Array:
         """The transposed derivative of the landmarks by the pose, (3 K, 3, L)."""

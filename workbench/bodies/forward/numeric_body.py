@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cache, cached_property
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property, partial
 
 import casadi as cs
 import numpy as np
@@ -12,9 +12,11 @@ from workbench.arrays import Array
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
+from workbench.bodies.forward.displaced_numbers import DisplacedPoints
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
 from workbench.bodies.forward.joint_numbers import JointArithmetic, JointBatch
 from workbench.bodies.forward.landmark_numbers import LandmarkArithmetic
+from workbench.bodies.forward.landmark_symbols import posed_landmarks
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric import Chunk, batch_points, chunks_of
 from workbench.bodies.forward.numeric_sources import PosedPoints
@@ -66,7 +68,7 @@ class NumericBody:
         return PosedPoints(kinematics, arithmetic_of(self.arrays, some, chunks), many)
 
     def freed(
-        self, vertices: Vertices, arguments: tuple[str, str, str], free: Mapping[str, str]
+        self, vertices: Vertices, arguments: Sequence[str], free: Mapping[str, str]
     ) -> FreedSurface:
         """Vertices of an SMPL body, some of whose arrays are in the blocks `free`.
 
@@ -83,15 +85,31 @@ class NumericBody:
             self._rest_points[landmarks] = RestPoints.of(self.arrays, used, regressor)
         return self._rest_points[landmarks]
 
+    def landmark_arithmetic(self, landmarks: Landmarks) -> LandmarkArithmetic:
+        """The arithmetic of weighted means of an SMPL body's vertices."""
+        return LandmarkArithmetic(self.rest_points(landmarks), self.kinematics.ancestors)
+
+    def displaced(self, landmarks: Landmarks) -> DisplacedPoints:
+        """Weighted means of an SMPL body's vertices with offsets."""
+        return DisplacedPoints(self.kinematics, self.landmark_arithmetic(landmarks))
+
     def landmarks(self, landmarks: Landmarks) -> PosedPoints:
         """Weighted means of an SMPL body's vertices."""
-        kinematics = self.kinematics
-        arithmetic = LandmarkArithmetic(self.rest_points(landmarks), kinematics.ancestors)
+        kinematics, arithmetic = self.kinematics, self.landmark_arithmetic(landmarks)
 
         def many(poses: Array, betas: Array) -> Array:
             return arithmetic.evaluate_batch(kinematics.motions(poses, betas), betas)
 
         return PosedPoints(kinematics, arithmetic, many)
+
+    def displaced_rest(self, landmarks: Landmarks) -> cs.Function:
+        """A function (pose, betas, offsets) -> the untranslated landmarks (3, L), any skinning."""
+        K, _, B = self.skeleton.slopes.shape
+        pose, betas = cs.MX.sym("pose", 3, K), cs.MX.sym("betas", B)
+        offsets = cs.MX.sym("offsets", 3, len(landmarks.names))
+        symbols, rest_points = (pose, betas, cs.MX.zeros(3)), partial(self.rest_points, landmarks)
+        found = posed_landmarks(self.arrays, landmarks, rest_points, symbols, offsets)
+        return cs.Function("displaced_rest", [pose, betas, offsets], [found])
 
     @cached_property
     def skinned_rest(self) -> cs.Function:

@@ -1,7 +1,8 @@
 """Points on a body by arithmetic, under the body's own names or under those of a problem.
 
-Arithmetic knows a pose, betas and a translation (`BodyPoints`). A problem knows blocks by the names
-that it gives them, and a pose may be made of several of these. `Named` stands between the two.
+Arithmetic knows a pose, betas, a translation and perhaps offsets (`BodyPoints`). A problem knows
+blocks by the names that it gives them, and a pose may be made of several of these. `Named` stands
+between the two.
 """
 
 from __future__ import annotations
@@ -22,38 +23,44 @@ from workbench.bodies.forward.rows import Target
 
 
 class BodyPointsAt(Protocol):
-    """Points of a body at one pose, betas and translation; see PointsAt."""
+    """Points of a body at one pose, betas and translation, and offsets if any; see PointsAt."""
 
     @property
     def points(self) -> Array:
         """The points, (N, 3) m."""
 
     def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
-        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each.
+        """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each.
 
         Each column is multiplied by its scale (3 N,); rows that are not wanted are left out.
         """
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and `trans`, flat."""
+        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
 
 
 class BodyPoints(Protocol):
-    """Points of a body by arithmetic on its pose, betas and translation."""
+    """Points of a body by arithmetic on its arguments, in the order of `ROLES`.
 
-    def evaluate(self, pose: Array, betas: Array, trans: Array) -> BodyPointsAt:
-        """The points at pose (K, 3) rad, betas (B,) and trans (3,) m."""
+    These are its pose, betas and translation; those of displaced landmarks have offsets as well.
+    """
 
-    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> Sequence[BodyPointsAt]:
-        """The points at each of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
+    @property
+    def evaluate(self) -> Callable[..., BodyPointsAt]:
+        """The points at pose (K, 3) rad, betas (B,), trans (3,) m and offsets (N, 3) m if any."""
 
-    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
-        """(M, N, 3) m of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
+    @property
+    def evaluate_each(self) -> Callable[..., Sequence[BodyPointsAt]]:
+        """The points at each of M arguments: (M, K, 3) rad, (M, B), (M, 3) m and (M, N, 3) m."""
+
+    @property
+    def evaluate_batch(self) -> Callable[..., Array]:
+        """The points (M, N, 3) m of M arguments, of the same shapes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Named:
-    """Points on a body whose pose, betas and trans are affine maps of a problem's blocks.
+    """Points on a body whose arguments are affine maps of a problem's blocks.
 
     See NumericPoints. `wanted` has the entries by which derivatives are taken of those blocks that
     are free in part; of all others they are taken by every entry.
@@ -72,8 +79,8 @@ class Named:
         return tuple(dict.fromkeys(name for one in self.maps for name in one.reads))
 
     @cached_property
-    def plain(self) -> tuple[str, str, str] | None:
-        """The names of the blocks pose, betas and trans, if the arguments are whole blocks.
+    def plain(self) -> tuple[str, ...] | None:
+        """The names of the blocks pose, betas, trans and so on, if the arguments are whole blocks.
 
         None if an argument is made of blocks in another way, or a block is free in part.
         """
@@ -85,9 +92,7 @@ class Named:
 
     def evaluate(self, values: Mapping[str, Array]) -> NamedAt:
         """Where the blocks have these values."""
-        pose, betas, trans = self.maps
-        here = self.points.evaluate(pose.value(values), betas.value(values), trans.value(values))
-        return NamedAt(self, here)
+        return NamedAt(self, self.points.evaluate(*(one.value(values) for one in self.maps)))
 
     def evaluate_each(self, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
         """The points at several sets of values, in fewer calls than by `evaluate` for each."""
@@ -120,7 +125,7 @@ class NamedAt:
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the transposed derivative into[block] (size, 3 N)."""
         if self.of.plain is not None:
-            ours = zip(ROLES, self.of.plain, strict=True)
+            ours = zip(ROLES, self.of.plain, strict=False)
             self.here.tangent({our: into[name] for our, name in ours if name in into}, scale)
         elif into:
             self._put_together(self.of.assembly(tuple(into)), into, scale)
@@ -143,9 +148,9 @@ class NamedAt:
         """Gradients of pull . points by the blocks, flat; by the entries that are wanted."""
         found, of = self.here.adjoint(pull), self.of
         if of.plain is not None:
-            return {name: found[role] for role, name in zip(ROLES, of.plain, strict=True)}
+            return {name: found[role] for role, name in zip(ROLES, of.plain, strict=False)}
         gradient: dict[str, Array] = {}
-        for role, one in zip(ROLES, of.maps, strict=True):
+        for role, one in zip(ROLES, of.maps, strict=False):
             for name, part in one.pulled(found[role]).items():
                 gradient[name] = gradient[name] + part if name in gradient else part
         return {n: g[of.wanted[n]] if n in of.wanted else g for n, g in gradient.items()}
@@ -208,12 +213,11 @@ class PosedPointsAt:
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and `trans`, flat."""
-        pulled = pull.reshape(-1, 3)
-        on_G, on_features, on_betas = self.here.adjoint(pulled)
-        pose, betas = self.posed.pose, self.posed.betas
-        on_pose, by_joints = self.posed.kinematics.adjoint(pose, betas, on_G, on_features)
-        return {
-            "pose": on_pose.ravel(),
-            "betas": on_betas + by_joints,
-            "trans": pulled.sum(axis=0),
-        }
+        return pulled_back(self.posed, self.here, pull.reshape(-1, 3))
+
+
+def pulled_back(posed: Posed, here: AtOrigin, pull: Array) -> dict[str, Array]:
+    """The gradients of sum(pull * points), pull (N, 3), by `pose`, `betas` and `trans`, flat."""
+    on_G, on_features, on_betas = here.adjoint(pull)
+    on_pose, by_joints = posed.kinematics.adjoint(posed.pose, posed.betas, on_G, on_features)
+    return {"pose": on_pose.ravel(), "betas": on_betas + by_joints, "trans": pull.sum(axis=0)}

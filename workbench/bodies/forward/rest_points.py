@@ -6,13 +6,15 @@ it. Landmark m, sum_i r_mi sum_j w_ij G_j (v_i; 1), is therefore a sum over join
     G_j (sum_i r_mi w_ij v_i; sum_i r_mi w_ij),
 
 so that each pair of a landmark and a joint that moves it needs one rest point, whatever the
-number of vertices. This is exact.
+number of vertices. This is exact. A landmark may have an offset o_m, by which all that it is a mean
+of is displaced at rest. It displaces rest point p of the landmark by m_p o_m, m_p being its mass.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as cs
 import numpy as np
@@ -76,10 +78,22 @@ class RestPoints:
             A.sum(axis=1),
         )
 
-    def rest(self, features: Array, betas: Array) -> Array:
-        """The rest points (..., 3, P) m, for features (..., F) and betas (..., B)."""
+    @cached_property
+    def landmark(self) -> Index:
+        """The landmark of each rest point, (P,)."""
+        counts = np.diff(self.first, append=len(self.joint))
+        return np.repeat(np.arange(len(self.first)), counts)
+
+    def rest(self, features: Array, betas: Array, offsets: Array | None = None) -> Array:
+        """The rest points (..., 3, P) m, for features (..., F) and betas (..., B).
+
+        `offsets` (..., L, 3) m displace the landmarks, where there are any.
+        """
         flat = betas @ self.shapedirs + features[..., self.used] @ self.posedirs + self.template
-        return flat.reshape(*flat.shape[:-1], 3, -1)
+        found = flat.reshape(*flat.shape[:-1], 3, -1)
+        if offsets is None:
+            return found
+        return np.asarray(found + self.mass * np.swapaxes(offsets[..., self.landmark, :], -1, -2))
 
     def turns(self, G: Array) -> Array:
         """The motion of each rest point's joint, (..., 3, 4, P), for motions (..., K, 3, 4)."""
@@ -94,14 +108,19 @@ class RestPoints:
         """The sums over each landmark's rest points, (..., P) -> (..., L)."""
         return np.add.reduceat(of_rest_points, self.first, axis=-1)
 
-    def expression(self, G: Sequence[cs.MX], features: cs.MX, betas: cs.MX) -> cs.MX:
-        """The landmarks in symbols, (3, L) m, before translation."""
-        P = len(self.joint)
+    def expression(
+        self, G: Sequence[cs.MX], features: cs.MX, betas: cs.MX, offsets: cs.MX | None = None
+    ) -> cs.MX:
+        """The landmarks in symbols, (3, L) m, before translation; displaced by offsets (3, L) m."""
+        P, L = len(self.joint), len(self.first)
         shaped = cs.sparsify(cs.DM(self.shapedirs.T)) @ betas
         bent = cs.sparsify(cs.DM(self.posedirs.T)) @ features[self.used.tolist()]
         rest = cs.reshape(cs.DM(self.template) + shaped + bent, P, 3).T  # (3, P)
+        if offsets is not None:
+            displaced = csc_array((self.mass, (self.landmark, np.arange(P))), shape=(L, P))
+            rest = rest + offsets @ cs.DM(displaced)
         own = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
         moved = blend_points(rest, cs.DM(self.mass), G, cs.DM(own))
         edges = np.append(self.first, P)
-        means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, len(self.first)))
+        means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, L))
         return moved @ cs.DM(means)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as cs
 
@@ -15,9 +15,9 @@ from workbench.bodies.forward import surface
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
 from workbench.bodies.forward.assembly import Maps, plain_names
+from workbench.bodies.forward.landmark_symbols import posed_landmarks
 from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.bodies.forward.numeric_sources import Named
-from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.landmarks import Landmarks
 
 MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # what joints are made from, if not given
@@ -147,26 +147,22 @@ def joint_points(body: SkinnedArrays, at: Arguments, numeric: NumericBody) -> Bo
 def landmark_points(
     body: SkinnedArrays, at: Arguments, numeric: NumericBody, landmarks: Landmarks
 ) -> BodySource:
-    """Weighted means of posed vertices; only the vertices that carry weight are posed.
+    """Weighted means of posed vertices, displaced at rest where the arguments have offsets.
 
-    Where that is exact, there is one rest point instead for each joint that moves a landmark.
+    Only the vertices that carry weight are posed. Where that is exact, there is one rest point
+    instead for each joint that moves a landmark.
     """
 
     def express() -> cs.MX:
-        if body.free or body.skinning is not linear_blend:
-            regressor, used = landmarks.of_vertices
-            posed = surface.posed(body, *at.symbols, used)
-            return posed @ cs.MX(cs.DM(regressor.T.tocsc()))
-        posture = surface.posture(body, at.pose, at.betas)
-        G, _ = surface.motions(body, posture)
-        features = body.features(posture)
-        means = numeric.rest_points(landmarks).expression(G, features, at.betas)
-        return means + cs.repmat(at.trans, 1, len(landmarks.names))
+        rest_points = partial(numeric.rest_points, landmarks)
+        return posed_landmarks(body, landmarks, rest_points, at.symbols, at.offsets)
 
     def compute(maps: Maps) -> NumericPoints | None:
         if body.free or not body.is_smpl:
             return None
-        return Named(numeric.landmarks(landmarks), maps)
+        if at.offsets is None:
+            return Named(numeric.landmarks(landmarks), maps)
+        return Named(numeric.displaced(landmarks), maps)
 
     names, free = landmarks.names, tuple(body.free.values())
     return BodySource(at, len(names), names, free, express, compute, body.posedirs)

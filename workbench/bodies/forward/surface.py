@@ -76,11 +76,18 @@ def rest(body: SkinnedArrays, at: Posture, vertices: Vertices = ALL) -> cs.MX:
 
 
 def posed(
-    body: SkinnedArrays, pose: cs.MX, betas: cs.MX, trans: cs.MX, vertices: Vertices = ALL
+    body: SkinnedArrays,
+    pose: cs.MX,
+    betas: cs.MX,
+    trans: cs.MX,
+    vertices: Vertices = ALL,
+    displaced: cs.MX | None = None,
 ) -> cs.MX:
-    """M(theta, beta) + trans, (3, N) m."""
+    """M(theta, beta) + trans, (3, N) m, with the vertices `displaced` by (3, N) m at rest."""
     at = posture(body, pose, betas)
     G, _ = motions(body, at)
     points = rest(body, at, vertices)
+    if displaced is not None:
+        points = points + displaced
     skinned = body.skinning(points, G, weights(body, vertices))
     return skinned + cs.repmat(trans, 1, points.shape[1])

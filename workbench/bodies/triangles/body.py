@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies.body import Blocks, Given, blocks_of, landmark_set
+from workbench.bodies.body import Blocks, Given, blocks_of, landmark_set, no_offsets
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.landmarks import Landmarks
@@ -22,7 +22,7 @@ from workbench.bodies.triangles.packed import PackedTriangles
 from workbench.bodies.triangles.sources import mean_points, surface_points
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
-from workbench.errors import UnknownName
+from workbench.errors import NotSupported, UnknownName
 from workbench.geometry.stitching import Stitching
 
 FREEABLE = {"template": "m", "shapedirs": "1", "posedirs": "1/rad"}  # and their units
@@ -201,8 +201,21 @@ class TriangleBody:
         source = mean_points(at, self.arithmetic, self.free, regressor, names)
         return Points.of(source, "joints")
 
-    def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
-        """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
+    def landmark_points(
+        self,
+        name: str,
+        pose: cs.MX,
+        betas: cs.MX,
+        trans: cs.MX,
+        offsets: cs.MX | None = None,
+    ) -> Points:
+        """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there.
+
+        Raises UnknownName, BadBody for arguments of another shape, and NotSupported for offsets,
+        which only landmarks of a SkinnedBody can have.
+        """
+        if offsets is not None:
+            raise NotSupported(no_offsets(f"on body {self.name!r}, a TriangleBody"))
         if name == "joints":
             return self.joint_points(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
@@ -225,9 +238,20 @@ class TriangleBody:
         return evaluation.regressed(self.J_regressor, self.vertices(pose, betas, trans))
 
     def landmark(
-        self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
+        self,
+        name: str,
+        pose: Given = None,
+        betas: Given = None,
+        trans: Given = None,
+        offsets: Given = None,
     ) -> Array:
-        """A named set of landmarks (..., M, 3) m; `joints` are always there."""
+        """A named set of landmarks (..., M, 3) m; `joints` are always there.
+
+        Raises UnknownName, and NotSupported for offsets, which only landmarks of a SkinnedBody can
+        have.
+        """
+        if offsets is not None:
+            raise NotSupported(no_offsets(f"on body {self.name!r}, a TriangleBody"))
         if name == "joints":
             return self.joints(pose, betas, trans)
         found = landmark_set(self.landmarks, name)

@@ -1,0 +1,280 @@
+"""Bodies fitted to markers: what is found again, what is refused, and what files may hold."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import workbench as wb
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.cli.marker_fits import fit_markers
+from workbench.diagnostics import diagnose
+from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.experiments import find
+from workbench.experiments.markers import dressed_person, true_measures
+from workbench.fitting import (
+    BadObservation,
+    MarkerSet,
+    default_markers,
+    marker_fit,
+    marker_solver,
+    mosh,
+    random_frames,
+    read_marker_set,
+    read_markers,
+    spread_frames,
+)
+from workbench.fitting.marker_information import informative_frames
+from workbench.fitting.marker_sets import matched, vertex_normals
+from workbench.fitting.markers import marker_errors
+from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.solvers import TrustRegion
+
+BODY = wb.load_body("small")
+WORN = default_markers(BODY)
+
+
+def person(seed: int, frames: int, noise: float = 0.001) -> tuple[Values, Array]:
+    rng = np.random.default_rng(seed)
+    poses = draw_poses(shipped_gaussian(), frames, rng)
+    return dressed_person(BODY, WORN, poses, rng, noise, 0.05, 0.005)
+
+
+def test_the_default_set_is_on_the_outside_of_the_named_side() -> None:
+    for name in ("small", "default"):
+        body = wb.load_body(name)
+        worn = default_markers(body)
+        assert len(worn.names) == len({*worn.vertices.tolist()}) == 41
+        side = {label[0]: 1 for label in worn.names}
+        assert side.keys() >= {"L", "R"}
+        for label, x in zip(worn.names, body.template[worn.vertices, 0], strict=True):
+            if label[1:] in [other[1:] for other in worn.names if other[0] != label[0]]:
+                assert x > 0 if label[0] == "L" else x < 0, label
+        out = np.linalg.norm(worn.nominal, axis=1)
+        np.testing.assert_allclose(out, 0.0095)
+        outwards = np.sum(vertex_normals(body)[worn.vertices] * worn.nominal, axis=1)
+        np.testing.assert_allclose(outwards, out)
+
+
+def test_normals_point_outwards() -> None:
+    outside = BODY.template + 0.001 * vertex_normals(BODY)
+    faces = BODY.template[BODY.faces]
+    moved = outside[BODY.faces]
+
+    def volume(corners: Array) -> float:
+        a, b, c = corners.transpose(1, 0, 2)
+        return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6)
+
+    assert volume(moved) > volume(faces) > 0
+
+
+def test_shape_offsets_and_poses_are_found() -> None:
+    """With hardly any noise and many frames, everything comes back that markers can see."""
+    truth, observed = person(1, 8, noise=1e-4)
+    setup = marker_fit(observed, BODY, WORN, sigma=1e-4)
+    solution = marker_solver().solve(setup.problem, setup.start)
+    values = setup.start | solution.values
+    before, after = true_measures(BODY, setup.start, truth), true_measures(BODY, values, truth)
+    assert [m.value for m in after] < [m.value / 4 for m in before]
+    assert after[0].value < 3
+    errors = marker_errors(WORN.on(BODY), observed, values)
+    assert np.isnan(errors).sum() == np.isnan(observed).any(axis=2).sum()
+    assert 1e3 * np.sqrt(np.nanmean(errors**2)) < 1
+    assert [prior in setup.problem.rows for prior in setup.priors] == [True, True, True]
+    assert any("distance to marker" in m.name for m in setup.measures(values))
+
+
+def test_mosh_poses_every_frame_with_shape_and_offsets_held() -> None:
+    truth, observed = person(2, 20)
+    observed[7, 2:] = np.nan  # a frame that shows two markers
+    said: list[str] = []
+    found = mosh(observed, BODY, WORN, frames=6, sigma=0.001, progress=said.append)
+    assert found.pose.shape == (20, 24, 3)
+    assert np.isnan(found.pose).all(axis=(1, 2)).tolist() == [t == 7 for t in range(20)]
+    assert np.isnan(found.errors[7]).all()
+    assert len(found.frames) == 6
+    assert 7 not in found.frames
+    assert any("6 of 20 frames" in line for line in said)
+    assert "frame 19 of 19" in said[-1]
+    joints = BODY.joints(found.pose, found.betas, found.trans)
+    true = BODY.joints(truth["pose"], truth["betas"], truth["trans"])
+    off = np.delete(np.linalg.norm(joints - true, axis=2), 7, axis=0)
+    assert np.median(off) < 0.008
+
+
+@pytest.mark.parametrize("turn", [0.0, np.pi / 2, np.pi])
+def test_the_start_does_not_mind_which_way_a_person_faces(turn: float) -> None:
+    _, observed = person(3, 2)
+    c, s = np.cos(turn), np.sin(turn)
+    turned = observed @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    starts = [marker_fit(given, BODY, WORN).start for given in (observed, turned)]
+    plain, other = (s["pose"][:, 1:] for s in starts)
+    np.testing.assert_allclose(other, plain, atol=1e-3)
+
+
+def test_frames_that_are_alike_are_not_chosen_twice() -> None:
+    _, observed = person(4, 6, noise=1e-6)
+    observed = np.nan_to_num(observed, nan=0.5)
+    again = np.concatenate([np.repeat(observed[:1], 20, axis=0), observed[1:]])
+    assert spread_frames(again, 6).tolist() == [0, 20, 21, 22, 23, 24]
+    assert len(random_frames(0)(again, 6)) == 6
+    assert spread_frames(again[:3], 12).tolist() == [0, 1, 2]
+
+
+def test_informative_frames_leave_less_variance_than_frames_that_are_alike() -> None:
+    _, observed = person(5, 8)
+    again = np.concatenate([np.repeat(observed[:1], 6, axis=0), observed[1:]])
+    chosen = informative_frames(BODY, WORN, sigma=0.001)(again, 4)
+    assert len(chosen) == 4
+    assert (chosen >= 6).sum() >= 3
+
+
+def test_what_cannot_be_fitted_is_refused() -> None:
+    _, observed = person(6, 3)
+    with pytest.raises(BadArgument, match=r"shape \(T, 41, 3\)"):
+        marker_fit(observed[:, :5], BODY, WORN)
+    with pytest.raises(BadArgument, match=r"shape \(T, 41, 3\)"):
+        mosh(observed[0], BODY, WORN)
+    observed[1, 3:] = np.nan
+    with pytest.raises(BadObservation, match=r"frame 1 shows [0-3] of 41 markers"):
+        marker_fit(observed, BODY, WORN)
+    with pytest.raises(BadObservation, match="no frame shows 4 markers"):
+        mosh(np.full((3, 41, 3), np.nan), BODY, WORN)
+
+
+def test_marker_sets_say_what_is_wrong_with_them(tmp_path: Path) -> None:
+    with pytest.raises(BadArgument, match="the markers 'a' and 'b' are on the same vertex 3"):
+        MarkerSet.of(BODY, {"a": 3, "c": 4, "b": 3})
+    with pytest.raises(BadArgument, match="has the vertices 0 to 368"):
+        MarkerSet.of(BODY, {"a": 369})
+    with pytest.raises(BadArgument, match="one marker or more"):
+        MarkerSet.of(BODY, {})
+    near = MarkerSet.nearest(BODY, {"nose": BODY.template[7] + 1e-6})
+    assert near.vertices.tolist() == [7]
+    with pytest.raises(BadArgument, match="is a point"):
+        MarkerSet.nearest(BODY, {"nose": [1.0, 2.0]})
+    with pytest.raises(UnknownName, match="no marker is called 'knee'"):
+        WORN.only(["knee"])
+    path = tmp_path / "set.json"
+    path.write_text(json.dumps({"nose": 7, "chin": 9}))
+    assert read_marker_set(path, BODY).names == ("nose", "chin")
+    for wrong in ('{"nose": -1}', '{"nose": 1.5}', "[1]", '{"nose": 999}', "{", "{}"):
+        path.write_text(wrong)
+        with pytest.raises(BadFile, match=r"set\.json"):
+            read_marker_set(path, BODY)
+
+
+def test_labels_are_matched_by_name() -> None:
+    worn, places, notes = matched(["subject:LFHD", "C7", "*12"], WORN)
+    assert worn.names == ("LFHD", "C7")
+    assert places == (0, 1)
+    assert "*12" in notes[0]
+    with pytest.raises(BadArgument, match="none of the labels"):
+        matched(["*1"], WORN)
+
+
+def written(path: Path, **arrays: object) -> Path:
+    np.savez(path, **arrays)  # type: ignore[arg-type]
+    return path
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+@pytest.mark.parametrize("z_up", [False, True])
+def test_files_of_markers(tmp_path: Path, scale: float, z_up: bool) -> None:
+    standing = np.repeat(BODY.template[WORN.vertices][None], 3, axis=0)
+    standing[:, :, 0] *= 0.3  # arms down
+    standing += [0.2, 1.0, 0.1]
+    given = standing.copy()
+    given[1, 4] = np.nan
+    given[2, 5] = 0.0
+    if z_up:
+        given = given @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    path = written(tmp_path / "m.npz", markers=scale * given, labels=np.array(WORN.names), fps=60.0)
+    found = read_markers(path)
+    assert found.fps == 60.0
+    assert found.labels == WORN.names
+    assert np.isnan(found.markers).all(axis=2).sum() == 2
+    known = np.isfinite(found.markers)
+    np.testing.assert_allclose(found.markers[known], standing[known], atol=1e-9)
+    said = " ".join(found.notes)
+    assert f"taken to be {'m' if scale == 1 else 'mm'}," in said
+    assert f"{'z' if z_up else 'y'} is taken to be up" in said
+    assert "1.6 % of the places" in said
+    with pytest.raises(UnknownName, match="no unit is called 'inch'"):
+        read_markers(path, unit="inch")
+    with pytest.raises(UnknownName, match="no axis is called 'w'"):
+        read_markers(path, up="w")
+
+
+@pytest.mark.parametrize(
+    ("arrays", "why"),
+    [
+        ({"labels": ["a", "b"]}, "markers missing"),
+        ({"markers": np.zeros((2, 2, 3))}, "labels missing"),
+        ({"markers": np.zeros((2, 3, 3)), "labels": ["a", "b"]}, "labels has shape"),
+        ({"markers": np.zeros((2, 2)), "labels": ["a", "b"]}, "markers has shape"),
+        ({"markers": np.zeros((2, 2, 3)), "labels": ["a", "b"]}, "no marker was seen"),
+        ({"markers": np.ones((2, 2, 3)), "labels": ["a", "a"]}, "more than once"),
+        ({"markers": np.full((2, 2, 3), np.inf), "labels": ["a", "b"]}, "infinite"),
+        ({"markers": 1e9 * np.eye(3)[None], "labels": ["a", "b", "c"]}, "no body"),
+        ({"markers": np.ones((2, 2, 3)), "labels": ["a", "b"], "fps": 0.0}, "fps is 0"),
+        ({"markers": np.array([["a"]]), "labels": ["a"]}, "markers"),
+    ],
+    ids=str,
+)
+def test_damaged_files_are_explained(tmp_path: Path, arrays: Values, why: str) -> None:
+    with pytest.raises(BadFile, match=rf"m\.npz .*{why}"):
+        read_markers(written(tmp_path / "m.npz", **arrays))
+
+
+def test_the_command_writes_the_motion_of_every_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, observed = person(7, 14)
+    labels = np.array([*WORN.names, "*41"])
+    more = np.concatenate([1000 * observed, np.ones((14, 1, 3))], axis=1)
+    path = written(tmp_path / "take.npz", markers=more, labels=labels)
+    fit_markers(Console(), path, BODY, None, 30.0, None, TrustRegion(), tmp_path / "runs")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not fitted are *41" in said
+    assert "the unit is taken to be mm" in said
+    assert "the worst are, in mm" in said
+    assert (tmp_path / "runs" / "take" / "index.html").exists()
+    with np.load(tmp_path / "runs" / "take" / "motion.npz") as found:
+        shapes = {name: found[name].shape for name in found}
+        assert found["fps"] == 30.0
+        assert found["labels"].tolist() == list(WORN.names)
+    assert shapes == {
+        "poses": (14, 24, 3),
+        "trans": (14, 3),
+        "errors": (14, 41),
+        "frames": (12,),
+        "betas": (BODY.n_betas,),
+        "offsets": (41, 3),
+        "labels": (41,),
+        "fps": (),
+    }
+
+
+def test_the_experiment_is_synthetic_and_says_so() -> None:
+    setup = find("markers", {"body": "small", "frames": "4", "seed": "1"}).setup()
+    assert setup.synthetic
+    assert setup.made_of is not None
+    names = [measure.name for measure in setup.measures(setup.start)]
+    assert names[:2] == [
+        "rest shape to synthetic truth, rms",
+        "offsets to synthetic truth, rms",
+    ]
+    with pytest.raises(BadArgument, match="share of the markers"):
+        find("markers", {"missing": "1.5"}).setup()
+
+
+def test_the_diagnosis_names_what_markers_do_not_see() -> None:
+    """Without priors, a hand turns in itself: three markers beside it say nothing of it."""
+    setup = find("markers", {"body": "small", "frames": "1"}).setup()
+    alone = diagnose(setup.problem.without(*setup.priors), setup.start)
+    assert alone.rank < setup.problem.free.size
+    assert "offsets" in alone.report()

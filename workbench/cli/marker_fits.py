@@ -1,0 +1,94 @@
+"""`workbench fit MARKERS.npz`: MoSh on a recording of markers, with its results as arrays."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.skinned_only import not_skinned
+from workbench.cli.run import carry_out
+from workbench.errors import NotSupported
+from workbench.experiments import Experiment
+from workbench.fitting.marker_files import MarkerRecording, read_markers
+from workbench.fitting.marker_frames import spread_frames
+from workbench.fitting.marker_sets import MarkerSet, default_markers, matched, read_marker_set
+from workbench.fitting.markers import SIGMA, marker_fit, marker_solver
+from workbench.fitting.mosh import FRAMES, frames_that_place, pose_every_frame
+from workbench.fitting.setup import Setup
+from workbench.solvers import Solver
+from workbench.writing import write_arrays
+
+WORST = 5  # markers that are named
+
+
+def fit_markers(
+    console: Console,
+    file: Path,
+    body: Body,
+    marker_set: Path | None,
+    fps: float | None,
+    sigma: float | None,
+    solver: Solver,
+    out: Path,
+) -> None:
+    """Find shape and offsets from some frames, report on them, and find the pose of every frame.
+
+    The report's folder gets `motion.npz`: `poses` (T, K, 3) rad, `trans` (T, 3) m, `betas` (B,),
+    `offsets` (M, 3) m, `labels` (M,), `frames`, from which shape and offsets were found, `errors`
+    (T, M) m, and `fps`, if it is known.
+    """
+    if not isinstance(body, SkinnedBody):
+        raise NotSupported(not_skinned(body, "a fit to markers", "take a SkinnedBody"))
+    recording = read_markers(file)
+    known = default_markers(body) if marker_set is None else read_marker_set(marker_set, body)
+    worn, places, notes = matched(recording.labels, known)
+    for note in (*recording.notes, *notes):
+        console.print(f"[dim]{escape(note)}[/]", highlight=False, soft_wrap=True)
+    markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
+    usable = frames_that_place(markers, worn)
+    chosen = usable[spread_frames(markers[usable], FRAMES)]
+    question = (
+        f"Which shape of the body, and which places of {len(worn.names)} markers on it, explain "
+        f"{len(chosen)} of the {len(markers)} frames of {file.name}?"
+    )
+
+    def build() -> Setup:
+        return marker_fit(markers[chosen], body, worn, question, sigma=precision)
+
+    experiment = Experiment(file.stem, build, "a user's own file", source=str(file.resolve()))
+    values, folder = carry_out(console, experiment, marker_solver(solver), False, out)
+    given = {name: values[name] for name in (body.blocks()[1].name, "offsets")}
+    poses, trans, errors = pose_every_frame(
+        markers,
+        body,
+        worn,
+        given,
+        sigma=precision,
+        progress=lambda text: console.print(f"[dim]{text}[/]", highlight=False),
+    )
+    arrays = {"poses": poses, "trans": trans, "errors": errors, "frames": chosen}
+    betas, offsets = given.values()
+    arrays |= {"betas": betas, "offsets": offsets, "labels": np.array(worn.names)}
+    rate = recording.fps if fps is None else fps
+    if rate is not None:
+        arrays["fps"] = np.array(rate)
+    write_arrays(folder / "motion.npz", arrays)
+    console.print(_worst(worn, errors, recording), highlight=False, soft_wrap=True)
+    console.print(f"motion: {folder / 'motion.npz'}", highlight=False, soft_wrap=True)
+
+
+def _worst(worn: MarkerSet, errors: np.ndarray, recording: MarkerRecording) -> str:
+    """A sentence on the markers that fit worst over all frames."""
+    off = 1e3 * errors
+    seen = np.isfinite(off)
+    each = np.sqrt(np.nansum(off**2, axis=0) / np.maximum(seen.sum(axis=0), 1))
+    worst = np.argsort(-each, kind="stable")[:WORST]
+    named = ", ".join(f"{escape(worn.names[m])} {each[m]:.1f}" for m in worst)
+    whole = float(np.sqrt(np.nanmean(off**2)))
+    return (
+        f"markers are {whole:.1f} mm from those of the body (root mean square over "
+        f"{len(recording.markers)} frames); the worst are, in mm: {named}"
+    )

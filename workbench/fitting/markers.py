@@ -1,0 +1,219 @@
+"""Fitting a body to markers of motion capture: pose in every frame, one shape, one set of offsets.
+
+MoSh (Loper, Mahmood and Black, Motion and Shape Capture from Sparse Markers, 2014) estimates the
+shape and the places of markers on the body from a few frames, and then the pose of every frame with
+these held. Both are problems of the same blocks with other names free.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, Mask
+from workbench.blocks import Block, Values
+from workbench.blocks.checks import reals
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.marker_sets import MARKERS, MarkerSet
+from workbench.fitting.observations import BadObservation
+from workbench.fitting.setup import Measure, Setup
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import vector_from_matrix
+from workbench.problem import Problem, sequence
+from workbench.residuals import gaussian, landmarks
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.solvers import Staged, TrustRegion
+from workbench.solvers.solution import Solver
+
+SIGMA = 0.002  # m, of a marker's place beside that of the body: noise, and skin that slides
+OFFSET_SIGMA = 0.0095 / np.sqrt(3)  # m along each axis: MoSh's 9.5 mm from the nominal place
+LEAST = 4  # markers that place a body
+WIDE = (0.1, 0.02)  # m, sigmas of markers in turn while poses are looked for: no arm is twisted
+ITERATIONS = 100  # of a frame by itself
+STAGES = (("trans", "pose", "betas"),)  # before all that is free
+TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
+
+
+def marker_fit(
+    markers: ArrayLike,
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    question: str = "Which shape and poses of the body explain the markers?",
+    *,
+    sigma: float = SIGMA,
+    offset_sigma: float = OFFSET_SIGMA,
+    kernel: Kernel = quadratic,
+    start: Values | None = None,
+    free: Sequence[str] = ("trans", "pose", "betas", "offsets"),
+) -> Setup:
+    """Pose and trans of T frames, and the betas and offsets (M, 3) m that all of them share.
+
+    `markers` are (T, M, 3) m in the order of the marker set, NaN where a marker was not seen.
+    `sigma` and `offset_sigma` are in m, along each axis. A kernel is of distances, such as
+    `of_norms(scaled(geman_mcclure, 10))` where some are mislabelled. `start` replaces values of the
+    start; without a trans in it, every frame is posed by itself (`frame_by_frame`). Blocks that
+    are not in `free` are held at their start: with `("trans", "pose")`, shape and offsets are
+    given. Solve the problem in the stages of `marker_solver`.
+
+    Raises BadObservation for frames that show less than four markers, or a marker in no frame.
+    """
+    observed = seen_places(markers, marker_set)
+    dressed = marker_set.on(body)
+    _, betas, trans = (block.name for block in dressed.blocks())
+    frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free)
+    first = dressed.start() | {"offsets": marker_set.nominal} | dict(start or {})
+    if start is None or trans not in start:
+        first |= frame_by_frame(
+            frame, dressed, observed, first, tuple(sigma / wide for wide in WIDE)
+        )
+    return Setup(
+        problem=sequence([frame] * len(observed), shared=(betas, "offsets")),
+        start=first | observations(observed),
+        question=question,
+        measures=lambda found: marker_measures(dressed, observed, found),
+        priors=priors,
+    )
+
+
+def marker_frame(
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    sigma: float,
+    offset_sigma: float,
+    kernel: Kernel,
+    free: Sequence[str],
+) -> tuple[Problem, tuple[str, ...]]:
+    """The problem of one frame, and the names of its priors; see `marker_fit`.
+
+    Its fixed blocks are `observed` (M, 3) m and `seen` (M,), the weight of each marker.
+    """
+    names, blocks, offsets = marker_set.names, body.blocks(), body.offsets(MARKERS)
+    pose, betas, trans = (block.symbol for block in blocks)
+    points = body.landmark_points(MARKERS, pose, betas, trans, offsets.symbol)
+    place, seen = Block("observed", (len(names), 3), "m", names), Block("seen", (len(names),))
+    data = landmarks(points, place.symbol, sigma=sigma, kernel=kernel, name=MARKERS)
+    data = replace(data, weights=seen.symbol)
+    priors = [pose_prior(body)]
+    if "betas" in free:
+        priors.append(shape_prior(body))
+    if "offsets" in free:
+        about, spread = marker_set.nominal, offset_sigma**2
+        of = offsets.symbol
+        priors.append(gaussian(of, mean=about, covariance=spread, unit="m", name="offset prior"))
+    problem = Problem([data, *priors], free, blocks=(place, seen, offsets))
+    return problem, tuple(prior.name for prior in priors)
+
+
+def observations(observed: Array) -> Values:
+    """The values of `observed` and `seen` for markers (..., M, 3) m, NaN where not seen."""
+    known: Mask = np.asarray(np.isfinite(observed).all(axis=-1))
+    return {"observed": np.where(known[..., None], observed, 0.0), "seen": known.astype(float)}
+
+
+def frame_by_frame(
+    frame: Problem,
+    body: SkinnedBody,
+    observed: Array,
+    first: Values,
+    shares: tuple[float, ...],
+    progress: Callable[[int, int], object] = lambda done, all_of: None,
+) -> Values:
+    """The poses (T, K, 3) rad and trans (T, 3) m of T frames, each fitted by itself.
+
+    Shape and offsets are held as in `first`. Each frame begins in the rest pose, placed by
+    Procrustes' method, and in the pose of the frame before as well; of the two ends, that of the
+    lower cost counts. Markers have `shares` of their precision 1 / sigma in turn, so that the pose
+    prior leads at first. `progress` is called with the number of frames that are done, and of all.
+    """
+    pose, _, trans = (block.name for block in body.blocks())
+    alone, solver = frame.freeing(trans, pose), TrustRegion(max_iterations=ITERATIONS)
+    found: list[Values] = []
+    for t, own in enumerate(observed):
+        data = observations(own)
+        before = [{**first, pose: found[-1][pose]}] if found else []
+        ends = []
+        for one in (first, *before):
+            values = {**placed_rigidly(body, own, one), **data}
+            cost = np.inf
+            for share in shares:
+                values["seen"] = data["seen"] * share**2
+                end = solver.solve(alone, {name: values[name] for name in alone.known})
+                values |= end.values
+                cost = end.cost
+            ends.append((cost, values))
+        found.append(min(ends, key=lambda end: end[0])[1])
+        progress(t + 1, len(observed))
+    return {name: np.array([one[name] for one in found]) for name in (pose, trans)}
+
+
+def marker_solver(solver: Solver | None = None) -> Staged:
+    """A solver in stages: poses and shape, and then the offsets as well."""
+    return Staged(STAGES, solver or TrustRegion())
+
+
+def seen_places(markers: ArrayLike, marker_set: MarkerSet) -> Array:
+    """Markers (T, M, 3) m as numbers. Raises BadArgument and BadObservation as `marker_fit`."""
+    observed, M = reals("markers", markers), len(marker_set.names)
+    if observed.ndim != 3 or observed.shape[1:] != (M, 3) or not len(observed):
+        raise BadArgument(
+            f"markers have the shape (T, {M}, 3), for T frames of the set's {M} markers in metres, "
+            f"not {observed.shape}"
+        )
+    known: Mask = np.asarray(np.isfinite(observed).all(axis=2))
+    if (few := known.sum(axis=1) < LEAST).any():
+        t = int(np.argmax(few))
+        raise BadObservation(
+            f"frame {t} shows {known[t].sum()} of {M} markers, and a body is placed by {LEAST} or "
+            "more; leave such frames out"
+        )
+    return observed
+
+
+def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
+    """The values with the pelvis and trans that bring the markers nearest to observed (M, 3) m.
+
+    It is Procrustes' method, for the markers of the trunk where four of them are seen.
+    """
+    pose, betas, trans = (block.name for block in body.blocks())
+    posed = np.concatenate([np.zeros((1, 3)), first[pose][1:]])
+    expected = body.landmark(MARKERS, posed, first[betas], offsets=first["offsets"])
+    pelvis = body.joints(betas=first[betas])[0]
+    seen: Mask = np.asarray(np.isfinite(observed).all(axis=1))
+    leader = np.asarray(body.landmarks[MARKERS].regressor @ body.weights).argmax(axis=1)
+    trunk = seen & np.isin(np.array(body.joint_names)[leader], TRUNK)
+    used = trunk if trunk.sum() >= LEAST else seen
+    motion = procrustes(expected[used], observed[used])
+    turn = vector_from_matrix(motion.R)
+    return {
+        **first,
+        pose: np.concatenate([turn[None], posed[1:]]),
+        trans: motion.t + motion.R @ pelvis - pelvis,
+    }
+
+
+def marker_errors(body: SkinnedBody, observed: Array, values: Values) -> Array:
+    """How far each marker is from its observed place, (T, M) m; NaN where it was not seen."""
+    pose, betas, trans = (values[block.name] for block in body.blocks())
+    found = body.landmark(MARKERS, pose, betas, trans, values["offsets"])
+    return np.asarray(np.linalg.norm(found - observed, axis=2))
+
+
+def marker_measures(body: SkinnedBody, observed: Array, values: Values) -> tuple[Measure, ...]:
+    """The distance of markers, of all and of the three worst by name, and the size of betas."""
+    off = 1e3 * marker_errors(body, observed, values)
+    known: Mask = np.isfinite(off)
+    seen = f"{known.sum()} of {off.size} places in {len(off)} frames"
+    found = [Measure("distance to markers, rms", float(np.sqrt(np.nanmean(off**2))), "mm", seen)]
+    counts = known.sum(axis=0)
+    each = np.sqrt(np.nansum(off**2, axis=0) / np.maximum(counts, 1))
+    for m in np.argsort(-each, kind="stable")[:3]:
+        name = body.landmark_names(MARKERS)[m]
+        found.append(
+            Measure(f"distance to marker {name}, rms", float(each[m]), "mm", f"{counts[m]} frames")
+        )
+    betas = values[body.blocks()[1].name]
+    found.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
+    return tuple(found)

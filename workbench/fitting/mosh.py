@@ -1,0 +1,150 @@
+"""MoSh: shape and offsets of markers from a few frames, then the poses of all frames.
+
+Loper, Mahmood and Black, MoSh: Motion and Shape Capture from Sparse Markers, 2014.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Values
+from workbench.blocks.checks import reals
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.fitting.marker_frames import Choice, spread_frames
+from workbench.fitting.marker_sets import MarkerSet
+from workbench.fitting.markers import (
+    LEAST,
+    OFFSET_SIGMA,
+    SIGMA,
+    WIDE,
+    frame_by_frame,
+    marker_errors,
+    marker_fit,
+    marker_frame,
+    marker_solver,
+)
+from workbench.fitting.observations import BadObservation
+from workbench.fitting.setup import Setup
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.solvers.solution import Solution, Solver
+
+FRAMES = 12  # from which MoSh finds shape and offsets
+Said = Callable[[str], object]
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerFit:
+    """The motion of a body that wears M markers, in T frames.
+
+    Attributes:
+        pose: (T, K, 3) rad; NaN in frames that show less than four markers.
+        trans: (T, 3) m, likewise.
+        betas: (B,) the shape.
+        offsets: (M, 3) m, of the markers at rest.
+        frames: the frames from which shape and offsets were found.
+        errors: (T, M) m from each observed marker to that of the body; NaN where it was not seen.
+        shape_setup: the problem of shape and offsets.
+        shape_solution: its solution.
+    """
+
+    pose: Array
+    trans: Array
+    betas: Array
+    offsets: Array
+    frames: Index
+    errors: Array
+    shape_setup: Setup
+    shape_solution: Solution
+
+
+def mosh(
+    markers: ArrayLike,
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    *,
+    frames: int = FRAMES,
+    choose: Choice = spread_frames,
+    sigma: float = SIGMA,
+    offset_sigma: float = OFFSET_SIGMA,
+    kernel: Kernel = quadratic,
+    solver: Solver | None = None,
+    progress: Said = lambda text: None,
+) -> MarkerFit:
+    """Find shape and offsets from some frames, and then the pose in every frame, these being held.
+
+    `markers` are (T, M, 3) m, NaN where one was not seen; the other arguments are those of
+    `marker_fit`. `choose` picks the `frames` of the first step. In the second step frames are
+    fitted one by one, so that a recording may be long. Raises BadObservation if no frame shows
+    four markers, and BadArgument for markers of another shape.
+    """
+    usable = frames_that_place(markers, marker_set)
+    observed = np.asarray(markers, dtype=float)[usable]
+    chosen = choose(observed, frames)
+    progress(f"shape and offsets from {len(chosen)} of {len(np.asarray(markers))} frames")
+    setup = marker_fit(
+        observed[chosen], body, marker_set, sigma=sigma, offset_sigma=offset_sigma, kernel=kernel
+    )
+    solution = marker_solver(solver).solve(setup.problem, setup.start)
+    given = {name: solution.values[name] for name in (body.blocks()[1].name, "offsets")}
+    poses, places, errors = pose_every_frame(
+        markers, body, marker_set, given, sigma=sigma, kernel=kernel, progress=progress
+    )
+    betas, offsets = given.values()
+    return MarkerFit(poses, places, betas, offsets, usable[chosen], errors, setup, solution)
+
+
+def frames_that_place(markers: ArrayLike, marker_set: MarkerSet) -> Index:
+    """The frames that show four markers or more, of markers (T, M, 3) m.
+
+    Raises BadObservation if there is none, BadArgument for another shape, and NotNumbers.
+    """
+    given, M = reals("markers", markers), len(marker_set.names)
+    if given.ndim != 3 or given.shape[1:] != (M, 3) or not len(given):
+        raise BadArgument(
+            f"markers have the shape (T, {M}, 3), for T frames of the set's {M} markers in metres, "
+            f"not {given.shape}"
+        )
+    found = np.flatnonzero(np.isfinite(given).all(axis=2).sum(axis=1) >= LEAST)
+    if not len(found):
+        raise BadObservation(f"no frame shows {LEAST} markers, by which a body is placed")
+    return found
+
+
+def pose_every_frame(
+    markers: ArrayLike,
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    given: Values,
+    *,
+    sigma: float = SIGMA,
+    kernel: Kernel = quadratic,
+    progress: Said = lambda text: None,
+) -> tuple[Array, Array, Array]:
+    """The poses (T, K, 3) rad, trans (T, 3) m and errors (T, M) m of all frames.
+
+    The person's betas and the offsets of the markers are `given` and held. Frames that show less
+    than four markers are NaN. Raises as `frames_that_place` does.
+    """
+    usable = frames_that_place(markers, marker_set)
+    whole = np.asarray(markers, dtype=float)
+    dressed = marker_set.on(body)
+    pose, _, trans = (block.name for block in dressed.blocks())
+    known = dressed.start() | dict(given)
+    frame, _ = marker_frame(dressed, marker_set, sigma, OFFSET_SIGMA, kernel, (trans, pose))
+    shares = (*(sigma / wide for wide in WIDE), 1.0)
+    every = max(1, len(usable) // 10)
+
+    def said(done: int, all_of: int) -> None:
+        if done % every == 0 or done == all_of:
+            progress(f"poses: frame {done} of {all_of}")
+
+    moved = frame_by_frame(frame, dressed, whole[usable], known, shares, said)
+    poses = np.full((len(whole), dressed.n_joints, 3), np.nan)
+    places, errors = np.full((len(whole), 3), np.nan), np.full(whole.shape[:2], np.nan)
+    poses[usable], places[usable] = moved[pose], moved[trans]
+    errors[usable] = marker_errors(dressed, whole[usable], known | moved)
+    return poses, places, errors
