@@ -11,8 +11,10 @@ from rich.console import Console
 from workbench.bodies.catalogue import load_body
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Compare, Out, SolverName, carry_out, solver_named
+from workbench.cli.video import fit_video
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
+from workbench.fitting.clip_files import read_clip
 from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
@@ -54,6 +56,14 @@ def fit(
             help="Standard deviation of the data; by default 4 px, or 0.002 m for a mesh."
         ),
     ] = None,
+    video: Annotated[
+        bool,
+        typer.Option(
+            help="The argument is a clip: a folder with a keypoint file for each frame, or with "
+            "such a folder for each camera."
+        ),
+    ] = False,
+    fps: Annotated[float, typer.Option(help="Frames per second of a clip.")] = 30.0,
     solver: SolverName = DEFAULT,
     compare: Compare = False,
     out: Out = Path("runs"),
@@ -65,6 +75,14 @@ def fit(
         raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
     image, console = _size(size), Console()
     model = load_body(body)
+    if video:
+        if len(files) > 1:
+            raise BadFile(f"a clip is one folder, not {len(files)}; give one")
+        clip = read_clip(
+            files[0], fps=fps, calibration=cameras, size=image, focal=focal, person=person
+        )
+        fit_video(console, files[0], clip, model, sigma or 4.0, solver_named(solver), out)
+        return
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:
             raise BadFile(f"a body is fitted to one mesh at a time, not to {len(files)}; give one")

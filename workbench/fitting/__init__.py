@@ -12,6 +12,9 @@ A fit is described by a `Setup`: a problem, a start, and what is measured when i
 
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.calibration_files import read_calibration
+from workbench.fitting.clip_files import read_clip
+from workbench.fitting.clips import Clip, Film, clip_of
+from workbench.fitting.effective_frames import effective_frames
 from workbench.fitting.keypoint_files import read_keypoints, read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known import KnownAnswer
@@ -22,21 +25,28 @@ from workbench.fitting.observations import BadObservation, Observations, Photogr
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.fitting.scan_files import ReadScan, read_scan
-from workbench.fitting.setup import Measure, Setup, View
+from workbench.fitting.setup import Measure, Moving, Setup, View
+from workbench.fitting.videos import Smoothness, video_fit
 
 __all__ = [
     "STARTS",
     "BadObservation",
     "BadScan",
+    "Clip",
+    "Film",
     "KnownAnswer",
     "Measure",
+    "Moving",
     "Observations",
     "Photograph",
     "ReadScan",
     "Scan",
     "Setup",
+    "Smoothness",
     "View",
     "boundary",
+    "clip_of",
+    "effective_frames",
     "from_correspondences",
     "joint_fit",
     "keypoint_fit",
@@ -46,8 +56,10 @@ __all__ = [
     "placed",
     "pose_prior",
     "read_calibration",
+    "read_clip",
     "read_keypoints",
     "read_observations",
     "read_scan",
     "shape_prior",
+    "video_fit",
 ]

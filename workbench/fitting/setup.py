@@ -75,6 +75,23 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
+class Moving:
+    """A body that moves through T frames, and the cameras that filmed it.
+
+    Attributes:
+        body: the body, whose pose (T, K, 3) and trans (T, 3) are among the values of the setup.
+        views: one per camera, with `observed` (T, M, 2) and `confidence` (T, M).
+        fps: frames per second.
+        data: the names of the residuals of keypoints.
+    """
+
+    body: SkinnedBody | TriangleBody
+    views: tuple[View, ...]
+    fps: float
+    data: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Setup:
     """A problem ready to be solved, and what is looked at when it has been solved.
 
@@ -95,6 +112,7 @@ class Setup:
         synthetic: what was made up, in a sentence; empty if all data were measured.
         notes: sentences on data that were given but not used, or that were not checked.
         made_of: values of the blocks that synthetic data were made of, before noise was added.
+        moving: the body that moves through frames, where the problem is a sequence.
     """
 
     problem: Problem
@@ -110,6 +128,7 @@ class Setup:
     synthetic: str = ""
     notes: tuple[str, ...] = ()
     made_of: Values | None = None
+    moving: Moving | None = None
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")

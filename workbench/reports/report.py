@@ -16,6 +16,7 @@ from workbench.plots import sheets
 from workbench.reports import tables
 from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
+from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
 from workbench.solvers import Solution
 from workbench.writing import write_arrays
@@ -82,6 +83,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         cost=tables.number(solution.cost, 6),
         optimality=tables.number(solution.optimality, 2),
         overlays=overlay_figures(outcome),
+        moving=moving_figures(outcome.setup, outcome.values),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
