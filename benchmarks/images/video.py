@@ -168,8 +168,8 @@ def step(body: SkinnedBody) -> dict[str, float]:
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """The cameras of one part."""
-    lines = ["| camera | apart | together | independent | together / apart | acceleration | stature | s |",
-             "| --- | --: | --: | --: | --: | --: | --: | --: |"]  # fmt: skip
+    columns = "apart", "together", "independent", "ratio", "acceleration", "stature", "CPU s"
+    lines = [f"| camera | {' | '.join(columns)} |", "| --- |" + " --: |" * len(columns)]
     for row in rows:
         a, b, c = (row[name] for name in ("apart", "together", "independent"))
         lines.append(

@@ -52,7 +52,8 @@ def test_it_is_the_sum_of_the_autocorrelation_over_all_lags() -> None:
     lags = np.arange(1, T)
     products = np.array([np.sum(x[k:] * x[:-k]) / T for k in lags]) / np.mean(x**2) / 40
     assert effective_frames(x) == pytest.approx(T / (1 + 2 * products.sum()))
-    assert r[0] == 1 and r[1] == pytest.approx(0.7, abs=0.05)
+    assert r[0] == 1
+    assert r[1] == pytest.approx(0.7, abs=0.05)
 
 
 def test_gaps_do_not_count() -> None:

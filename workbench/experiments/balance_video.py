@@ -49,7 +49,8 @@ def balance_video(
     return video_fit(
         balance_clip(frames, seen, FPS / step),
         load_body(body),
-        f"A real person on a beam was filmed by {' and '.join(seen)} in {len(frames)} frames. Which "
-        "shape and which motion explain the 2D keypoints, and what are the frames worth together?",
+        f"A real person on a beam was filmed by {' and '.join(seen)} in {len(frames)} frames. "
+        "Which shape and which motion explain the 2D keypoints, and what are the frames worth "
+        "together?",
         sigma=sigma,
     )

@@ -60,7 +60,7 @@ def read_clip(
     by_name = set(names) == set(known)
     numbered = [_numbered(one) for one in cameras]
     numbers = sorted({n for files in numbered for n in files})
-    step = gcd(*(b - a for a, b in zip(numbers, numbers[1:], strict=False))) or 1
+    step = gcd(*np.diff(numbers).tolist()) or 1
     frames = range(numbers[0], numbers[-1] + 1, step)
     if len(frames) > MOST_FRAMES:
         raise BadFile(f"{root} has frames {frames[0]} to {frames[-1]}; at most {MOST_FRAMES:,}")

@@ -43,9 +43,8 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     if not used.any():
         raise BadObservation("no landmark was observed in two frames, so nothing can be compared")
     count, x = count[used], x[:, used]
-    single = np.sum(count * np.sum(x**2, axis=0) / count)
-    mean = np.sum(count * (x.sum(axis=0) / count) ** 2)
-    return float(np.clip(single / mean if mean > 0 else np.inf, 1, len(x)))
+    squares, sums = np.sum(x**2), np.sum(x.sum(axis=0) ** 2 / count)
+    return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
 
 
 def autocorrelation(errors: Array, known: Array) -> Array:

@@ -113,9 +113,9 @@ def video_fit(
     of_pose = replace(of_pose, weights=evidence.symbol)
     if betas.name not in shared:
         of_shape = replace(of_shape, weights=evidence.symbol)
-    blocks = [block for camera in cameras for block in camera.blocks]
+    lenses = [block for camera in cameras for block in camera.blocks]
     frame = Problem(
-        [*data, of_pose, of_shape, *own_priors], free, blocks=[*blocks, evidence, trust]
+        [*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence, trust]
     )
     each: list[Values] = []
     views: list[list[View]] = []
@@ -128,8 +128,9 @@ def video_fit(
                 View(film.name, camera, film.size, kind, film.pixels[t], film.confidence[t])
             )
         each.append(values)
-    found = frame_by_frame(FrameFits(frame, body, sigma), each, views, told)
-    names = [*(b.name for b in blocks), EVIDENCE, TRUST, *shared]
+    own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
+    found = frame_by_frame(FrameFits(own, body, sigma), each, views, told)
+    names = [*(b.name for b in lenses), EVIDENCE, TRUST, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )

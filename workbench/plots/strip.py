@@ -36,7 +36,8 @@ def plot_strip(moving: Moving, values: Values, view: int, *, ax: Axes) -> Axes:
         seen = sure > 0
         opacity = np.clip(sure[seen], 0, 1)
         ax.scatter(
-            *(mark[seen] + shift).T,
+            mark[seen, 0] + shift[0],
+            mark[seen, 1] + shift[1],
             s=13,
             facecolors="none",
             edgecolors=[(*to_rgb(VERMILLION), float(a)) for a in opacity],

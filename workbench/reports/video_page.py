@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.fitting.setup import Setup
 from workbench.reports import tables
-from workbench.reports.folder import SUMMARY, write_folder
+from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
 from workbench.solvers import Solution
@@ -48,7 +48,10 @@ def write_video(
         moving=moving_figures(setup, values),
         files=FILES,
     )
-    contents = {"index.html": text, "motion.npz": lambda path: write_arrays(path, motion)}
+    contents: dict[str, Content] = {
+        "index.html": text,
+        "motion.npz": lambda path: write_arrays(path, motion),
+    }
     summary = {
         "kind": "video",
         "status": solution.status.name,
