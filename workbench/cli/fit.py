@@ -19,6 +19,7 @@ from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.meshes import own_mesh
+from workbench.fitting.videos import ENOUGH
 from workbench.geometry.meshes import READERS, REGISTERED
 from workbench.solvers import DEFAULT
 
@@ -81,7 +82,8 @@ def fit(
         clip = read_clip(
             files[0], fps=fps, calibration=cameras, size=image, focal=focal, person=person
         )
-        fit_video(console, files[0], clip, model, sigma or 4.0, solver_named(solver), out)
+        chosen = ENOUGH if solver == DEFAULT else solver_named(solver)
+        fit_video(console, files[0], clip, model, sigma or 4.0, chosen, out)
         return
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:

@@ -29,9 +29,11 @@ from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth
 from workbench.residuals.frames import Between, Frames
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
+from workbench.solvers import TrustRegion
 
 FAR = 100.0  # px, where outliers begin (Bogo et al. 2016, SMPLify)
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
+ENOUGH = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # keypoints are not better
 EVIDENCE, TRUST = "evidence", "trust"  # fixed blocks: how often frames count, and keypoints alone
 
 

@@ -59,7 +59,7 @@ def caption_strip(moving: Moving, values: Values, view: int) -> str:
     camera, T = moving.views[view], len(moving.views[view].observed)
     well = camera.confidence > LEAST_CONFIDENCE
     gaps = int(np.sum(~(camera.confidence > 0).any(axis=1)))
-    unseen = f" In {gaps} of them nothing was observed." if gaps else ""
+    unseen = f" In {gaps} of the {T} frames nothing was observed." if gaps else ""
     return (
         f"{camera.name}: {len(_chosen(moving))} of {T} frames at {moving.fps:g} frames per second, "
         f"in which {well.sum(axis=1).mean():.1f} keypoints on average have a confidence above "

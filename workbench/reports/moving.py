@@ -16,7 +16,7 @@ def moving_figures(setup: Setup, values: Values) -> list[Shown]:
     if moving is None:
         return []
     found = [
-        plotted(9.6, 3.4, plots.plot_strip, plots.caption_strip, moving, values, i)
+        plotted(9.6, 2.7, plots.plot_strip, plots.caption_strip, moving, values, i)
         for i in range(min(len(moving.views), MOST))
     ]
     if moving.data and len(moving.views[0].observed) > 2:
