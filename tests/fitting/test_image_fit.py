@@ -36,6 +36,7 @@ from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.stature import stature, stature_prior
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.problem.stages import in_stage
 from workbench.residuals.kernels import geman_mcclure, scaled
 from workbench.solvers import Staged, Starts
 
@@ -139,7 +140,7 @@ def test_the_stages_of_smplify_have_its_weights() -> None:
     """Relative to the keypoints, which its code does not weight at all."""
     setup = image_fit(seen(person(1)), BODY, "q", recipe=smplify)
     stages = smplify(Appearance(500.0)).stages_of(["keypoints(one)"], None)
-    parts = [setup.problem.in_stage(None, stage.weights) for stage in stages[1:]]
+    parts = [in_stage(setup.problem, None, stage.weights) for stage in stages[1:]]
     x, fixed = setup.problem.split(
         setup.start | {"pose": np.zeros((24, 3)), "betas": np.full(BODY.n_betas, 0.7)}
     )

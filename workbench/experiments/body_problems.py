@@ -15,6 +15,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import check_known
+from workbench.experiments.balance_video import balance_video
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_cameras import SIZE, looking_in
@@ -237,6 +238,7 @@ BODIES = (
     Experiment(
         "body-one-camera", body_cameras, "keypoints in one image, and priors", {"cameras": 1}
     ),
+    Experiment("balance-video", balance_video, "the real person in five frames of one camera"),
     Experiment("body-video", body_video, "a walk in eight frames, one shape for all of them"),
     Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
     Experiment(

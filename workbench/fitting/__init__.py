@@ -12,6 +12,19 @@ A fit is described by a `Setup`: a problem, a start, and what is measured when i
 
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.calibration_files import read_calibration
+from workbench.fitting.clip_files import read_clip
+from workbench.fitting.clips import Clip, Film, clip_of
+from workbench.fitting.effective_frames import effective_frames
+from workbench.fitting.image_fit import ImageFits, image_fit
+from workbench.fitting.image_recipe import (
+    Appearance,
+    ByHeight,
+    ImageRecipe,
+    WithStature,
+    image_priors,
+    smplify,
+    wider,
+)
 from workbench.fitting.keypoint_files import read_keypoints, read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known import KnownAnswer
@@ -25,29 +38,49 @@ from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
+from workbench.fitting.pose_regressor import PoseRegressor
+from workbench.fitting.regressed_start import regressed_start
+from workbench.fitting.regressor_files import read_regressor, save_regressor, shipped_regressor
+from workbench.fitting.regressor_training import train_pose_regressor
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.fitting.scan_files import ReadScan, read_scan
-from workbench.fitting.setup import Measure, Setup, View
+from workbench.fitting.setup import Measure, Moving, Setup, View
+from workbench.fitting.stature import stature, stature_prior
+from workbench.fitting.videos import Smoothness, video_fit
 
 __all__ = [
     "STARTS",
+    "Appearance",
     "BadObservation",
     "BadScan",
+    "ByHeight",
+    "Clip",
+    "Film",
+    "ImageFits",
+    "ImageRecipe",
     "KnownAnswer",
     "MarkerFit",
     "MarkerRecording",
     "MarkerSet",
     "Measure",
+    "Moving",
     "Observations",
     "Photograph",
+    "PoseRegressor",
     "ReadScan",
     "Scan",
     "Setup",
+    "Smoothness",
     "View",
+    "WithStature",
     "boundary",
+    "clip_of",
     "default_markers",
+    "effective_frames",
     "from_correspondences",
+    "image_fit",
+    "image_priors",
     "informative_frames",
     "joint_fit",
     "keypoint_fit",
@@ -61,11 +94,22 @@ __all__ = [
     "pose_prior",
     "random_frames",
     "read_calibration",
+    "read_clip",
     "read_keypoints",
     "read_marker_set",
     "read_markers",
     "read_observations",
+    "read_regressor",
     "read_scan",
+    "regressed_start",
+    "save_regressor",
     "shape_prior",
+    "shipped_regressor",
+    "smplify",
     "spread_frames",
+    "stature",
+    "stature_prior",
+    "train_pose_regressor",
+    "video_fit",
+    "wider",
 ]

@@ -75,6 +75,23 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
+class Moving:
+    """A body that moves through T frames, and the cameras that filmed it.
+
+    Attributes:
+        body: the body, whose pose (T, K, 3) and trans (T, 3) are among the values of the setup.
+        views: one per camera, with `observed` (T, M, 2) and `confidence` (T, M).
+        fps: frames per second.
+        data: the names of the residuals of keypoints.
+    """
+
+    body: SkinnedBody | TriangleBody
+    views: tuple[View, ...]
+    fps: float
+    data: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class Setup:
     """A problem ready to be solved, and what is looked at when it has been solved.
 
@@ -98,6 +115,7 @@ class Setup:
         strategy: how it is solved, in stages or from several starts: a function that makes the
             whole solver out of the one that is named, or out of None for the usual one. Without it,
             that solver is applied to the problem as it is.
+        moving: the body that moves through frames, where the problem is a sequence.
     """
 
     problem: Problem
@@ -114,6 +132,7 @@ class Setup:
     notes: tuple[str, ...] = ()
     made_of: Values | None = None
     strategy: Callable[[Solver | None], Solver] | None = None
+    moving: Moving | None = None
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")

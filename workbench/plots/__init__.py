@@ -42,6 +42,12 @@ from workbench.plots.posterior import (
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
 from workbench.plots.stitching import caption_stitching, plot_stitching
+from workbench.plots.strip import (
+    caption_autocorrelation,
+    caption_strip,
+    plot_autocorrelation,
+    plot_strip,
+)
 from workbench.plots.taylor import caption_taylor, plot_taylor
 from workbench.plots.uncertainty import (
     caption_data_share,
@@ -54,6 +60,7 @@ __all__ = [
     "ITERATIONS",
     "SECONDS",
     "Figure",
+    "caption_autocorrelation",
     "caption_basin_grid",
     "caption_basins",
     "caption_beside_laplace",
@@ -74,9 +81,11 @@ __all__ = [
     "caption_spray",
     "caption_stage",
     "caption_stitching",
+    "caption_strip",
     "caption_taylor",
     "caption_traces",
     "house_style",
+    "plot_autocorrelation",
     "plot_basin_grid",
     "plot_basins",
     "plot_beside_laplace",
@@ -98,6 +107,7 @@ __all__ = [
     "plot_spray_in_view",
     "plot_stage",
     "plot_stitching",
+    "plot_strip",
     "plot_taylor",
     "plot_traces",
     "png",

@@ -28,8 +28,6 @@ from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
-StageKey = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights
-
 
 class Problem:
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
@@ -75,32 +73,14 @@ class Problem:
         """
         names = texts("the names of free blocks", names)
         naming.check_names(names, self.known, self._named)
-        return self._with(self.residuals, names)
-
-    def in_stage(self, names: tuple[str, ...] | None, weights: Mapping[str, float]) -> "Problem":
-        """The problem of a stage: `names` are free, or what is free now; `weights` says how many
-        times as often the rows of named residuals count. Made once, and kept for the next fit.
-
-        Raises what `freeing` raises, and UnknownName for a residual.
-        """
-        self.rows_named(weights)
-        differ = tuple(sorted((n, float(w)) for n, w in weights.items() if w != 1))
-        if names is None and not differ:
-            return self
-        key = names, differ
-        if key not in self._stages:
-            of = dict(differ)
-            residuals = [r.weighed(of[r.name]) if r.name in of else r for r in self.residuals]
-            free = self.free.spelled() if names is None else names
-            self._stages[key] = self._with(residuals, free)
-        return self._stages[key]
+        return self.variant(self.residuals, names)
 
     def without(self, *residuals: str) -> "Problem":
         """The problem without the named residuals; blocks that no other reads are not free."""
         self.rows_named(texts("the names of residuals", residuals))
         left = [residual for residual in self.residuals if residual.name not in residuals]
         reads = [r.reads for r in left] + [c.reads for c in self.constraints]
-        return self._with(left, self.free.spelled(set(self.free.names).difference(*reads)))
+        return self.variant(left, self.free.spelled(set(self.free.names).difference(*reads)))
 
     def frozen(self, values: Mapping[str, ArrayLike]) -> "Problem":
         """The same problem with contacts held as they are at these values; it has a graph.
@@ -109,9 +89,10 @@ class Problem:
         """
         read = self.values(*self.split(values))
         held = [residual.frozen(read) for residual in self.residuals]
-        return self if held == [*self.residuals] else self._with(held, self.free.spelled())
+        return self if held == [*self.residuals] else self.variant(held, self.free.spelled())
 
-    def _with(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":
+    def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":
+        """The same with other residuals and other names free."""
         free, _ = naming.free_and_fixed(self._known, names)
         bounds = of_free(self.bounds, free, self._known)
         kept = [c for c in self.constraints if not set(free.names).isdisjoint(c.reads)]

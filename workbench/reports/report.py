@@ -17,6 +17,7 @@ from workbench.plots import sheets
 from workbench.reports import tables
 from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
+from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
 from workbench.solvers import Solution
 from workbench.writing import write_arrays
@@ -90,6 +91,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         ends=numbered_figures(
             outcome, len(outcome.hypotheses), plots.plot_hypothesis, plots.caption_hypothesis
         ),
+        moving=moving_figures(outcome.setup, outcome.values),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),

@@ -240,20 +240,8 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
         lost_since=since,
         running=facts.several("running", text) if "running" in facts.entries else (),
         judging=Evaluations() if judging is None else _evaluations(judging),
-        stages=facts.several("stages", _in_trace(len(rows))) if "stages" in facts.entries else (),
+        stages=facts.several("stages", whole) if "stages" in facts.entries else (),
     )
-
-
-def _in_trace(length: int) -> Callable[[object, str], int]:
-    """A reader of the number of an iterate."""
-
-    def read(given: object, name: str) -> int:
-        found = whole(given, name)
-        if not 0 <= found < length:
-            raise BadFile(f"{name} is {found}, and the trace has {length} iterates")
-        return found
-
-    return read
 
 
 def _row(given: object, name: str) -> Row:

@@ -13,6 +13,7 @@ from workbench.blocks.entries import entries
 from workbench.errors import BadArgument
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
+from workbench.problem.stages import in_stage
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -161,4 +162,4 @@ def _part(problem: Problem, stage: SolveStage) -> Problem:
     if names is not None:
         free = problem.free.chosen(entries(problem.free, names))
         names = None if free.size == problem.free.size else tuple(free.spelled())
-    return problem.in_stage(names, stage.weights)
+    return in_stage(problem, names, stage.weights)

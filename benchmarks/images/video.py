@@ -1,0 +1,203 @@
+"""The command `python -m benchmarks.images.video`: `balance` as a video, against four cameras.
+
+Each of the four cameras alone, fitted frame by frame and together. The truth is the fit to all
+four cameras, frame by frame. Settings were chosen on frames 0 to 44; frames 55 to 99 were not
+looked at before; the frames between keep both apart by 0.17 s.
+"""
+
+import argparse
+import json
+import resource
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import machine
+from benchmarks.keeping import keep
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.experiments.balance import balance, published
+from workbench.experiments.balance_video import balance_clip
+from workbench.fitting.observations import LIMBS, SIDES
+from workbench.fitting.setup import Setup
+from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit
+from workbench.problem import Problem
+from workbench.solvers import TrustRegion
+
+RESULTS = Path(__file__).parents[1] / "results" / "images-video.json"
+PARTS = {"tuning": range(45), "report": range(55, 100), "whole": range(100)}
+SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+NAMES = [f"{side}_{part}" for side in SIDES for part in LIMBS]
+HIPS = [NAMES.index("left_hip"), NAMES.index("right_hip")]
+
+
+def truth(body: SkinnedBody, frames: Sequence[int]) -> tuple[Array, Array]:
+    """Limb landmarks (T, 12, 3) m and statures (T,) mm of the fits to four cameras."""
+    places, tall = [], []
+    for frame in frames:
+        setup = balance(frame)
+        values = {**setup.start, **TrustRegion().solve(setup.problem, setup.start).values}
+        places.append(limbs(body, body.landmark("coco", *(values[b.name] for b in body.blocks()))))
+        tall.append(stature(body, values["betas"]))
+    return np.array(places), np.array(tall)
+
+
+def limbs(body: SkinnedBody, landmarks: Array) -> Array:
+    """The twelve limb landmarks of all (..., M, 3)."""
+    names = body.landmark_names("coco")
+    return landmarks[..., [names.index(name) for name in NAMES], :]
+
+
+def stature(body: SkinnedBody, betas: Array) -> float:
+    """The height of the body at rest, mm."""
+    return 1e3 * float(np.ptp(body.vertices(betas=betas)[:, 1]))
+
+
+def mpjpe(found: Array, true: Array) -> float:
+    """The mean distance after the middles of the hips were brought together, mm."""
+    found, true = (x - x[:, HIPS].mean(axis=1, keepdims=True) for x in (found, true))
+    return 1e3 * float(np.linalg.norm(found - true, axis=-1).mean())
+
+
+def acceleration(places: Array) -> float:
+    """The mean second difference, mm a frame squared."""
+    return 1e3 * float(np.linalg.norm(np.diff(places, 2, axis=0), axis=-1).mean())
+
+
+def spread(body: SkinnedBody, problem: Problem, values: Values, frame: int) -> dict[str, float]:
+    """Laplace's standard deviations of stature and of the depth in one frame, mm."""
+    here = problem.linearize(values)
+    free, betas = problem.free, values["betas"]
+    directions = np.zeros((free.size, 2))
+    size, at = 1e-3, free.slices["betas"]
+    steps = size * np.eye(len(betas))
+    middle = stature(body, betas)
+    directions[at, 0] = [(stature(body, betas + step) - middle) / size for step in steps]
+    depth = values_of_depth(problem, values)
+    directions[free.slices["trans"].start + 3 * frame + np.arange(3), 1] = 1e3 * depth
+    solved = here.inverse_times(directions)
+    assert solved is not None
+    tall, deep = np.sqrt(np.sum(directions * solved, axis=0))
+    return {"stature": float(tall), "depth": float(deep)}
+
+
+def values_of_depth(problem: Problem, values: Values) -> Array:
+    """The direction (3,) in which the one camera looks."""
+    from workbench.geometry.rotation import matrix_from_vector
+
+    name = next(n for n in problem.known if n.endswith("/rotation"))
+    return matrix_from_vector(values[name])[2]
+
+
+def fitted(setup: Setup, solver: TrustRegion = SOLVER) -> tuple[Values, float]:
+    """The values at the end, and CPU seconds."""
+    begin = time.process_time()
+    solution = solver.solve(setup.problem, setup.start)
+    return {**setup.start, **solution.values}, time.process_time() - begin
+
+
+def judged(body: SkinnedBody, camera: str, frames: Sequence[int], known: Any) -> dict[str, Any]:
+    """One camera alone: frame by frame, together, and together with frames taken as independent."""
+    true, tall = (one[list(frames)] for one in known)
+    rows: dict[str, Any] = {"camera": camera}
+    begin = time.process_time()
+    clip = balance_clip(frames, (camera,))
+    setup = video_fit(clip, body, "Which motion is it?")
+    started = time.process_time() - begin
+    moving = setup.moving
+    assert moving is not None
+    apart = [alone(body, camera, frame) for frame in frames]
+    for name, worth in (("together", None), ("independent", float(len(frames)))):
+        if worth is not None:
+            setup.start[EVIDENCE] = np.ones(1)
+        values, seconds = fitted(setup)
+        found = limbs(body, landmarks_of(moving, values))
+        sd = spread(body, setup.problem, values, len(frames) // 2)
+        off = 1e3 * (found - true)[len(frames) // 2].mean(axis=0)
+        rows[name] = {
+            "mpjpe": mpjpe(found, true),
+            "acceleration": acceleration(found),
+            "absolute": 1e3 * float(np.linalg.norm(found - true, axis=-1).mean()),
+            "stature": stature(body, values["betas"]) - float(tall.mean()),
+            "stature sd": sd["stature"],
+            "depth": float(off @ values_of_depth(setup.problem, values)),
+            "depth sd": sd["depth"],
+            "worth": float(setup.start[EVIDENCE][0] * len(frames)),
+            "CPU seconds": started + seconds,
+        }
+    found = np.array([one[0] for one in apart])
+    rows["apart"] = {
+        "mpjpe": mpjpe(found, true),
+        "acceleration": acceleration(found),
+        "absolute": 1e3 * float(np.linalg.norm(found - true, axis=-1).mean()),
+        "stature": float(np.mean([one[1] for one in apart]) - tall.mean()),
+        "CPU seconds": sum(one[2] for one in apart),
+    }
+    rows["truth acceleration"] = acceleration(true)
+    return rows
+
+
+def alone(body: SkinnedBody, camera: str, frame: int) -> tuple[Array, float, float]:
+    """One frame from scratch, by the same terms and stages: landmarks, stature, CPU seconds."""
+    begin = time.process_time()
+    setup = video_fit(balance_clip([frame], (camera,)), body, "Which pose is it?")
+    values, _ = fitted(setup)
+    assert setup.moving is not None
+    found = limbs(body, landmarks_of(setup.moving, values))[0]
+    return found, stature(body, values["betas"]), time.process_time() - begin
+
+
+def step(body: SkinnedBody) -> dict[str, float]:
+    """One iteration at 200 frames: CPU seconds, and by how much the process grew, MB."""
+    frames = [*range(100), *range(99, -1, -1)]
+    setup = video_fit(balance_clip(frames, ("cam01",)), body, "How long does it take?")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    setup.problem.linearize(setup.start).step(1e-3)
+    begin = time.process_time()
+    for _ in range(5):
+        setup.problem.linearize(setup.start).step(1e-3)
+    seconds = (time.process_time() - begin) / 5
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {"CPU seconds": seconds, "MB": (after - before) / 1024}
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """The cameras of one part."""
+    columns = "apart", "together", "independent", "ratio", "acceleration", "stature", "CPU s"
+    lines = [f"| camera | {' | '.join(columns)} |", "| --- |" + " --: |" * len(columns)]
+    for row in rows:
+        a, b, c = (row[name] for name in ("apart", "together", "independent"))
+        lines.append(
+            f"| {row['camera']} | {a['mpjpe']:.1f} | {b['mpjpe']:.1f} | {c['mpjpe']:.1f} "
+            f"| {b['mpjpe'] / a['mpjpe']:.2f} | {b['acceleration']:.1f} | {b['stature']:+.0f} "
+            f"(sd {b['stature sd']:.0f}) | {b['CPU seconds']:.1f} |"
+        )
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, keep the numbers, and print the tables."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.images.video", description=__doc__)
+    parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=list(PARTS))
+    parser.add_argument("--dry", action="store_true", help="print, and write nothing")
+    asked = parser.parse_args(arguments)
+    body = load_body("default")
+    found: dict[str, Any] = {"step": step(body)}
+    print(json.dumps(found), flush=True)
+    known = truth(body, range(100))
+    for part in asked.parts:
+        cameras = [str(name) for name in published()["camera"]]
+        found[part] = [judged(body, camera, PARTS[part], known) for camera in cameras]
+        print(part, json.dumps(found[part]), flush=True)
+        print(table(found[part]), flush=True)
+    if not asked.dry:
+        keep(RESULTS, found | {"machine": machine.description()}, 4)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,255 @@
+"""Fitting a body to the keypoints of a clip: one problem of all frames, which share the shape."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Block, Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.clips import Clip, Film
+from workbench.fitting.effective_frames import effective_frames
+from workbench.fitting.keypoint_problem import (
+    camera_residual,
+    camera_values,
+    focal_prior,
+    landmark_set,
+)
+from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE
+from workbench.fitting.setup import Measure, Moving, Setup, View
+from workbench.fitting.video_start import FrameFits, Told, frame_by_frame
+from workbench.geometry.camera import Camera
+from workbench.problem import Problem, sequence
+from workbench.residuals import Residual, smooth
+from workbench.residuals.frames import Between, Frames
+from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
+from workbench.solvers import TrustRegion
+
+FAR = 100.0  # px, where outliers begin (Bogo et al. 2016, SMPLify)
+POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
+ENOUGH = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # keypoints are not better
+EVIDENCE, TRUST = "evidence", "trust"  # fixed blocks: how often frames count, and keypoints alone
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """What is expected of a motion, in seconds, whatever the number of frames; None for nothing.
+
+    Attributes:
+        pose: the standard deviation of joints' speed in rad/s (`order` 1) or acceleration in
+            rad/s^2 (`order` 2).
+        place: that of trans, in m/s or m/s^2.
+        order: 1 for a body at rest, 2 for one of constant speed.
+    """
+
+    pose: float | None = POSE_SIGMA
+    place: float | None = PLACE_SIGMA
+    order: int = 2
+
+
+SMOOTH = Smoothness()
+
+
+def video_fit(
+    clip: Clip,
+    body: SkinnedBody | TriangleBody,
+    question: str,
+    *,
+    sigma: float = 4.0,
+    kernel: Kernel | None = None,
+    smoothness: Smoothness = SMOOTH,
+    shared: Sequence[str] = ("betas",),
+    worth: float | None = None,
+    told: Told = lambda done, all_: None,
+) -> Setup:
+    """Poses and places in T frames, and one shape, from the keypoints of one or several cameras.
+
+    `sigma` is in px. The kernel is Geman and McClure's with outliers from 100 px on, as in SMPLify,
+    unless another is given. Cameras without K share a free focal length. Blocks of the body named
+    in `shared` are one for all frames. The start is found frame by frame, and `told` is called
+    with the number of each frame and of all.
+
+    A detector's errors are alike from frame to frame, so that T frames are not T times the evidence
+    on the shape. All terms of frames, data, priors and smoothness, have the weight n / T of the
+    fixed block `evidence`, where n is what the frames are worth together: `worth`, or else
+    `effective_frames` of the errors at the start. Terms of what is shared have the weight 1. The
+    weights of poses relative to data stay what they are in one frame, and so do the likeliest poses
+    given the shape; the shape is found, and its uncertainty told, as from n frames. The
+    uncertainty of a single frame's pose is that of one frame only if smoothness joins about T / n
+    frames; with less smoothness, it is overstated.
+
+    Raises BadArgument for a worth outside of 1 to T, BadObservation if the keypoints cannot place
+    the body in any frame, and what Setup raises.
+    """
+    T = clip.count
+    if worth is not None and not 1 <= worth <= T:
+        raise BadArgument(f"{T} frames are worth 1 to {T} independent ones, not {worth:g}")
+    kind = landmark_set(body)
+    landmarks = body.landmark_names(kind)
+    pose, betas, trans = body.blocks()
+    points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
+    evidence, trust = Block(EVIDENCE, (1,)), Block(TRUST, (1,))
+    chosen = scaled(geman_mcclure, FAR / sigma) if kernel is None else kernel
+    films = _ordered(clip, landmarks)
+    common: Values = {TRUST: np.ones(1), EVIDENCE: np.ones(1)}
+    data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
+    for film in films:
+        camera = Camera(film.name + "/")
+        residual, blocks = camera_residual(points, camera, landmarks, sigma, chosen)
+        weights = residual.weights * trust.symbol * evidence.symbol
+        data.append(replace(residual, weights=weights))
+        observed.append((blocks[0].name, blocks[1].name))
+        cameras.append(camera)
+        first = int(np.argmax((film.confidence > 0).any(axis=1)))
+        common |= camera_values(camera, film.photograph(first))
+        if film.K is None:
+            own_priors.append(focal_prior(camera, max(film.size)))
+            free.append(camera.focal.name)
+    of_pose, of_shape = pose_prior(body), shape_prior(body)
+    of_pose = replace(of_pose, weights=evidence.symbol)
+    if betas.name not in shared:
+        of_shape = replace(of_shape, weights=evidence.symbol)
+    lenses = [block for camera in cameras for block in camera.blocks]
+    frame = Problem(
+        [*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence, trust]
+    )
+    each: list[Values] = []
+    views: list[list[View]] = []
+    for t in range(T):
+        values = body.start() | common
+        views.append([])
+        for film, camera, (seen, sure) in zip(films, cameras, observed, strict=True):
+            values |= {seen: film.pixels[t], sure: film.confidence[t]}
+            views[t].append(
+                View(film.name, camera, film.size, kind, film.pixels[t], film.confidence[t])
+            )
+        each.append(values)
+    own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
+    found = frame_by_frame(FrameFits(own, body, sigma), each, views, told)
+    names = [*(b.name for b in lenses), EVIDENCE, TRUST, *shared]
+    problem = sequence(
+        [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
+    )
+    start = {
+        name: np.median([one[name] for one in found], axis=0)
+        if name in names
+        else np.array([one[name] for one in found])
+        for name in problem.known
+    }
+    data_names = tuple(one.name for one in data)
+    if worth is None:
+        worth = worth_of(problem, start, data_names) if T > 1 else 1.0
+    start[EVIDENCE] = np.array([worth / T])
+    whole = tuple(
+        View(film.name, camera, film.size, kind, film.pixels, film.confidence)
+        for film, camera in zip(films, cameras, strict=True)
+    )
+    moving = Moving(body, whole, clip.fps, data_names)
+    gaps = clip.gaps
+    missing = f"In {len(gaps)} of {T} frames no keypoint was observed; smoothness alone fills them"
+    return Setup(
+        problem=problem,
+        start=start,
+        question=question,
+        measures=lambda values: video_measures(moving, problem, values),
+        priors=tuple(r.name for r in problem.residuals if r.name not in data_names),
+        notes=(
+            *clip.notes,
+            *([missing] if gaps else []),
+            f"The {T} frames count as {worth:.1f} independent ones for what they share",
+        ),
+        moving=moving,
+    )
+
+
+def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Array, Array]:
+    """Differences at `values` that count, (T, ...) in sigmas, shrunk by the kernel and weighted by
+    confidence, and which of them were observed.
+    """
+    whole = {EVIDENCE: np.ones(1)} if EVIDENCE in problem.known else {}
+    residual = problem.residual(*problem.split({**values, **whole}))
+    columns = []
+    for name in data:
+        rows = problem.rows[name]
+        frames = len(next(one for one in problem.residuals if one.name == name).by_frame)
+        columns.append(residual[rows].reshape(frames, -1))
+    found = np.concatenate(columns, axis=1)
+    return found, found != 0
+
+
+def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
+    """What the frames are worth together, by `effective_frames` of their errors at `values`."""
+    return effective_frames(*errors_of(problem, values, data))
+
+
+def landmarks_of(moving: Moving, values: Values) -> Array:
+    """The landmarks of the body in every frame, (T, M, 3) m."""
+    pose, betas, trans = (values[block.name] for block in moving.body.blocks())
+    kind, T = moving.views[0].landmarks, len(pose)
+    shapes = betas if betas.ndim == 2 else np.repeat(betas[None], T, axis=0)
+    return np.array(
+        [moving.body.landmark(kind, *at) for at in zip(pose, shapes, trans, strict=True)]
+    )
+
+
+def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Measure, ...]:
+    """Mean reprojection errors, the acceleration of landmarks, stature, and the frames' worth."""
+    places = landmarks_of(moving, values)
+    found = []
+    for view in moving.views:
+        off = np.linalg.norm(view.camera.pixels(places, values) - view.observed, axis=-1)
+        well = view.confidence > LEAST_CONFIDENCE
+        mean = float(off[well].mean()) if well.any() else np.nan
+        found.append(Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}"))
+    betas = values[moving.body.blocks()[1].name]
+    if betas.ndim == 1:
+        tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
+        found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
+    if len(places) > 2:
+        change = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1)
+        found.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
+    if len(places) > 1:
+        worth = worth_of(problem, values, moving.data)
+        found.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
+    found.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
+    return tuple(found)
+
+
+def _ordered(clip: Clip, landmarks: tuple[str, ...]) -> list[Film]:
+    """The films with a column for each landmark, of confidence 0 where there is no keypoint."""
+    films = []
+    for film in clip.films:
+        order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
+        there = np.array(order) >= 0
+        sure = np.where(there, film.confidence[:, order], 0.0)
+        pixels = np.where((sure > 0)[..., None], film.pixels[:, order], 0.0)
+        films.append(replace(film, pixels=pixels, confidence=sure))
+    return films
+
+
+def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:
+    """The residuals between frames, with the weight of the frames."""
+    order = min(smoothness.order, clip.count - 1)
+    if order < 1:
+        return []
+    pose, _, trans = (block.name for block in body.blocks())
+    given = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
+    made = [
+        smooth(what, sigma=sigma / clip.fps**order, order=order, name=name)
+        for what, sigma, name in given
+        if sigma is not None
+    ]
+
+    def weighted(link: Between) -> Between:
+        def between(frames: Frames) -> Residual:
+            one = link(frames)
+            return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
+
+        return between
+
+    return [weighted(link) for link in made]

@@ -1,0 +1,63 @@
+"""The fit of a clip as a page, with the motion beside it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.fitting.setup import Setup
+from workbench.reports import tables
+from workbench.reports.folder import SUMMARY, Content, write_folder
+from workbench.reports.moving import moving_figures
+from workbench.reports.page import page
+from workbench.solvers import Solution
+from workbench.writing import write_arrays
+
+FILES = {
+    "index.html": "this page",
+    "motion.npz": "poses (T, K, 3) rad, trans (T, 3) m, betas, fps, and the names of joints",
+    SUMMARY: "how the fit ended, for programs",
+}
+
+
+def write_video(
+    setup: Setup, solution: Solution, folder: str | Path, title: str, source: str
+) -> Path:
+    """Write the folder of a fitted clip, and return its page `index.html`; raises BadFile."""
+    values = {**setup.start, **solution.values}
+    moving = setup.moving
+    assert moving is not None  # a fit of a clip says what moves
+    pose, betas, trans = (values[block.name] for block in moving.body.blocks())
+    motion: dict[str, Array] = {
+        "poses": pose,
+        "trans": trans,
+        "betas": betas,
+        "fps": np.array(moving.fps),
+        "joint_names": np.array(moving.body.joint_names),
+    }
+    measures = setup.measures(values)
+    text = page(
+        "video.html",
+        title=title,
+        setup=setup,
+        solution=solution,
+        status=solution.status.name.lower().replace("_", " "),
+        advice=solution.status.value,
+        cost=tables.number(solution.cost, 6),
+        measures=tables.measures_table(measures),
+        moving=moving_figures(setup, values),
+        files=FILES,
+    )
+    contents: dict[str, Content] = {
+        "index.html": text,
+        "motion.npz": lambda path: write_arrays(path, motion),
+    }
+    summary = {
+        "kind": "video",
+        "status": solution.status.name,
+        "cost": solution.cost,
+        "frames": len(pose),
+        "notes": list(setup.notes),
+        "measures": [{"name": m.name, "value": m.value, "unit": m.unit} for m in measures],
+    }
+    return write_folder(folder, source, contents, summary)
