@@ -26,6 +26,7 @@ from workbench.experiments.balance_video import balance_clip
 from workbench.fitting.observations import LIMBS, SIDES
 from workbench.fitting.setup import Setup
 from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit
+from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Problem
 from workbench.solvers import TrustRegion
 
@@ -78,7 +79,7 @@ def spread(body: SkinnedBody, problem: Problem, values: Values, frame: int) -> d
     steps = size * np.eye(len(betas))
     middle = stature(body, betas)
     directions[at, 0] = [(stature(body, betas + step) - middle) / size for step in steps]
-    depth = values_of_depth(problem, values)
+    depth = looking(problem, values)
     directions[free.slices["trans"].start + 3 * frame + np.arange(3), 1] = 1e3 * depth
     solved = here.inverse_times(directions)
     assert solved is not None
@@ -86,10 +87,8 @@ def spread(body: SkinnedBody, problem: Problem, values: Values, frame: int) -> d
     return {"stature": float(tall), "depth": float(deep)}
 
 
-def values_of_depth(problem: Problem, values: Values) -> Array:
+def looking(problem: Problem, values: Values) -> Array:
     """The direction (3,) in which the one camera looks."""
-    from workbench.geometry.rotation import matrix_from_vector
-
     name = next(n for n in problem.known if n.endswith("/rotation"))
     return matrix_from_vector(values[name])[2]
 
@@ -125,7 +124,7 @@ def judged(body: SkinnedBody, camera: str, frames: Sequence[int], known: Any) ->
             "absolute": 1e3 * float(np.linalg.norm(found - true, axis=-1).mean()),
             "stature": stature(body, values["betas"]) - float(tall.mean()),
             "stature sd": sd["stature"],
-            "depth": float(off @ values_of_depth(setup.problem, values)),
+            "depth": float(off @ looking(setup.problem, values)),
             "depth sd": sd["depth"],
             "worth": float(setup.start[EVIDENCE][0] * len(frames)),
             "CPU seconds": started + seconds,
@@ -178,6 +177,12 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
             f"(sd {b['stature sd']:.0f}) | {b['CPU seconds']:.1f} |"
         )
     return "\n".join(lines)
+
+
+def means(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """The mean distances over the cameras of one part, mm."""
+    names = "apart", "together", "independent"
+    return {name: float(np.mean([row[name]["mpjpe"] for row in rows])) for name in names}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

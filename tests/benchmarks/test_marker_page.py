@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.images.markers import RESULTS
 
-PAGE = Path(RESULTS).parent.parent / "images_markers.md"
+PAGE = Path(RESULTS).parent.parent / "MARKERS.md"
 COLUMNS = (
     ("shape_before", 1),
     ("offsets_before", 2),

@@ -1,0 +1,54 @@
+"""The page on videos says what was measured, and its measures are those of their names."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.images.video import HIPS, NAMES, RESULTS, acceleration, means, mpjpe, table
+
+PAGE = (RESULTS.parents[1] / "VIDEO.md").read_text()
+FOUND = json.loads(RESULTS.read_text())
+PARTS = [part for part in ("tuning", "report", "whole") if part in FOUND]
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_its_tables_are_the_stored_results(part: str) -> None:
+    assert table(FOUND[part]) in PAGE
+
+
+def test_its_sentences_hold() -> None:
+    found = means(FOUND["report"])
+    assert f"{found['together']:.1f} mm together and {found['apart']:.1f} mm apart" in PAGE
+    assert found["together"] > 0.95 * found["apart"]  # not confirmed, not 5 % below
+    assert f"{found['independent']:.1f} mm. What the weight" in PAGE
+    assert found["independent"] > 1.1 * found["together"]
+    assert means(FOUND["tuning"])["together"] < 0.95 * means(FOUND["tuning"])["apart"]
+    rows = FOUND["report"]
+    assert max(abs(row["together"]["stature"]) for row in rows) > 50
+    worst = {
+        name: max(abs(row[name]["stature"]) / row[name]["stature sd"] for row in rows)
+        for name in ("together", "independent")
+    }
+    assert worst["together"] < 1.5
+    assert worst["independent"] == pytest.approx(6.5, abs=0.05)
+    whole = means(FOUND["whole"])
+    assert f"{whole['together']:.1f} mm together and {whole['apart']:.1f} mm apart, and no" in PAGE
+    ratios = [row["together"]["mpjpe"] / row["apart"]["mpjpe"] for row in FOUND["whole"]]
+    assert max(ratios) < 1.05
+    assert min(row["together"]["CPU seconds"] for row in FOUND["whole"]) > 4
+    step = FOUND["step"]
+    assert f"takes {step['CPU seconds']:.2f} s and {step['MB']:.0f} MB" in PAGE
+    assert step["CPU seconds"] < 0.2
+    assert step["MB"] < 200
+
+
+def test_distances_are_of_the_limbs_about_the_hips() -> None:
+    true = np.random.default_rng(0).standard_normal((5, len(NAMES), 3))
+    assert mpjpe(true + [1.0, 2.0, 3.0], true) == pytest.approx(0, abs=1e-9)
+    moved = true.copy()
+    moved[:, 0, 0] += 0.12
+    assert 0 not in HIPS
+    assert mpjpe(moved, true) == pytest.approx(10)
+    line = np.arange(6)[:, None, None] ** 2 * np.ones((6, 12, 3)) * [1e-3, 0, 0]
+    assert acceleration(line) == pytest.approx(2)
