@@ -20,7 +20,7 @@ from workbench.cli.video import fit_video
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
 from workbench.fitting.clip_files import read_clip
-from workbench.fitting.compared_solvers import MANY, SECOND_ORDER
+from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
@@ -253,7 +253,7 @@ def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
         question,
         recipe=replace(given.recipe, solver=LevenbergMarquardt()),
         hypotheses=hypotheses,
-        compared=SECOND_ORDER,
+        compared=MANY,
     )
 
 

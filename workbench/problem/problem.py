@@ -24,7 +24,6 @@ from workbench.problem.graph import Graph, split, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
-from workbench.problem.stages import Stage
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
@@ -60,7 +59,7 @@ class Problem:
         self._known = Layout(tuple(self.known.values()))
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
-        self.stages: dict[Stage, Problem] = {}  # made once by `in_stage`
+        self.stages: dict[object, Problem] = {}  # made once by `in_stage`
         self.stacked_constraints = (
             ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
         )

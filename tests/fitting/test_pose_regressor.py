@@ -1,0 +1,128 @@
+"""The network that reads a pose off keypoints: invariances, files, placing, training."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fitting.test_image_fit import BODY, K, R, person, seen
+from workbench.errors import BadArgument, BadFile
+from workbench.fitting import (
+    read_regressor,
+    regressed_start,
+    save_regressor,
+    shipped_regressor,
+    train_pose_regressor,
+)
+from workbench.fitting.image_fit import image_fit
+from workbench.fitting.regressed_start import placed_by_rays
+from workbench.geometry.mirror import opposites
+from workbench.priors.poses import shipped_mixture
+
+REGRESSOR = shipped_regressor()
+M = len(REGRESSOR.keypoint_names)
+
+
+def rays(seed: int) -> np.ndarray:
+    (shot,) = seen(person(seed)).ordered(REGRESSOR.keypoint_names).photographs
+    return (shot.pixels - K[:2, 2]) / K[0, 0]
+
+
+def test_scale_does_not_matter() -> None:
+    x = rays(1)
+    middle = np.median(x, axis=0)
+    trust = np.ones(M)
+    _, pose = REGRESSOR.regress(x, trust)
+    _, smaller = REGRESSOR.regress(middle + 0.999 * (x - middle), trust)
+    np.testing.assert_allclose(smaller, pose, atol=2e-3)
+
+
+def test_a_keypoint_of_confidence_0_has_no_influence() -> None:
+    x, trust = rays(2), np.ones(M)
+    trust[[3, 8]] = 0.0
+    other = x.copy()
+    other[[3, 8]] += [[0.4, -0.2], [np.nan, np.nan]]
+    for a, b in zip(REGRESSOR.regress(x, trust), REGRESSOR.regress(other, trust), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_mirrored_person_has_the_mirrored_pose() -> None:
+    x, trust = rays(3), np.ones(M)
+    swapped = opposites(REGRESSOR.keypoint_names)
+    facing, pose = REGRESSOR.regress(x, trust)
+    facing_m, pose_m = REGRESSOR.regress(x[swapped] * [-1, 1], trust)
+    S = np.diag([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(facing_m, S @ facing @ S, atol=1e-9)
+    joints = opposites(REGRESSOR.joint_names)
+    np.testing.assert_allclose(pose_m, pose[joints] * [1, -1, -1], atol=1e-9)
+
+
+def test_bodies_are_placed_exactly_on_their_rays() -> None:
+    points = np.random.default_rng(0).normal(size=(M, 3))
+    T = np.array([0.3, -0.2, 5.0])
+    seen_at = (points + T)[:, :2] / (points + T)[:, 2:]
+    found, off = placed_by_rays(points[None], seen_at, np.ones((1, M)))
+    np.testing.assert_allclose(found[0], T, atol=1e-9)
+    assert off.max() < 1e-9
+    wrong = seen_at.copy()
+    wrong[[0, 5]] += 1.0
+    found, _ = placed_by_rays(points[None], wrong, np.ones((1, M)))
+    assert np.linalg.norm(found[0] - T) < 0.1
+
+
+def test_starts_are_nearer_than_the_resting_body() -> None:
+    closer = []
+    for seed in range(12):
+        truth = person(seed)
+        setup = image_fit(seen(truth, 3.0), BODY, "q")
+        start = regressed_start(REGRESSOR, BODY, setup.views[0], setup.start)
+        true = BODY.joints(*truth.values())
+
+        def off(pose: np.ndarray, true: np.ndarray = true) -> float:
+            joints = BODY.joints(pose)
+            away = (joints - joints[0]) - (true - true[0])
+            return float(np.linalg.norm(away, axis=1).mean())
+
+        rest = np.zeros((24, 3))
+        rest[0] = truth["pose"][0]  # even if it faced the right way
+        closer.append(off(start["pose"]) < off(rest))
+    assert np.mean(closer) >= 0.9
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_files_keep_it(tmp_path: Path) -> None:
+    save_regressor(REGRESSOR, tmp_path / "r.npz")
+    again = read_regressor(tmp_path / "r.npz")
+    for a, b in zip(
+        again.regress(rays(1), np.ones(M)), REGRESSOR.regress(rays(1), np.ones(M)), strict=True
+    ):
+        np.testing.assert_allclose(a, b, atol=1e-3)
+    (tmp_path / "bad.npz").write_bytes(b"nothing")
+    with pytest.raises(BadFile):
+        read_regressor(tmp_path / "bad.npz")
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(BadArgument, match="takes rays"):
+        REGRESSOR.regress(np.zeros((4, 2)), np.ones(4))
+    few = np.zeros(M)
+    few[:2] = 1.0
+    with pytest.raises(BadArgument, match="fewer than 3"):
+        REGRESSOR.regress(rays(1), few)
+    bad = rays(1)
+    bad[0] = np.nan
+    with pytest.raises(BadArgument, match="finite"):
+        REGRESSOR.regress(bad, np.ones(M))
+
+
+def test_a_small_one_is_trained_in_seconds() -> None:
+    losses: list[float] = []
+    prior = shipped_mixture()
+    trained = train_pose_regressor(
+        BODY, prior, n=300, passes=8, hidden=(32,), progress=lambda _, loss: losses.append(loss)
+    )
+    assert len(losses) == 8
+    assert losses[-1] < losses[0]
+    facing, pose = trained.regress(rays(1), np.ones(M))
+    assert pose.shape == (24, 3)
+    np.testing.assert_allclose(facing @ facing.T, np.eye(3), atol=1e-9)
