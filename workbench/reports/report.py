@@ -79,7 +79,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         better=tables.better_said(outcome),
         interrupted=tables.interrupted_said(outcome),
         advice=advice,
-        message=solution.message if solution.message != advice else "",
+        message=solution.message.removeprefix(advice).lstrip("; "),
         residuals=tables.residuals_table(outcome),
         priors=tables.priors_said(outcome),
         cost=tables.number(solution.cost, 6),
