@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies.body import Given, blocks_of, landmark_set
+from workbench.bodies.capsules import Capsules, segment_distances
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import ALL
@@ -21,7 +22,12 @@ from workbench.bodies.forward.freeing import FREEABLE, check_freeable
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.bodies.forward.skinning import Skinning, linear_blend
-from workbench.bodies.forward.sources import joint_points, landmark_points, surface_points
+from workbench.bodies.forward.sources import (
+    capsule_points,
+    joint_points,
+    landmark_points,
+    surface_points,
+)
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked, parts_of, readonly_parts, remade
 from workbench.bodies.validation import check, chosen_vertices
@@ -64,6 +70,8 @@ class SkinnedBody:
         bound_in: (K, 3) rad, the pose that the template is drawn in; None is the zero pose.
         rest_joints: (K, 3) m, the same for everybody; None if J_regressor finds each person's.
         extras: arrays of its file that nothing computes with.
+        capsules: the tubes with round ends that stand for it in self-contact, or None;
+            `fit_capsules` makes them.
         free: the arrays that are unknowns, as blocks by name.
     """
 
@@ -84,6 +92,7 @@ class SkinnedBody:
     bound_in: Array | None = None
     rest_joints: Array | None = None
     extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    capsules: Capsules | None = None
     free: Mapping[str, Block] = field(default_factory=dict)
     _made: dict[str, tuple[Block, Block, Block]] = field(
         default_factory=dict, init=False, repr=False
@@ -215,6 +224,24 @@ class SkinnedBody:
         found = landmark_set(self.landmarks, name)
         return Points.of(landmark_points(self, at, self.numeric, found), name)
 
+    def capsule_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
+        """Start and end of each capsule in turn, posed, (3, 2 C) m.
+
+        Their radii are `body.capsules.radii_in(betas)`. Raises BadBody for a body without capsules.
+        """
+        at = Arguments(self, pose, betas, trans)
+        return Points.of(capsule_points(self, at, self.numeric, self.capsules_there), "capsules")
+
+    @property
+    def capsules_there(self) -> Capsules:
+        """Its capsules. Raises BadBody for a body that has none."""
+        if self.capsules is None:
+            raise BadBody(
+                f"body {self.name!r} has no capsules; make them with "
+                "dataclasses.replace(body, capsules=fit_capsules(body))"
+            )
+        return self.capsules
+
     # Points in numbers. Any argument may have batch axes in front.
 
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
@@ -233,6 +260,25 @@ class SkinnedBody:
             return self.joints(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
         return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
+
+    def capsule_ends(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
+        """Start and end of each capsule, posed, (..., C, 2, 3) m. Raises BadBody without any."""
+        capsules = self.capsules_there
+        batch, theta, beta, move = evaluation.arguments(self, pose, betas, trans)
+        points = self.numeric.capsules(capsules).evaluate_batch(theta, beta, move)
+        return points.reshape(*batch, len(capsules.names), 2, 3)
+
+    def capsule_gaps(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
+        """The distances (..., P) m of the surfaces of `capsules.pairs`; below zero they overlap.
+
+        Raises BadBody for a body without capsules.
+        """
+        capsules, ends = self.capsules_there, self.capsule_ends(pose, betas, trans)
+        _, _, beta, _ = evaluation.arguments(self, pose, betas, trans)
+        radii = capsules.radii_of(beta).reshape(*ends.shape[:-2])
+        i, j = capsules.pairs.T
+        apart = segment_distances(ends[..., 0, :], ends[..., 1, :], capsules.pairs)
+        return np.asarray(apart - radii[..., i] - radii[..., j])
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
         """The names of the points of a landmark set."""

@@ -10,6 +10,7 @@ from workbench.residuals.points import landmarks, vertices
 from workbench.residuals.regressed import regressed
 from workbench.residuals.residual import Residual
 from workbench.residuals.scans import model_to_scan, scan_to_model
+from workbench.residuals.self_contact import apart, gaps, spheres
 from workbench.residuals.smooth import smooth
 from workbench.residuals.stitching import stitching
 
@@ -17,8 +18,10 @@ __all__ = [
     "Form",
     "Kernel",
     "Residual",
+    "apart",
     "distance",
     "edges",
+    "gaps",
     "gaussian",
     "geman_mcclure",
     "huber",
@@ -35,6 +38,7 @@ __all__ = [
     "scaled",
     "scan_to_model",
     "smooth",
+    "spheres",
     "stitching",
     "vertices",
 ]

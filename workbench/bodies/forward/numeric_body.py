@@ -9,6 +9,7 @@ import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
@@ -85,13 +86,35 @@ class NumericBody:
 
     def landmarks(self, landmarks: Landmarks) -> PosedPoints:
         """Weighted means of an SMPL body's vertices."""
+        return self._at_rest_points(self.rest_points(landmarks))
+
+    def _at_rest_points(self, points: RestPoints) -> PosedPoints:
         kinematics = self.kinematics
-        arithmetic = LandmarkArithmetic(self.rest_points(landmarks), kinematics.ancestors)
+        arithmetic = LandmarkArithmetic(points, kinematics.ancestors)
 
         def many(poses: Array, betas: Array) -> Array:
             return arithmetic.evaluate_batch(kinematics.motions(poses, betas), betas)
 
         return PosedPoints(kinematics, arithmetic, many)
+
+    def capsule_rest(self, capsules: Capsules) -> RestPoints:
+        """The ends of capsules as rest points, each on one joint, without pose blend shapes."""
+        P = 2 * len(capsules.names)
+        return RestPoints(
+            np.repeat(capsules.joints, 2),
+            np.arange(P),
+            np.zeros(0, dtype=np.int64),
+            capsules.ends.reshape(P, 3).T.ravel(),
+            np.ascontiguousarray(capsules.end_slopes.reshape(P, 3, -1).transpose(2, 1, 0)).reshape(
+                -1, 3 * P
+            ),
+            np.zeros((0, 3 * P)),
+            np.ones(P),
+        )
+
+    def capsules(self, capsules: Capsules) -> PosedPoints:
+        """The ends of capsules; see LandmarkArithmetic."""
+        return self._at_rest_points(self.capsule_rest(capsules))
 
     @cached_property
     def skinned_rest(self) -> cs.Function:
