@@ -85,8 +85,10 @@ RESIDUALS = [
     "Form",
     "Kernel",
     "Residual",
+    "apart",
     "distance",
     "edges",
+    "gaps",
     "gaussian",
     "geman_mcclure",
     "huber",
@@ -103,6 +105,7 @@ RESIDUALS = [
     "scaled",
     "scan_to_model",
     "smooth",
+    "spheres",
     "stitching",
     "vertices",
 ]
