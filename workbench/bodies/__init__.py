@@ -1,17 +1,26 @@
 """Bodies: named blocks of numbers in, points out; and the files they live in."""
 
 from workbench.bodies.body import Body
+from workbench.bodies.capsule_fitting import fit_capsules
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
 from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
 from workbench.bodies.skinned import SkinnedBody
 
 __all__ = [
     "Body",
+    "Capsules",
     "Landmarks",
     "SkinnedBody",
     "Skinning",
+    "capsule_ends",
+    "capsule_gaps",
+    "capsule_points",
+    "capsules_of",
     "dual_quaternion_blend",
+    "fit_capsules",
     "linear_blend",
     "skin",
     "skin_vertices",

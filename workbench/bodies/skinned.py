@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies.body import Given, blocks_of, landmark_set, no_offsets, offsets_of
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import ALL
@@ -64,6 +65,7 @@ class SkinnedBody:
         bound_in: (K, 3) rad, the pose that the template is drawn in; None is the zero pose.
         rest_joints: (K, 3) m, the same for everybody; None if J_regressor finds each person's.
         extras: arrays of its file that nothing computes with.
+        capsules: tubes with round ends that stand for it in self-contact; see `fit_capsules`.
         free: the arrays that are unknowns, as blocks by name.
     """
 
@@ -84,6 +86,7 @@ class SkinnedBody:
     bound_in: Array | None = None
     rest_joints: Array | None = None
     extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    capsules: Capsules | None = None
     free: Mapping[str, Block] = field(default_factory=dict)
     _made: dict[str, tuple[Block, Block, Block]] = field(
         default_factory=dict, init=False, repr=False
@@ -223,10 +226,8 @@ class SkinnedBody:
 
         `offsets` (3, M) m displace each landmark at rest, and move with the body: landmark m is
         the mean of its vertices v_i + o_m, each moved as the vertex is. Markers on skin or clothes
-        are such landmarks (Loper, Mahmood and Black, MoSh, 2014). They are the symbol of the block
-        `offsets(name)`, or an expression of blocks.
-
-        Raises UnknownName, BadBody for other shapes, and NotSupported for offsets of joints.
+        are such landmarks (Loper et al., MoSh, 2014). They are the symbol of `offsets(name)`, or
+        an expression of blocks. Raises UnknownName, BadBody, and NotSupported for joints.
         """
         if isinstance(name, str) and name == "joints":
             if offsets is not None:
@@ -257,8 +258,7 @@ class SkinnedBody:
     ) -> Array:
         """A named set of landmarks (..., M, 3) m; `joints` are always there.
 
-        `offsets` (..., M, 3) m displace them at rest; see `landmark_points`. Raises NotSupported
-        for offsets of joints.
+        `offsets` (..., M, 3) m displace them at rest, with the errors of `landmark_points`.
         """
         if isinstance(name, str) and name == "joints":
             if offsets is not None:

@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.extras import SKINNED, clashes
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.features import count_features, rotation_elements
@@ -29,6 +30,10 @@ class Mirrored(SkinnedArrays, Protocol):
     @property
     def mirror(self) -> Index | None:
         """The vertex on the other side of each, (N,), or None."""
+
+    @property
+    def capsules(self) -> Capsules | None:
+        """The tubes with round ends that stand for it, or None."""
 
 
 def check(body: Mirrored) -> None:
@@ -81,6 +86,23 @@ def check(body: Mirrored) -> None:
     if own := clashes(body.extras, SKINNED):
         refuse(f"extras must not be called like the body's own arrays in a file: {', '.join(own)}")
     check_landmarks(refuse, body.landmarks, N)
+    check_capsules(refuse, body)
+
+
+def check_capsules(refuse: Refuse, body: Mirrored) -> None:
+    """Refuse what is no Capsules, and those that do not fit the joints or the betas."""
+    capsules = body.capsules
+    if capsules is None:
+        return
+    if not isinstance(capsules, Capsules):
+        refuse(
+            f"capsules must be Capsules or None, not something of type {type(capsules).__name__}"
+        )
+    K, B = len(body.parents), body.shapedirs.shape[2]
+    if capsules.radius_slopes.shape[1] != B:
+        refuse(f"its capsules are of {capsules.radius_slopes.shape[1]} betas, but it has {B}")
+    if capsules.joints.size and not 0 <= capsules.joints.min() <= capsules.joints.max() < K:
+        refuse(f"its capsules must be on joints 0 to {K - 1}")
 
 
 def chosen_vertices(body: Body, vertices: object) -> list[int]:

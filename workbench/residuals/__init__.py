@@ -14,6 +14,7 @@ from workbench.residuals.points import landmarks, vertices
 from workbench.residuals.regressed import regressed
 from workbench.residuals.residual import Residual
 from workbench.residuals.scans import model_to_scan, scan_to_model
+from workbench.residuals.self_contact import apart, gaps, spheres
 from workbench.residuals.smooth import smooth
 from workbench.residuals.stitching import stitching
 
@@ -23,9 +24,11 @@ __all__ = [
     "Hinge",
     "Kernel",
     "Residual",
+    "apart",
     "bending",
     "distance",
     "edges",
+    "gaps",
     "gaussian",
     "geman_mcclure",
     "huber",
@@ -46,6 +49,7 @@ __all__ = [
     "scaled",
     "scan_to_model",
     "smooth",
+    "spheres",
     "stitching",
     "vertices",
 ]

@@ -1,6 +1,7 @@
 """Reading the bodies that come with the workbench, in the compact form that the builder wrote."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
@@ -45,12 +47,31 @@ EXPECTED = {
     **{f"coco_{part}": wholes("entries of coco") for part in PARTS},
     "card": texts(),
 }
+CAPSULES = {
+    "names": texts("C"),
+    "joints": wholes("C"),
+    "ends": reals("C", 2, 3),
+    "end_slopes": reals("C", 2, 3, "B"),
+    "radii": reals("C"),
+    "radius_slopes": reals("C", "B"),
+    "pairs": wholes("P", 2),
+}
 
 
 def embedded(name: str) -> SkinnedBody:
     """One of the bodies in workbench/data/bodies, each read when it is asked for."""
     with as_file(files("workbench") / "data" / "bodies" / f"{name}.npz") as packed:
-        return read_embedded(packed)
+        body = read_embedded(packed)
+    with as_file(files("workbench") / "data" / "bodies" / "capsules.npz") as packed:
+        return replace(body, capsules=read_capsules(packed, name))
+
+
+def read_capsules(path: Path, name: str) -> Capsules:
+    """The capsules of the embedded body of this name. Raises BadFile, or BadBody as Capsules."""
+    expected = {f"{name}/{key}": what for key, what in CAPSULES.items()}
+    with opened(path, "file of capsules", REPAIR) as archive:
+        arrays = read_expected(archive, expected)
+    return Capsules.from_arrays({key: arrays[f"{name}/{key}"] for key in CAPSULES})
 
 
 def read_embedded(path: Path) -> SkinnedBody:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.bodies.capsules import KEYS
 from workbench.bodies.files.entries import SPARSE_PARTS, Contents, Unread
 from workbench.bodies.readonly import locked
 
@@ -29,7 +30,10 @@ MIRROR = "vert_sym_idxs"
 SETS = "landmarks/"  # how the keys of landmarks begin
 LANDMARKS = re.compile(f"{SETS}([^/]+)/names")
 REGRESSOR_PARTS = tuple(f"J_regressor/{part}" for part in SPARSE_PARTS)
-SKINNED = frozenset((*REQUIRED, *OURS, *REGRESSOR_PARTS))  # keys that a skinned body's file owns
+CAPSULES = tuple(f"capsules/{key}" for key in KEYS)
+SKINNED = frozenset(
+    (*REQUIRED, *OURS, *REGRESSOR_PARTS, *CAPSULES)
+)  # keys that a skinned body's file owns
 OF_TRIANGLES = (
     "v_template",
     "f",

@@ -28,10 +28,10 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     """Write a body to `path`, whole or not at all: .npz, or .pkl for the package smplx.
 
     Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
-    bind pose, joints at rest where they are given, card and `extras`; `load_body` returns the same
-    numbers. A pickle holds numpy arrays only. The features are SMPL's or, in .npz alone, STAR's,
-    which are told by the number of columns of posedirs. A TriangleBody is saved as .npz, with the
-    keys that `triangles/layout.py` lists.
+    bind pose, joints at rest where they are given, capsules, card and `extras`; `load_body`
+    returns the same numbers. A pickle holds numpy arrays only. The features are SMPL's or, in
+    .npz alone, STAR's, which are told by the number of columns of posedirs. A TriangleBody is
+    saved as .npz, with the keys that `triangles/layout.py` lists.
 
     The package smplx opens the .pkl of a body of 24 joints. Beside it, `<stem>_vertex_ids.json`
     says which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
@@ -117,6 +117,8 @@ def _skinned(body: SkinnedBody) -> dict[str, NDArray[Any]]:
         arrays["bind_pose"] = body.bound_in
     if body.rest_joints is not None:
         arrays["rest_joints"] = body.rest_joints
+    if body.capsules is not None:
+        arrays |= {f"capsules/{key}": array for key, array in body.capsules.arrays().items()}
     return arrays | _of_every_kind(body, "lbs")
 
 

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array, Index
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.entries import Contents, Entries
-from workbench.bodies.files.extras import LANDMARKS, MIRROR, REQUIRED, SKINNED, sorted_out
+from workbench.bodies.files.extras import CAPSULES, LANDMARKS, MIRROR, REQUIRED, SKINNED, sorted_out
 from workbench.bodies.files.joint_names import family, joint_names
 from workbench.bodies.forward.features import Features, rotation_elements, star_features
 from workbench.bodies.landmarks import Landmarks
@@ -58,6 +59,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         name=entries.name("name", name),
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
         rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
+        capsules=capsules_from(entries),
         card=_card(entries, _model(posedirs, len(parents)), mirror, left_out),
         extras=extras,
     )
@@ -144,6 +146,24 @@ def landmarks_from(entries: Entries) -> dict[str, Landmarks]:
         )
         for name in names
     }
+
+
+def capsules_from(entries: Entries) -> Capsules | None:
+    """The capsules that a file of the workbench holds, if it has any. Raises BadFile or BadBody."""
+    if CAPSULES[0] not in entries:
+        return None
+    if missing := [key for key in CAPSULES if key not in entries]:
+        raise BadFile(f"{entries.where} has capsules without {', '.join(missing)}")
+    names, joints, ends, end_slopes, radii, radius_slopes, pairs = CAPSULES
+    return Capsules(
+        entries.texts(names),
+        entries.wholes(joints),
+        entries.reals(ends),
+        entries.reals(end_slopes),
+        entries.reals(radii),
+        entries.reals(radius_slopes),
+        entries.wholes(pairs),
+    )
 
 
 def _model(posedirs: Array, K: int) -> str:

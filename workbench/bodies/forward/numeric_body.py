@@ -9,6 +9,7 @@ import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
@@ -95,7 +96,15 @@ class NumericBody:
 
     def landmarks(self, landmarks: Landmarks) -> PosedPoints:
         """Weighted means of an SMPL body's vertices."""
-        kinematics, arithmetic = self.kinematics, self.landmark_arithmetic(landmarks)
+        return self._at_rest_points(self.landmark_arithmetic(landmarks))
+
+    def capsules(self, capsules: Capsules) -> PosedPoints:
+        """The ends of capsules; see LandmarkArithmetic."""
+        points = self.capsule_rest(capsules)
+        return self._at_rest_points(LandmarkArithmetic(points, self.kinematics.ancestors))
+
+    def _at_rest_points(self, arithmetic: LandmarkArithmetic) -> PosedPoints:
+        kinematics = self.kinematics
 
         def many(poses: Array, betas: Array) -> Array:
             return arithmetic.evaluate_batch(kinematics.motions(poses, betas), betas)
@@ -110,6 +119,20 @@ class NumericBody:
         symbols, rest_points = (pose, betas, cs.MX.zeros(3)), partial(self.rest_points, landmarks)
         found = posed_landmarks(self.arrays, landmarks, rest_points, symbols, offsets)
         return cs.Function("displaced_rest", [pose, betas, offsets], [found])
+
+    def capsule_rest(self, capsules: Capsules) -> RestPoints:
+        """The ends of capsules as rest points, each on one joint, without pose blend shapes."""
+        P = 2 * len(capsules.names)
+        slopes = capsules.end_slopes.reshape(P, 3, -1).transpose(2, 1, 0)
+        return RestPoints(
+            np.repeat(capsules.joints, 2),
+            np.arange(P),
+            np.zeros(0, dtype=np.int64),
+            capsules.ends.reshape(P, 3).T.ravel(),
+            np.ascontiguousarray(slopes).reshape(-1, 3 * P),
+            np.zeros((0, 3 * P)),
+            np.ones(P),
+        )
 
     @cached_property
     def skinned_rest(self) -> cs.Function:

@@ -1,0 +1,201 @@
+"""Capsules follow shape and pose, are alike on both sides, and fit people of the shape space."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.differences import assert_jacobian
+from workbench import Problem, load_body
+from workbench.bodies import Capsules, SkinnedBody, fit_capsules
+from workbench.bodies.capsule_fitting import BONES, parts_of_capsules
+from workbench.bodies.capsules import KEYS, segment_distances
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
+from workbench.errors import BadBody
+from workbench.geometry.mirror import REFLECTION, opposite
+from workbench.residuals import landmarks
+
+LARGEST_RMS = {"small": 8.3e-3, "default": 9.6e-3, "default-male": 9.7e-3, "default-female": 9.5e-3}
+
+
+def errors(body: SkinnedBody, people: np.ndarray) -> np.ndarray:
+    """The distances (m) of every vertex of people (M, B) from the surface of its capsule."""
+    capsules, parts = capsules_of(body), parts_of_capsules(body)
+    joint_of = {name: joint for joint, name in BONES.items()}
+    found = []
+    for betas in people:
+        rest = body.template + body.shapedirs @ betas
+        radii, ends = capsules.radii_of(betas), capsules.ends_of(betas)
+        for name, r, (a, b) in zip(capsules.names, radii, ends, strict=True):
+            points = rest[parts[joint_of[name]]]
+            segments = np.stack([np.broadcast_to(a, points.shape), points], axis=1)
+            others = np.stack([np.broadcast_to(b, points.shape), points], axis=1)
+            found.append(segment_distances(segments, others, np.array([[0, 1]]))[:, 0] - r)
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("name", sorted(LARGEST_RMS))
+def test_people_who_were_not_fitted_are_as_near_as_the_provenance_says(name: str) -> None:
+    body = load_body(name)
+    assert isinstance(body, SkinnedBody)
+    people = np.random.default_rng(7).standard_normal((30, body.n_betas))
+    rms = np.sqrt((errors(body, people) ** 2).mean())
+    assert rms < LARGEST_RMS[name]
+    without_shape = replace(
+        capsules_of(body),
+        end_slopes=0 * capsules_of(body).end_slopes,
+        radius_slopes=0 * capsules_of(body).radius_slopes,
+    )
+    stiff = replace(body, capsules=without_shape)
+    assert np.sqrt((errors(stiff, people) ** 2).mean()) > 1.5 * rms
+
+
+@pytest.mark.parametrize("name", ["small", "default", "full-female"])
+def test_both_sides_are_mirror_images_for_every_shape(name: str) -> None:
+    capsules = load_body(name).capsules
+    at = [capsules.names.index(opposite(one)) for one in capsules.names]
+    betas = np.random.default_rng(1).standard_normal(10)
+    ends, radii = capsules.ends_of(betas), capsules.radii_of(betas)
+    assert np.allclose(radii[at], radii, atol=1e-12)
+    reflected = ends[at] * REFLECTION
+    # the two ends of a capsule across the midline change places
+    same = np.isclose(reflected, ends, atol=1e-12).all(axis=(1, 2))
+    turned = np.isclose(reflected[:, ::-1], ends, atol=1e-12).all(axis=(1, 2))
+    assert (same | turned).all()
+
+
+def test_fitting_again_gives_the_capsules_that_are_stored() -> None:
+    body = load_body("small")
+    again = fit_capsules(body)
+    for key in KEYS[2:-1]:
+        assert np.allclose(getattr(again, key), getattr(body.capsules, key), atol=1e-6)
+    kept, all_ = (set(map(tuple, one.pairs.tolist())) for one in (body.capsules, again))
+    assert kept < all_  # those that meet in likely poses
+
+
+def test_pairs_are_apart_in_the_rest_pose_and_never_neighbours() -> None:
+    body = load_body("default")
+    assert capsule_gaps(body).min() > -0.03
+    assert not {"left_thigh and left_shin", "chest and neck"} & set(body.capsules.pair_names)
+    assert "left_thigh and right_thigh" in body.capsules.pair_names
+
+
+def test_the_ends_move_rigidly_with_their_joint() -> None:
+    body, rng = load_body("small"), np.random.default_rng(2)
+    pose, betas, trans = (0.4 * rng.standard_normal(s) for s in ((24, 3), 10, 3))
+    posed, rest = capsule_ends(body, pose, betas, trans), body.capsules.ends_of(betas)
+    assert np.allclose(
+        np.linalg.norm(posed[:, 1] - posed[:, 0], axis=1),
+        np.linalg.norm(rest[:, 1] - rest[:, 0], axis=1),
+    )
+    assert np.allclose(capsule_ends(body, None, betas, trans), rest + trans)
+
+
+def test_graph_numbers_and_derivatives_agree() -> None:
+    body, rng = load_body("small"), np.random.default_rng(3)
+    pose, betas, trans = body.blocks()
+    ends = capsule_points(body, pose.symbol, betas.symbol, trans.symbol)
+    values = {
+        "pose": 0.4 * rng.standard_normal((24, 3)),
+        "betas": rng.standard_normal(10),
+        "trans": rng.standard_normal(3),
+    }
+    f = cs.Function("f", [b.symbol for b in body.blocks()], [ends.graph()])
+    symbolic = np.asarray(f(values["pose"].T, values["betas"], values["trans"])).T
+    found = capsule_ends(body, **values).reshape(-1, 3)
+    assert np.allclose(symbolic, found, atol=1e-13)
+    residual = landmarks(ends, np.zeros((ends.count, 3)), sigma=1.0)
+    assert residual.label(0) == "landmarks(pose, betas, trans)[pelvis, start, x]"
+    problem = Problem([residual], free=("pose", "betas", "trans"))
+    x, fixed = problem.free.pack(values), problem.fixed.pack(values)
+    assert_jacobian(problem, x, fixed, 1e-8)
+    radii = cs.Function("r", [betas.symbol], [body.capsules.radii_in(betas.symbol)])
+    expected = body.capsules.radii_of(values["betas"])
+    assert np.allclose(np.asarray(radii(values["betas"])).ravel(), expected, atol=1e-15)
+
+
+def test_a_batch_has_the_gaps_of_each() -> None:
+    body, rng = load_body("small"), np.random.default_rng(4)
+    poses, betas = 0.5 * rng.standard_normal((5, 24, 3)), rng.standard_normal((5, 10))
+    each = [capsule_gaps(body, p, b) for p, b in zip(poses, betas, strict=True)]
+    assert np.allclose(capsule_gaps(body, poses, betas), each)
+    assert np.allclose(capsule_gaps(body, poses), [capsule_gaps(body, p) for p in poses])
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".pkl"])
+def test_a_file_keeps_them(tmp_path: Path, suffix: str) -> None:
+    body = load_body("small")
+    save_body(body, tmp_path / f"body{suffix}")
+    again = load_body(tmp_path / f"body{suffix}")
+    for key in KEYS:
+        assert np.array_equal(getattr(again.capsules, key), getattr(body.capsules, key))
+    assert not again.extras
+    copied = pickle.loads(pickle.dumps(body))
+    assert np.array_equal(copied.capsules.ends, body.capsules.ends)
+
+
+def test_a_body_without_them_says_what_to_do(tmp_path: Path) -> None:
+    body = replace(load_body("small"), capsules=None)
+    save_body(body, tmp_path / "body.npz")
+    loaded = load_body(tmp_path / "body.npz")
+    assert loaded.capsules is None
+    symbols = [block.symbol for block in loaded.blocks()]
+    for ask in (
+        lambda: capsule_points(loaded, *symbols),
+        lambda: capsule_ends(loaded),
+        lambda: capsule_gaps(loaded),
+    ):
+        with pytest.raises(BadBody, match=r"no capsules.*fit_capsules"):
+            ask()
+
+
+def test_capsules_that_do_not_fit_are_refused() -> None:
+    body = load_body("small")
+    capsules = body.capsules
+    with pytest.raises(BadBody, match="radii has shape"):
+        replace(capsules, radii=np.ones(3))
+    with pytest.raises(BadBody, match="not finite"):
+        replace(capsules, radii=np.full(20, np.nan))
+    with pytest.raises(BadBody, match="capsules 0 to 19"):
+        replace(capsules, pairs=np.array([[0, 20]]))
+    slopes = capsules.end_slopes[..., :3], capsules.radius_slopes[:, :3]
+    other = replace(capsules, end_slopes=slopes[0], radius_slopes=slopes[1])
+    with pytest.raises(BadBody, match="are of 3 betas"):
+        replace(body, capsules=other)
+    with pytest.raises(BadBody, match="must be Capsules"):
+        replace(body, capsules=3)
+    symbols = [block.symbol for block in body.blocks()]
+    with pytest.raises(BadBody, match="free arrays"):
+        capsule_points(body.freed("template"), *symbols)
+    stranger = replace(body, joint_names=tuple(f"bone{k}" for k in range(24)))
+    with pytest.raises(BadBody, match="none of the joints of SMPL"):
+        fit_capsules(stranger)
+
+
+def test_segment_distances_against_brute_force() -> None:
+    rng = np.random.default_rng(5)
+    a, b, c, d = rng.standard_normal((4, 200, 3))
+    b[:30], d[30:60] = a[:30], c[30:60]  # points
+    d[60:90] = c[60:90] + (b - a)[60:90] * rng.uniform(-2, 2, (30, 1))  # parallel
+    c[90:110] = a[90:110] + 0.3 * (b - a)[90:110]
+    d[90:110] = c[90:110] + 2 * (b - a)[90:110]  # on one line, overlapping
+    starts, ends = np.stack([a, c], axis=1), np.stack([b, d], axis=1)
+    found = segment_distances(starts, ends, np.array([[0, 1]]))[:, 0]
+    s = np.linspace(0, 1, 201)
+    for i in range(200):
+        p = a[i] + s[:, None] * (b - a)[i]
+        q = c[i] + s[:, None] * (d - c)[i]
+        brute = np.linalg.norm(p[:, None] - q, axis=2).min()
+        step = (np.linalg.norm(b[i] - a[i]) + np.linalg.norm(d[i] - c[i])) / 400
+        assert brute - step - 1e-12 <= found[i] <= brute + 1e-12
+
+
+def test_capsules_are_read_only_copies() -> None:
+    capsules = load_body("small").capsules
+    assert isinstance(capsules, Capsules)
+    with pytest.raises(ValueError, match="read-only"):
+        capsules.radii[0] = 1.0

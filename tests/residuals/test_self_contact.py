@@ -1,0 +1,144 @@
+"""Self-contact: the hinge, the gaps and SMPLify's spheres."""
+
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.differences import assert_jacobian
+from workbench import SOLVERS, Block, Constraint, Problem, load_body, residuals, solve
+from workbench.bodies.capsules import segment_distances
+from workbench.bodies.posed_capsules import capsule_gaps, capsule_points
+from workbench.errors import BadResidual
+from workbench.fitting import pose_prior
+from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.residuals import apart, gaps, spheres
+
+RADII, PAIR = np.array([0.05, 0.03]), np.array([[0, 1]])
+ENDS = Block("ends", (4, 3), "m")
+
+
+def parallel(distance: float) -> np.ndarray:
+    """Two segments of 0.2 m side by side."""
+    x = np.array([[0, 0, 0], [0, 0.2, 0], [distance, 0, 0], [distance, 0.2, 0]])
+    return x.astype(float)
+
+
+def at(ends: np.ndarray, **options: float) -> np.ndarray:
+    """The rows of SMPLify's term."""
+    residual = spheres(ENDS.symbol, RADII, PAIR, sigma=1.0, **options)
+    f = cs.Function("f", [ENDS.symbol], [residual.expression])
+    return np.asarray(f(ends.T)).ravel()
+
+
+def test_gaps_are_those_of_the_body_and_of_brute_force() -> None:
+    rng = np.random.default_rng(0)
+    pairs = np.array([[0, 1], [2, 0], [1, 3]])
+    ends = Block("e", (8, 3), "m")
+    f = cs.Function("f", [ends.symbol], [gaps(ends.symbol, np.zeros(4), pairs)])
+    for trial in range(50):
+        e = rng.standard_normal((4, 2, 3))
+        if trial < 10:
+            e[1, 1] = e[1, 0] + (e[0, 1] - e[0, 0]) * rng.uniform(-1, 1)  # parallel
+        elif trial < 20:
+            e[0, 1], e[3, 1] = e[0, 0], e[3, 0]  # spheres
+        found = np.asarray(f(e.reshape(8, 3).T)).ravel()
+        assert np.allclose(found, segment_distances(e[:, 0], e[:, 1], pairs), atol=1e-12)
+        slopes = np.asarray(
+            cs.Function("J", [ends.symbol], [f.jacobian()(ends.symbol, 0)])(e.reshape(8, 3).T)
+        )
+        assert np.isfinite(slopes).all()
+
+
+@pytest.mark.parametrize(("distance", "depth"), [(0.2, 0.0), (0.08, 0.0), (0.05, 0.03), (0, 0.08)])
+def test_the_hinge_is_the_depth_of_the_overlap(distance: float, depth: float) -> None:
+    problem = Problem([apart(ENDS.symbol, RADII, PAIR, sigma=0.01)], free=("ends",))
+    linear = problem.linearize({"ends": parallel(distance)})
+    assert linear.residual * 0.01 == pytest.approx(depth, abs=1e-12)
+    assert np.isfinite(linear.jacobian).all()
+
+
+def test_spheres_are_one_at_coincidence_and_fall_with_distance() -> None:
+    rows = [at(parallel(d)) for d in (0, 0.01, 0.02, 0.05, 0.08, 1.0)]
+    assert rows[0].max() == pytest.approx(1)
+    energies = [float(r @ r) for r in rows]
+    assert all(a > b for a, b in pairwise(energies))
+    assert energies[-1] < 1e-300
+    width = 0.3**2 * (RADII**2).sum()
+    one = at(np.repeat([[0.0, 0, 0], [0.02, 0, 0]], 2, axis=0))
+    assert one @ one == pytest.approx(16 * np.exp(-(0.02**2) / width))
+
+
+@pytest.mark.parametrize("term", [apart, spheres])
+def test_derivatives_by_pose_and_betas_are_those_of_differences(term) -> None:
+    body, rng = load_body("small"), np.random.default_rng(1)
+    pose, betas, trans = body.blocks()
+    ends = capsule_points(body, pose.symbol, betas.symbol, trans.symbol)
+    values = {"pose": 0.5 * rng.standard_normal((24, 3)), "betas": rng.standard_normal(10)}
+    values["trans"] = np.zeros(3)
+    values["pose"] *= 0.2
+    values["pose"][body.joint_names.index("left_shoulder"), 2] = -1.7  # the arm into the side
+    capsules = body.capsules
+    pairs = capsules.pairs[np.argsort(capsule_gaps(body, **values))[:4]]
+    assert capsule_gaps(body, **values).min() < 0
+    radii = capsules.radii_in(betas.symbol)
+    problem = Problem([term(ends, radii, pairs, sigma=0.1)], free=("pose", "betas"))
+    x, fixed = problem.free.pack(values), problem.fixed.pack(values)
+    assert abs(problem.linearize_at(x, fixed).jacobian).max() > 1e-4
+    assert_jacobian(problem, x, fixed, 1e-6)
+
+
+def test_rows_are_named_by_their_pairs() -> None:
+    body = load_body("small")
+    pose, betas, trans = (b.symbol for b in body.blocks())
+    ends, capsules = capsule_points(body, pose, betas, trans), body.capsules
+    residual = apart(ends, capsules.radii, capsules.pairs, sigma=0.01)
+    assert residual.labels == capsules.pair_names
+    assert residual.label(0) == f"apart[{capsules.pair_names[0]}]"
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(BadResidual, match="two ends"):
+        gaps(Block("e", (3, 3), "m").symbol, RADII, PAIR)
+    with pytest.raises(BadResidual, match="radii"):
+        gaps(ENDS.symbol, np.ones(3), PAIR)
+    with pytest.raises(BadResidual, match="from 0 to 1"):
+        gaps(ENDS.symbol, RADII, [[0, 2]])
+    with pytest.raises(BadResidual, match="at least 2 spheres"):
+        spheres(ENDS.symbol, RADII, PAIR, sigma=1.0, per_capsule=1)
+
+
+def test_a_body_that_penetrates_is_pushed_apart() -> None:
+    """By the hinge to about a millimetre, and by a constraint to its tolerance."""
+    body, rng = load_body("small"), np.random.default_rng(3)
+    poses = draw_poses(shipped_mixture(), 60, rng)
+    gaps_of = capsule_gaps(body, poses)
+    k = int(np.argmin(gaps_of.min(axis=1)))
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    observed = Block("observed", (24, 3), "m")
+    data = residuals.landmarks(body.joint_points(pose, betas, trans), observed.symbol, sigma=0.01)
+    ends, radii = capsule_points(body, pose, betas, trans), body.capsules.radii_in(betas)
+    near = np.argsort(gaps_of[k])[:20]
+    pairs = body.capsules.pairs[near]
+    start = body.start() | {"pose": poses[k], "observed": body.joints(poses[k])}
+    base = [data, pose_prior(body)]
+    hinge = residuals.apart(ends, radii, pairs, sigma=1e-4)
+    limit = Constraint(
+        "apart", residuals.gaps(ends, radii, pairs), 0.0, unit="m", points=(ends,), tolerance=1e-4
+    )
+    free = ("pose", "trans")
+    ends_of = {
+        "without": solve(Problem(base, free, blocks=[observed]), start),
+        "hinge": solve(Problem([*base, hinge], free, blocks=[observed]), start),
+        "sqp": SOLVERS["sqp"].solve(
+            Problem(base, free, blocks=[observed], constraints=[limit]), start
+        ),
+    }
+    deepest = {
+        name: -capsule_gaps(body, s.values["pose"])[near].min() for name, s in ends_of.items()
+    }
+    assert deepest["without"] > 0.1
+    assert deepest["hinge"] < 1e-3
+    assert deepest["sqp"] < 2e-4
+    assert ends_of["without"].cost < min(ends_of["hinge"].cost, ends_of["sqp"].cost)

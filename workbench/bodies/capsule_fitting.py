@@ -1,0 +1,282 @@
+"""Capsules fitted to the people of a body's shape space, all of them at once.
+
+Each vertex belongs to the capsule of the joint that moves it most, or of that joint's nearest
+ancestor which has one. The ends and the radius of a capsule are affine in betas, and minimise
+
+    sum over people and vertices of (|v - segment| - r)^2
+        + sum over people and points s on the capsule of |s - nearest vertex|^2 (along the normal)
+
+by Gauss-Newton; the nearest places are held in each step. Fitting each person alone, and then
+regressing, does not work: capsules of similar people end in different basins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from workbench.arrays import Array, Index, Mask
+from workbench.bodies.capsules import Capsules, segment_distances
+from workbench.bodies.skinned import SkinnedBody
+from workbench.errors import BadBody
+from workbench.geometry.mirror import REFLECTION, opposite
+
+BONES = {  # a capsule for each of these joints of SMPL, and what it is called
+    "pelvis": "pelvis",
+    "spine1": "belly",
+    "spine2": "ribs",
+    "spine3": "chest",
+    "neck": "neck",
+    "head": "head",
+    **{
+        f"{side}_{joint}": f"{side}_{part}"
+        for side in ("left", "right")
+        for joint, part in (
+            ("hip", "thigh"),
+            ("knee", "shin"),
+            ("ankle", "foot"),
+            ("shoulder", "upper_arm"),
+            ("elbow", "forearm"),
+            ("wrist", "hand"),
+            ("hand", "fingers"),
+        )
+    },
+}  # collars carry few vertices, which belong to the chest
+INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
+STEPS = 25
+BACK = 0.35  # how much the distances from the capsule to the person count
+ALONG, AROUND = 6, 8  # points on a capsule
+
+
+def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules:
+    """Capsules of a body, fitted to so many people drawn from its shape space.
+
+    It takes a few seconds. Give them to a body of your own by
+    `dataclasses.replace(body, capsules=fit_capsules(body))`. Where the body has a mirror, the
+    capsules of both sides are mirror images. A pair may touch if no joint separates fewer than
+    two others of them, and they do not overlap in the rest pose.
+
+    Raises BadBody for a body that has none of SMPL's joints, by which capsules are chosen.
+    """
+    chosen = [name for name in body.joint_names if name in BONES]
+    if not chosen:
+        raise BadBody(
+            f"body {body.name!r} has none of the joints of SMPL after which capsules are named, "
+            "such as left_elbow; make Capsules(...) of your own"
+        )
+    betas = np.random.default_rng(seed).standard_normal((people, body.n_betas))
+    parts = parts_of_capsules(body)
+    fitted: dict[str, Array] = {}
+    for joint in chosen:
+        if opposite(joint) in fitted and body.mirror is not None:
+            fitted[joint] = _reflected(fitted[opposite(joint)])
+        elif parts[joint].any():
+            fitted[joint] = _fit(body, joint, parts[joint], betas)
+    return _capsules(body, fitted, betas)
+
+
+def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
+    """For each joint that has a capsule, which vertices (N,) the capsule stands for.
+
+    What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
+    """
+    owner = list(range(body.n_joints))
+    for k, name in enumerate(body.joint_names):
+        if name not in BONES and k:
+            owner[k] = owner[body.parents[k]]
+    of_vertex = np.array(owner)[body.weights.argmax(axis=1)]
+    found = {}
+    for k, name in enumerate(body.joint_names):
+        if name in BONES:
+            mask = of_vertex == k
+            if name == "head":
+                mask = mask & ~_inner(body.template, mask)
+            found[name] = mask
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """Which ends and radius (7,) a capsule may have: matrix (7, p), from p numbers."""
+
+    matrix: Array
+
+
+FREE = _Form(np.eye(7))
+UPRIGHT = _Form(np.delete(np.eye(7), (0, 3), axis=1))  # both ends on the midline
+ACROSS = _Form(  # one end the mirror image of the other
+    np.vstack([np.eye(3, 4), np.diag(REFLECTION) @ np.eye(3, 4), [[0.0, 0.0, 0.0, 1.0]]])
+)
+
+
+def _fit(body: SkinnedBody, joint: str, part: Mask, betas: Array) -> Array:
+    """Ends and radius (7, 1 + B) of one capsule; of several forms the one of the least cost."""
+    people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
+    forms = [FREE] if body.mirror is None or opposite(joint) != joint else [UPRIGHT, ACROSS]
+    fits = [_gauss_newton(body.template[part], people, part, betas, form) for form in forms]
+    return min(fits, key=lambda fit: fit[1])[0]
+
+
+def _gauss_newton(
+    rest: Array, people: Array, part: Mask, betas: Array, form: _Form
+) -> tuple[Array, float]:
+    M = form.matrix
+    powers = np.hstack([np.ones((len(betas), 1)), betas])  # (m, 1 + B)
+    q = np.zeros((M.shape[1], powers.shape[1]))
+    q[:, 0] = np.linalg.lstsq(M, _first(rest, form), rcond=None)[0]
+    trees = [cKDTree(person) for person in people]
+    best, least = q, np.inf
+    for _ in range(STEPS):
+        capsules = powers @ (M @ q).T  # (m, 7)
+        rows = [
+            _rows(capsule, person, part, tree)
+            for capsule, person, tree in zip(capsules, people, trees, strict=True)
+        ]
+        cost = float(sum(r @ r for r, _ in rows))
+        if cost < least:
+            best, least = q.copy(), cost
+        normal = np.zeros((q.size, q.size))
+        slope = np.zeros(q.size)
+        for (r, J), power in zip(rows, powers, strict=True):
+            inner = J @ M
+            normal += np.kron(inner.T @ inner, np.outer(power, power))
+            slope += np.kron(inner.T @ r, power)
+        damping = 1e-4 * np.trace(normal) / q.size
+        q = q - np.linalg.solve(normal + damping * np.eye(q.size), slope).reshape(q.shape)
+    return M @ best, least
+
+
+def _rows(capsule: Array, person: Array, part: Mask, tree: cKDTree) -> tuple[Array, Array]:
+    """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7).
+
+    Points of the capsule that are nearer to another part of the person count for nothing.
+    """
+    a, b, r = capsule[:3], capsule[3:6], capsule[6]
+    distance, t, normal = _from_segment(person[part], a, b)
+    scale = 1 / np.sqrt(len(distance))
+    r1 = scale * (distance - r)
+    J1 = scale * np.hstack(
+        [-(1 - t)[:, None] * normal, -t[:, None] * normal, -np.ones((len(t), 1))]
+    )
+    samples, t, normal = _surface(a, b, r)
+    _, nearest = tree.query(samples)
+    scale = BACK * part[nearest] / np.sqrt(len(samples))
+    r2 = scale * np.einsum("nc,nc->n", samples - person[nearest], normal)
+    J2 = scale[:, None] * np.hstack(
+        [(1 - t)[:, None] * normal, t[:, None] * normal, np.ones((len(t), 1))]
+    )
+    return np.concatenate([r1, r2]), np.vstack([J1, J2])
+
+
+def _from_segment(points: Array, a: Array, b: Array) -> tuple[Array, Array, Array]:
+    """Distance (n,), place t (n,) from 0 to 1, and direction (n, 3) from a segment to points."""
+    u = b - a
+    t = np.clip((points - a) @ u / np.maximum(u @ u, 1e-18), 0, 1)
+    off = points - a - t[:, None] * u
+    distance = np.linalg.norm(off, axis=1)
+    return distance, t, off / np.maximum(distance, 1e-12)[:, None]
+
+
+def _surface(a: Array, b: Array, r: float) -> tuple[Array, Array, Array]:
+    """Points on a capsule (n, 3), their places t (n,) on its segment, and normals (n, 3)."""
+    u = b - a
+    length = float(np.linalg.norm(u))
+    axis = u / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
+    x = np.cross(axis, np.eye(3)[int(np.argmin(abs(axis)))])
+    x /= np.linalg.norm(x)
+    y = np.cross(axis, x)
+    angle = 2 * np.pi * np.arange(AROUND) / AROUND
+    ring = np.outer(np.cos(angle), x) + np.outer(np.sin(angle), y)
+    places, normals = [], []
+    for t in np.linspace(0, 1, ALONG):
+        places.append(np.full(AROUND, t))
+        normals.append(ring)
+    for t, sign in ((0.0, -1.0), (1.0, 1.0)):
+        slanted = (ring + sign * axis) / np.sqrt(2)
+        places.append(np.full(AROUND + 1, t))
+        normals.append(np.vstack([slanted, sign * axis]))
+    t, n = np.concatenate(places), np.vstack(normals)
+    return a + t[:, None] * u + r * n, t, n
+
+
+def _first(rest: Array, form: _Form) -> Array:
+    """Ends and radius (7,) from the principal axes of the vertices, as the form allows them."""
+    middle = rest.mean(axis=0)
+    directions = np.linalg.svd(rest - middle, full_matrices=False)[2]
+    axis = {id(UPRIGHT): np.array([0.0, 1.0, 0.0]), id(ACROSS): np.array([1.0, 0.0, 0.0])}.get(
+        id(form), directions[0]
+    )
+    along = (rest - middle) @ axis
+    r = float(np.median(np.linalg.norm(rest - middle - along[:, None] * axis, axis=1)))
+    low, high = (float(x) for x in np.quantile(along, (0.02, 0.98)))
+    half = max((high - low) / 2 - r, 0.01)
+    centre = middle + (low + high) / 2 * axis
+    return np.concatenate([centre - half * axis, centre + half * axis, [r]])
+
+
+def _inner(template: Array, part: Mask) -> Mask:
+    try:
+        planes = ConvexHull(template[part]).equations
+    except (QhullError, ValueError):
+        return np.zeros(len(part), dtype=bool)
+    depth = -(template @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    return np.asarray(depth > INNER)
+
+
+def _reflected(fit: Array) -> Array:
+    return np.concatenate([REFLECTION, REFLECTION, [1.0]])[:, None] * fit
+
+
+def _capsules(body: SkinnedBody, fitted: dict[str, Array], betas: Array) -> Capsules:
+    arrays = np.array(list(fitted.values()))  # (C, 7, 1 + B)
+    C, B = len(arrays), body.n_betas
+    joints = [body.joint_names.index(joint) for joint in fitted]
+    made = Capsules(
+        tuple(BONES[joint] for joint in fitted),
+        np.array(joints),
+        arrays[:, :6, 0].reshape(C, 2, 3),
+        arrays[:, :6, 1:].reshape(C, 2, 3, B),
+        arrays[:, 6, 0],
+        arrays[:, 6, 1:],
+        _pairs(body, joints),
+    )
+    return _without_overlaps(made, betas)
+
+
+def _pairs(body: SkinnedBody, joints: list[int]) -> Index:
+    """Pairs that are not neighbours on the tree of the joints that have capsules."""
+    above = {}
+    for k in joints:
+        parent = body.parents[k]
+        while parent not in joints and parent >= 0:
+            parent = body.parents[parent]
+        above[k] = parent
+    found = [
+        (i, j)
+        for j in range(len(joints))
+        for i in range(j)
+        if (
+            above[joints[j]] != joints[i]
+            and above[joints[i]] != joints[j]
+            and above[joints[i]] != above[joints[j]]
+        )
+        or _across(body, joints[i], joints[j])
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _across(body: SkinnedBody, i: int, j: int) -> bool:
+    """Whether two joints are each other's mirror image."""
+    return i != j and opposite(body.joint_names[i]) == body.joint_names[j]
+
+
+def _without_overlaps(made: Capsules, betas: Array) -> Capsules:
+    """The same capsules; pairs that overlap at rest in most people are no pairs."""
+    ends = np.array([made.ends_of(b) for b in betas])
+    gaps = segment_distances(ends[:, :, 0], ends[:, :, 1], made.pairs)
+    radii = made.radii_of(betas)
+    gaps = gaps - radii[:, made.pairs[:, 0]] - radii[:, made.pairs[:, 1]]
+    apart = np.mean(gaps < 0, axis=0) < 0.5
+    return replace(made, pairs=made.pairs[apart])

@@ -1,0 +1,60 @@
+"""The capsules of a body where a pose takes them, in symbols and in numbers, and their gaps."""
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Points
+from workbench.bodies.body import Given
+from workbench.bodies.capsules import Capsules, segment_distances
+from workbench.bodies.forward import evaluation, sources
+from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.skinned_only import not_skinned
+from workbench.errors import BadBody
+
+
+def capsules_of(body: SkinnedBody) -> Capsules:
+    """The capsules of a body. Raises BadBody for a body that has none, or is no SkinnedBody."""
+    if reason := not_skinned(body, "capsules", "take one"):
+        raise BadBody(reason)
+    if body.capsules is None:
+        raise BadBody(
+            f"body {body.name!r} has no capsules; make them with "
+            "dataclasses.replace(body, capsules=fit_capsules(body))"
+        )
+    return body.capsules
+
+
+def capsule_points(body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
+    """Start and end of each capsule in turn, posed, (3, 2 C) m.
+
+    Their radii are `body.capsules.radii_in(betas)`. Raises BadBody for a body without capsules.
+    """
+    at, capsules = Arguments(body, pose, betas, trans), capsules_of(body)
+    return Points.of(sources.capsule_points(body, at, body.numeric, capsules), "capsules")
+
+
+def capsule_ends(
+    body: SkinnedBody, pose: Given = None, betas: Given = None, trans: Given = None
+) -> Array:
+    """Start and end of each capsule, posed, (..., C, 2, 3) m. Raises BadBody without any."""
+    capsules = capsules_of(body)
+    batch, theta, beta, move = evaluation.arguments(body, pose, betas, trans)
+    points = body.numeric.capsules(capsules).evaluate_batch(theta, beta, move)
+    return points.reshape(*batch, len(capsules.names), 2, 3)
+
+
+def capsule_gaps(
+    body: SkinnedBody, pose: Given = None, betas: Given = None, trans: Given = None
+) -> Array:
+    """The distances (..., P) m of the surfaces of `capsules.pairs`; below zero they overlap.
+
+    Raises BadBody for a body without capsules.
+    """
+    capsules, ends = capsules_of(body), capsule_ends(body, pose, betas, trans)
+    _, _, beta, _ = evaluation.arguments(body, pose, betas, trans)
+    radii = capsules.radii_of(beta).reshape(*ends.shape[:-2])
+    i, j = capsules.pairs.T
+    apart = segment_distances(ends[..., 0, :], ends[..., 1, :], capsules.pairs)
+    return np.asarray(apart - radii[..., i] - radii[..., j])
