@@ -133,6 +133,7 @@ FITS = (
 
 
 OWN = tuple(f"body-points-{model}" for model in ("lbs", "smpl", "scape", "blend-scape"))
+SKINNED = ("markers", "self-contact")  # of offsets and capsules, which only skinned bodies have
 CHOOSING = tuple(  # the experiments that let their body be chosen
     one.name
     for one in (*EXPERIMENTS.values(), *chain.from_iterable(SUITES.values()))
@@ -146,12 +147,20 @@ def test_the_fits_and_those_that_make_their_own_bodies_let_the_body_be_chosen() 
     assert len(CHOOSING) > len(FITS) + len(OWN)
 
 
-@pytest.mark.parametrize("experiment", [name for name in CHOOSING if name not in (*FITS, *OWN)])
+@pytest.mark.parametrize(
+    "experiment", [name for name in CHOOSING if name not in (*FITS, *OWN, *SKINNED)]
+)
 def test_every_other_problem_that_lets_its_body_be_chosen_takes_one(experiment: str) -> None:
     setup = find(experiment, {"body": "small-scape"}).setup()
-    assert isinstance(setup.body, TriangleBody)
+    assert isinstance(setup.body or (setup.moving and setup.moving.body), TriangleBody)
     assert setup.problem.free.size > 3
     assert np.isfinite(setup.problem.linearize(setup.start).cost)
+
+
+@pytest.mark.parametrize("experiment", SKINNED)
+def test_experiments_of_skinned_bodies_refuse_a_triangle_body(experiment: str) -> None:
+    with pytest.raises(BadArgument, match="small-scape"):
+        find(experiment, {"body": "small-scape"}).setup()
 
 
 @pytest.mark.parametrize("experiment", OWN)

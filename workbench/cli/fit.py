@@ -167,9 +167,13 @@ def fit(
     For a folder of images the results are in runs/fit-FOLDER/, and a command that was interrupted
     continues where it stopped.
     """
-    for option, number in (("--sigma", sigma), ("--focal", focal), ("--fps", fps)):
+    for option, what, number in (
+        ("--sigma", "a number", sigma),
+        ("--focal", "a length in px", focal),
+        ("--fps", "a number", fps),
+    ):
         if number is not None and not 0 < number < math.inf:
-            raise BadArgument(f"{option} takes a number above 0, not {number:g}")
+            raise BadArgument(f"{option} takes {what} above 0, not {number:g}")
     if workers < 1:
         raise BadArgument(f"--workers takes 1 or more, not {workers}")
     if solver is not None:

@@ -15,10 +15,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import check_known
-from workbench.experiments.balance_video import balance_video
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
-from workbench.experiments.self_contact import self_contact
 from workbench.experiments.synthetic_cameras import SIZE, looking_in
 from workbench.experiments.synthetic_people import (
     MADE_OF_THE_MODEL,
@@ -239,8 +237,6 @@ BODIES = (
     Experiment(
         "body-one-camera", body_cameras, "keypoints in one image, and priors", {"cameras": 1}
     ),
-    Experiment("balance-video", balance_video, "the real person in five frames of one camera"),
-    Experiment("self-contact", self_contact, "a pose that goes through the body, kept apart"),
     Experiment("body-video", body_video, "a walk in eight frames, one shape for all of them"),
     Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
     Experiment(

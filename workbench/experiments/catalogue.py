@@ -8,11 +8,13 @@ from typing import Any
 from workbench.errors import BadArgument, BadFile, UnknownName, check_known
 from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
+from workbench.experiments.balance_video import balance_video
 from workbench.experiments.correspondences import known_correspondences, shape_from_landmarks
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.markers import markers
 from workbench.experiments.own_file import BESIDE, ENOUGH, run_file
 from workbench.experiments.registration import registration
+from workbench.experiments.self_contact import self_contact
 from workbench.experiments.suites import SUITES
 from workbench.experiments.user_errors import user_errors
 from workbench.fitting.setup import Setup
@@ -22,6 +24,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
     for experiment in (
         Experiment("balance", balance, "a real person on a beam, four cameras"),
         Experiment("balance-monocular", balance_monocular, "a real person on a beam, one camera"),
+        Experiment("balance-video", balance_video, "the real person in five frames of one camera"),
         Experiment(
             "known-correspondences",
             known_correspondences,
@@ -30,6 +33,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment("landmarks", shape_from_landmarks, "shape from 3D joints alone"),
         Experiment("markers", markers, "motion capture: shape, poses and places of 41 markers"),
         Experiment("registration", registration, "a person who is not in the shape space"),
+        Experiment("self-contact", self_contact, "a pose that goes through the body, kept apart"),
     )
 }
 

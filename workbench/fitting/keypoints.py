@@ -66,6 +66,8 @@ def keypoint_setup(
     kind, held_out = landmark_set(body), names(held_out)
     landmarks = body.landmark_names(kind)
     photographs = observations.ordered(landmarks).photographs
+    if all(photo.name in held_out for photo in photographs):
+        raise BadObservation("there is no image to fit; hold out fewer")
     problem, cameras, priors = of.of(photographs, held_out)
     start, views = body.start(), []
     for camera, photo in zip(cameras, photographs, strict=True):
