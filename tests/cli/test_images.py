@@ -6,31 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner, Result
 
 from tests.fitting.test_image_fit import SIZE, written
-from workbench.cli import main
+from workbench.cli.app import app
+from workbench.errors import WorkbenchError
 
 OPTIONS = ("--size", f"{SIZE[0]}x{SIZE[1]}", "--focal", "1100", "--body", "small")
 
 
-def fit(*arguments: str) -> int:
-    """The exit code of the command."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", ["workbench", "fit", *arguments])
-        try:
-            main()
-        except SystemExit as end:
-            return int(end.code or 0)
-    return 0
+def fit(*arguments: str) -> Result:
+    """What the command did, in this process, whose handlers of signals stay as they are."""
+    return CliRunner().invoke(app, ["fit", *arguments])
 
 
-def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: Path) -> None:
     images, out = tmp_path / "images", tmp_path / "runs"
     images.mkdir()
     files = written(images, 3)
-    assert fit(str(images), *OPTIONS, "--out", str(out)) == 0
+    assert fit(str(images), *OPTIONS, "--out", str(out)).exit_code == 0
     folder = out / "fit-images"
     first = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert len(first) == 6
@@ -39,27 +33,25 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(
     with np.load(folder / "poses.npz") as poses:
         assert poses["pose"].shape == (3, 24, 3)
         assert poses["file"].tolist() == ["frame0", "frame1", "frame2"]
-    capfd.readouterr()
     files[1].write_text(files[2].read_text())
-    assert fit(str(images), *OPTIONS, "--out", str(out)) == 0
-    assert "2 of 3 images are fitted already" in capfd.readouterr().out
+    told = fit(str(images), *OPTIONS, "--out", str(out))
+    assert "2 of 3 images are fitted already" in told.output
     again = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert {name for name in first if again[name] != first[name]} == {"frame1.npz", "frame1.json"}
-    assert fit(str(images), *OPTIONS, "--sigma", "8", "--out", str(out)) == 0
+    assert fit(str(images), *OPTIONS, "--sigma", "8", "--out", str(out)).exit_code == 0
     changed = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert all(changed[name] != again[name] for name in again)
 
 
-def test_a_file_that_cannot_be_read_does_not_end_the_others(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_cannot_be_read_does_not_end_the_others(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
     written(images, 1)
     (images / "broken.json").write_text("{")
     (images / "notes.txt").write_text("mine")
-    assert fit(str(images), *OPTIONS, "--out", str(tmp_path / "runs")) == 1
-    said = capfd.readouterr().out
+    told = fit(str(images), *OPTIONS, "--out", str(tmp_path / "runs"))
+    assert told.exit_code == 1
+    said = told.output
     assert "not fitted: broken" in said
     assert "notes.txt" in said
     page = (tmp_path / "runs" / "fit-images" / "index.html").read_text()
@@ -71,7 +63,7 @@ def test_one_image_has_a_page_with_its_hypotheses(tmp_path: Path) -> None:
     (file,) = written(tmp_path, 1)
     out = tmp_path / "runs"
     arguments = (str(file), *OPTIONS, "--height", "1.7", "--hypotheses", "3", "--out", str(out))
-    assert fit(*arguments) == 0
+    assert fit(*arguments).exit_code == 0
     page = (out / "frame0" / "index.html").read_text()
     assert "stature" in page
     summary = json.loads((out / "frame0" / "summary.json").read_text())
@@ -86,17 +78,15 @@ def test_one_image_has_a_page_with_its_hypotheses(tmp_path: Path) -> None:
         (("--workers", "0"), "1 or more"),
     ],
 )
-def test_mistakes(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
-) -> None:
+def test_mistakes(tmp_path: Path, arguments: tuple[str, ...], said: str) -> None:
     (file,) = written(tmp_path, 1)
-    assert fit(str(file), *OPTIONS, *arguments, "--out", str(tmp_path / "runs")) == 2
-    captured = capfd.readouterr()
-    assert said in captured.err + captured.out
+    told = fit(str(file), *OPTIONS, *arguments, "--out", str(tmp_path / "runs"))
+    assert isinstance(told.exception, WorkbenchError)
+    assert said in str(told.exception)
 
 
-def test_a_folder_without_keypoints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_keypoints(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    assert fit(str(tmp_path / "empty"), *OPTIONS, "--out", str(tmp_path / "runs")) == 2
-    captured = capfd.readouterr()
-    assert "holds no keypoints" in captured.err + captured.out
+    told = fit(str(tmp_path / "empty"), *OPTIONS, "--out", str(tmp_path / "runs"))
+    assert isinstance(told.exception, WorkbenchError)
+    assert "holds no keypoints" in str(told.exception)
