@@ -73,7 +73,7 @@ def test_experiments_get_what_they_ask_for() -> None:
         find("balance", {"frame": "1.5"})
     with pytest.raises(UnknownName, match="no argument of balance is called 'frames'"):
         find("balance", {"frames": 1})
-    with pytest.raises(UnknownName, match=r"registration, the members .*, or give a FILE\.py$"):
+    with pytest.raises(UnknownName, match=r"self-contact, the members .*, or give a FILE\.py$"):
         find("balanse")
 
 
