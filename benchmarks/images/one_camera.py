@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import machine
+from benchmarks.images.limbs import limbs, mean_distance, mpjpe
 from benchmarks.keeping import keep, write_between
 from workbench import load_body, solve
 from workbench.arrays import Array
@@ -30,7 +31,7 @@ from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight, WithStature, smplify
 from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.keypoints import keypoint_setup
-from workbench.fitting.observations import SIDES, Observations
+from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.geometry.rigid import umeyama
@@ -42,11 +43,6 @@ HERE = Path(__file__).parent.parent
 RESULTS, PAGE = HERE / "results" / "images.json", HERE / "IMAGES.md"
 BEGIN = "<!-- from here on written by `python -m benchmarks.images.one_camera` -->"
 END = "<!-- up to here -->"
-LIMBS = tuple(
-    f"{side}_{part}"
-    for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    for side in SIDES
-)
 FAILED = 150.0  # mm: a fit that is farther off on average
 REPORTED = range(0, 100, 4)  # frames of `balance`; recipes were chosen on 2, 10, ..., 98
 STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
@@ -144,28 +140,22 @@ def errors(found: Array, truth: Array) -> dict[str, float]:
     """Mean distances in mm of limbs (12, 3) m: from the middle of the hips, after Procrustes, and
     in space.
     """
-    hips = [LIMBS.index(f"{side}_hip") for side in SIDES]
-
-    def mean(a: Array, b: Array) -> float:
-        return float(1e3 * np.linalg.norm(a - b, axis=1).mean())
-
     return {
-        "MPJPE": mean(found - found[hips].mean(axis=0), truth - truth[hips].mean(axis=0)),
-        "PA": mean(umeyama(found, truth)(found), truth),
-        "absolute": mean(found, truth),
+        "MPJPE": mpjpe(found, truth),
+        "PA": mean_distance(umeyama(found, truth)(found), truth),
+        "absolute": mean_distance(found, truth),
     }
 
 
 def measured(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
     """Errors of all cases and CPU milliseconds; the first case is fitted twice, to warm up."""
-    limbs = [body.landmark_names("coco").index(name) for name in LIMBS]
     each: dict[str, list[float]] = {"MPJPE": [], "PA": [], "absolute": [], "ms": []}
     for case in [cases[0], *cases]:
         began = time.process_time()
         solution, _ = fit(case)
         took = 1e3 * (time.process_time() - began)
         found = body.landmark("coco", *(solution.values[block.name] for block in body.blocks()))
-        told = errors(found[limbs], case.truth[limbs]) | {"ms": took}
+        told = errors(limbs(body, found), limbs(body, case.truth)) | {"ms": took}
         for name, value in told.items():
             each[name].append(value)
     return {name: values[1:] for name, values in each.items()}
@@ -204,10 +194,9 @@ def line(found: dict[str, list[float]]) -> str:
     """The cells of a row of a table."""
     n = len(found["MPJPE"])
     failed = sum(value > FAILED for value in found["MPJPE"])
-    found_rate = rate(failed, n)
-    low, high = found_rate.low, found_rate.high
+    share = rate(failed, n)
     cells = [f"{np.mean(found[name]):.1f}" for name in ("MPJPE", "PA", "absolute")]
-    cells.append(f"{100 * failed / n:.1f} % ({100 * low:.0f} to {100 * high:.0f})")
+    cells.append(f"{100 * failed / n:.1f} % ({100 * share.low:.0f} to {100 * share.high:.0f})")
     cells.append(f"{np.median(found['ms']):.0f}")
     return " | ".join(cells)
 

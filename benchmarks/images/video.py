@@ -16,25 +16,24 @@ from typing import Any
 import numpy as np
 
 from benchmarks import machine
-from benchmarks.keeping import keep
+from benchmarks.images.limbs import limbs, mpjpe
+from benchmarks.keeping import keep, write_between
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.experiments.balance import balance, published
 from workbench.experiments.balance_video import balance_clip
-from workbench.fitting.observations import LIMBS, SIDES
 from workbench.fitting.setup import Setup
 from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Problem
 from workbench.solvers import TrustRegion
 
-RESULTS = Path(__file__).parents[1] / "results" / "images-video.json"
+HERE = Path(__file__).parents[1]
+RESULTS, PAGE = HERE / "results" / "images-video.json", HERE / "VIDEO.md"
 PARTS = {"tuning": range(45), "report": range(55, 100), "whole": range(100)}
 SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
-NAMES = [f"{side}_{part}" for side in SIDES for part in LIMBS]
-HIPS = [NAMES.index("left_hip"), NAMES.index("right_hip")]
 
 
 def truth(body: SkinnedBody, frames: Sequence[int]) -> tuple[Array, Array]:
@@ -48,21 +47,9 @@ def truth(body: SkinnedBody, frames: Sequence[int]) -> tuple[Array, Array]:
     return np.array(places), np.array(tall)
 
 
-def limbs(body: SkinnedBody, landmarks: Array) -> Array:
-    """The twelve limb landmarks of all (..., M, 3)."""
-    names = body.landmark_names("coco")
-    return landmarks[..., [names.index(name) for name in NAMES], :]
-
-
 def stature(body: SkinnedBody, betas: Array) -> float:
     """The height of the body at rest, mm."""
     return 1e3 * float(np.ptp(body.vertices(betas=betas)[:, 1]))
-
-
-def mpjpe(found: Array, true: Array) -> float:
-    """The mean distance after the middles of the hips were brought together, mm."""
-    found, true = (x - x[:, HIPS].mean(axis=1, keepdims=True) for x in (found, true))
-    return 1e3 * float(np.linalg.norm(found - true, axis=-1).mean())
 
 
 def acceleration(places: Array) -> float:
@@ -179,6 +166,14 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def marks(part: str) -> tuple[str, str]:
+    """Between these lines of the page the command writes the table of a part."""
+    return (
+        f"<!-- {part}: written by `python -m benchmarks.images.video` -->",
+        f"<!-- {part}: end -->",
+    )
+
+
 def means(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     """The mean distances over the cameras of one part, mm."""
     names = "apart", "together", "independent"
@@ -202,6 +197,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(table(found[part]), flush=True)
     if not asked.dry:
         keep(RESULTS, found | {"machine": machine.description()}, 4)
+        kept = json.loads(RESULTS.read_text())
+        for part in asked.parts:
+            write_between(PAGE, *marks(part), table(kept[part]))
 
 
 if __name__ == "__main__":

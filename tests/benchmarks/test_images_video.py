@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.images.video import HIPS, NAMES, RESULTS, acceleration, means, mpjpe, table
+from benchmarks.images.limbs import HIPS, NAMES, mpjpe
+from benchmarks.images.video import PAGE as FILE
+from benchmarks.images.video import RESULTS, acceleration, means, table
 
-PAGE = (RESULTS.parents[1] / "VIDEO.md").read_text()
+PAGE = FILE.read_text()
 FOUND = json.loads(RESULTS.read_text())
 PARTS = [part for part in ("tuning", "report", "whole") if part in FOUND]
 

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.fitting.test_image_fit import SIZE, written
+from tests.fitting.test_image_fit import BODY, SIZE, written
+from workbench import LevenbergMarquardt
 from workbench.cli.app import app
 from workbench.errors import WorkbenchError
+from workbench.fitting.image_jobs import ImageReading, ImageWork
+from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.reports.image_folder import ImageFolder
 
 OPTIONS = ("--size", f"{SIZE[0]}x{SIZE[1]}", "--focal", "1100", "--body", "small")
 
@@ -41,6 +45,31 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: P
     assert fit(str(images), *OPTIONS, "--sigma", "8", "--out", str(out)).exit_code == 0
     changed = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert all(changed[name] != again[name] for name in again)
+
+
+def test_what_a_fit_depends_on_is_in_its_key(tmp_path: Path) -> None:
+    lens = tmp_path / "lens.json"
+    lens.write_text("{}")
+
+    def key(recipe: ByHeight, calibration: Path | None = None) -> str:
+        work = ImageWork(BODY, recipe, ImageReading(SIZE, calibration=calibration))
+        return ImageFolder(tmp_path / "runs", work, "small", "source").key_of_work()
+
+    recipes = [
+        ByHeight(),
+        ByHeight(strict=0.05),
+        ByHeight(outlier=0.1),
+        ByHeight(wide=(0.3,)),
+        ByHeight(priors=WithStature(1.7)),
+        ByHeight(priors=WithStature(1.8)),
+        ByHeight(solver=LevenbergMarquardt()),
+    ]
+    keys = [key(recipe) for recipe in recipes]
+    assert len(set(keys)) == len(keys)
+    assert key(ByHeight()) == keys[0]
+    before = key(ByHeight(), lens)
+    lens.write_text("{ }")
+    assert key(ByHeight(), lens) != before != keys[0]
 
 
 def test_a_file_that_cannot_be_read_does_not_end_the_others(tmp_path: Path) -> None:

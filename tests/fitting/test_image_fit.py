@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench import LevenbergMarquardt, Problem, load_body
+from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
 from workbench.fitting.image_fit import ImageFits, image_fit
@@ -288,6 +288,23 @@ def test_each_image_of_a_folder_is_fitted_by_itself(tmp_path: Path) -> None:
     assert isinstance(again, FittedImage)
     assert isinstance(found[1], FittedImage)
     np.testing.assert_array_equal(again.values["pose"], found[1].values["pose"])
+
+
+def test_an_interrupt_within_a_fit_ends_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Solvers keep it for their own end; what they found until then is no fit to be kept."""
+    jobs = image_jobs(written(tmp_path, 1))
+    as_usual = LevenbergMarquardt.solve
+
+    def interrupted(
+        solver: LevenbergMarquardt, problem: Problem, start: Values, **_: object
+    ) -> Solution:
+        return replace(as_usual(solver, problem, start), status=Status.STOPPED)
+
+    monkeypatch.setattr(LevenbergMarquardt, "solve", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        ImageWork(BODY, reading=ImageReading(SIZE, 1100.0))(jobs)
 
 
 def test_files_of_the_same_name_are_refused() -> None:

@@ -209,7 +209,7 @@ def fit(
             focal=focal,
             person=person,
         )
-        fit_video(given.console, first, clip, model, sigma or 4.0, given.named, out)
+        fit_video(given.console, first, clip, model, recipe.sigma, given.named, out)
     elif first.is_dir():
         single = {"--compare": compare, "--solver": solver is not None}
         given.mind(single | moving | of_markers, "it is not for a folder of images")

@@ -15,7 +15,7 @@ from workbench.experiments import Experiment
 from workbench.fitting.marker_files import MarkerRecording, read_markers
 from workbench.fitting.marker_frames import spread_frames
 from workbench.fitting.marker_sets import MarkerSet, default_markers, matched, read_marker_set
-from workbench.fitting.markers import SIGMA, marker_fit, marker_solver
+from workbench.fitting.markers import SIGMA, marker_fit, marker_solver, rms_of_markers
 from workbench.fitting.mosh import FRAMES, frames_that_place, pose_every_frame
 from workbench.fitting.setup import Setup
 from workbench.solvers import Solver
@@ -83,8 +83,7 @@ def fit_markers(
 def _worst(worn: MarkerSet, errors: np.ndarray, recording: MarkerRecording) -> str:
     """A sentence on the markers that fit worst over all frames."""
     off = 1e3 * errors
-    seen = np.isfinite(off)
-    each = np.sqrt(np.nansum(off**2, axis=0) / np.maximum(seen.sum(axis=0), 1))
+    each = rms_of_markers(off)
     worst = np.argsort(-each, kind="stable")[:WORST]
     named = ", ".join(f"{escape(worn.names[m])} {each[m]:.1f}" for m in worst)
     whole = float(np.sqrt(np.nanmean(off**2)))

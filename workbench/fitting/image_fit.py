@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.keypoints import LEAST_CONFIDENCE, keypoint_setup
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
-from workbench.residuals.kernels import geman_mcclure, quadratic, scaled
+from workbench.residuals.kernels import geman_mcclure, scaled
 from workbench.solvers import Solver, Staged, Starts
 
 SUSPECT = 1 / 7  # of a person's height in the image
@@ -33,10 +34,14 @@ class ImageFits:
 
     body: SkinnedBody | TriangleBody
     recipe: Recipe = field(default_factory=ByHeight)
-    _made: dict[tuple[int, bool], tuple[ImageRecipe, KeypointProblem]] = field(
+    _made: dict[Appearance, tuple[ImageRecipe, KeypointProblem]] = field(
         default_factory=dict, init=False, repr=False
     )
-    _placing: list[KeypointProblem] = field(default_factory=list, init=False, repr=False)
+
+    @cached_property
+    def _placing(self) -> KeypointProblem:
+        """The problem of those setups that only say where the torso was seen."""
+        return KeypointProblem(self.body)
 
     def setup(
         self,
@@ -50,14 +55,11 @@ class ImageFits:
     ) -> Setup:
         """Pose, betas and trans of the body from the keypoints of one image.
 
-        The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts: the
-        body as it is placed by its torso, and then turned about its own axis. Other arguments and
-        errors are those of `keypoint_fit`.
+        The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts (see
+        `image_starts`). Other arguments and errors are those of `keypoint_fit`.
         """
         given = observations, question, held_out, reference, compared
-        if not self._placing:
-            self._placing.append(KeypointProblem(self.body, 1.0, quadratic))
-        placed = keypoint_setup(self._placing[0], *given)
+        placed = keypoint_setup(self._placing, *given)
         starts = image_starts(self.body, placed, hypotheses)
         first = placed.start | starts[0]
         recipe, of = self._for(appearance(placed, first))
@@ -73,13 +75,13 @@ class ImageFits:
     def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
         """The recipe and the problem for a person who looks nearly like this."""
         step = round(float(np.log(max(person.height, 1.0)) / np.log(STEP)))
-        key = step, person.suspects > 0
-        if key not in self._made:
-            recipe = self.recipe(Appearance(STEP**step, int(key[1])))
+        nearly = Appearance(STEP**step, person.suspect)
+        if nearly not in self._made:
+            recipe = self.recipe(nearly)
             kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
             problem = KeypointProblem(self.body, recipe.sigma, kernel, recipe.priors)
-            self._made[key] = recipe, problem
-        return self._made[key]
+            self._made[nearly] = recipe, problem
+        return self._made[nearly]
 
 
 def image_fit(
@@ -104,8 +106,8 @@ def image_fit(
 
 
 def appearance(setup: Setup, values: Values) -> Appearance:
-    """How high a person at the depth of a start would be in the image, and which of the keypoints
-    are suspected to be wrong: those farther from the start's than a seventh of that height.
+    """How high a person at the depth of a start would be in the image, and whether some keypoint
+    is suspect: farther from the start's than a seventh of that height.
     """
     view = next(view for view in setup.views if not view.held_out)
     body = setup.body
@@ -116,5 +118,5 @@ def appearance(setup: Setup, values: Values) -> Appearance:
     depth = float(np.median(view.camera.depths(found, values)))
     height = float(np.mean(values[view.camera.focal.name])) * stature / max(depth, 1e-3)
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
-    suspects = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
-    return Appearance(height, int(suspects.sum()))
+    suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
+    return Appearance(height, bool(suspect.any()))

@@ -1,6 +1,5 @@
 """Images in files as jobs: each is read and fitted by itself, here or in another process."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,16 +10,14 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadArgument, WorkbenchError, cut
+from workbench.fitting.file_jobs import check_names_differ, reason_of
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import reprojection_errors
-from workbench.interrupts import caused_by
+from workbench.solvers import Status
 
-LOG = logging.getLogger(__name__)
 AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
-LONGEST = 500  # letters of the reason of a failure
 
 
 @dataclass(frozen=True)
@@ -120,14 +117,10 @@ class ImageWork:
             setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)
             assert setup.strategy is not None
             solution = setup.strategy(None).solve(setup.problem, setup.start)
-        except WorkbenchError as error:
-            return FailedImage(job, cut(error, LONGEST))
         except Exception as error:
-            if caused_by(error, KeyboardInterrupt):
-                raise KeyboardInterrupt from error
-            LOG.warning("no body could be fitted to %s", job.path, exc_info=True)
-            reason = f"an unforeseen error, {type(error).__name__}: {error}"
-            return FailedImage(job, cut(reason, LONGEST))
+            return FailedImage(job, reason_of(error, job.path, "fit"))
+        if solution.status is Status.STOPPED:
+            raise KeyboardInterrupt  # the solver kept it for its own end
         if not np.isfinite(solution.cost):
             return FailedImage(job, f"the fit has no finite cost: {solution.message}")
         whole = setup.start | solution.values
@@ -154,14 +147,7 @@ class ImageWork:
 def image_jobs(files: Sequence[Path]) -> tuple[ImageJob, ...]:
     """A job for each file, by its name without the suffix. Raises BadArgument for two alike."""
     names = [path.stem for path in files]
-    folded = [name.casefold() for name in names]
-    for path, name in zip(files, folded, strict=True):
-        if folded.count(name) > 1:
-            same = [str(p) for p, n in zip(files, folded, strict=True) if n == name]
-            raise BadArgument(
-                f"{' and '.join(same)} have the same name, and results are stored under it; "
-                f"rename {path.name}, or fit them one after the other"
-            )
+    check_names_differ(files, names, "fit them")
     return tuple(ImageJob(name, path) for name, path in zip(names, files, strict=True))
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.keypoint_problem import Terms
+from workbench.fitting.keypoint_problem import Terms, usual_priors
 from workbench.fitting.stature import MEASURED, stature_prior
 from workbench.residuals import Residual, bending
 from workbench.residuals.bending import HINGES
@@ -38,7 +37,7 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     """Priors on pose and shape, and elbows and knees that do not bend backwards."""
     pose = body.blocks()[0]
     hinged = set(HINGES) & set(pose.labels or ())
-    return (pose_prior(body), shape_prior(body), *([bending(pose)] if hinged else []))
+    return (*usual_priors(body), *([bending(pose)] if hinged else []))
 
 
 def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
@@ -133,11 +132,11 @@ class Appearance:
 
     Attributes:
         height: how high the person would be in the image if they stood upright, in px.
-        suspects: how many keypoints lie far from where the start has them.
+        suspect: whether some keypoints lie far from where the start has them.
     """
 
     height: float
-    suspects: int = 0
+    suspect: bool = False
 
 
 def smplify(person: Appearance) -> ImageRecipe:
@@ -175,5 +174,5 @@ class ByHeight:
         """The recipe for a person of this appearance."""
         height = person.height
         stages = wider(self.sigma, *(share * height for share in self.wide), solver=ROUGHLY)
-        outlier = height * (self.strict if person.suspects else self.outlier)
+        outlier = height * (self.strict if person.suspect else self.outlier)
         return ImageRecipe(self.sigma, outlier, self.priors, stages, self.solver)

@@ -154,14 +154,20 @@ def marker_solver(solver: Solver | None = None) -> Staged:
     return Staged(STAGES, solver or TrustRegion())
 
 
-def seen_places(markers: ArrayLike, marker_set: MarkerSet) -> Array:
-    """Markers (T, M, 3) m as numbers. Raises BadArgument and BadObservation as `marker_fit`."""
-    observed, M = reals("markers", markers), len(marker_set.names)
-    if observed.ndim != 3 or observed.shape[1:] != (M, 3) or not len(observed):
+def checked_markers(markers: ArrayLike, marker_set: MarkerSet) -> Array:
+    """Markers (T, M, 3) m as numbers. Raises BadArgument for another shape, and NotNumbers."""
+    given, M = reals("markers", markers), len(marker_set.names)
+    if given.ndim != 3 or given.shape[1:] != (M, 3) or not len(given):
         raise BadArgument(
             f"markers have the shape (T, {M}, 3), for T frames of the set's {M} markers in metres, "
-            f"not {observed.shape}"
+            f"not {given.shape}"
         )
+    return given
+
+
+def seen_places(markers: ArrayLike, marker_set: MarkerSet) -> Array:
+    """The same for markers of which each frame shows enough. Raises BadObservation as well."""
+    observed, M = checked_markers(markers, marker_set), len(marker_set.names)
     known: Mask = np.asarray(np.isfinite(observed).all(axis=2))
     if (few := known.sum(axis=1) < LEAST).any():
         t = int(np.argmax(few))
@@ -201,14 +207,19 @@ def marker_errors(body: SkinnedBody, observed: Array, values: Values) -> Array:
     return np.asarray(np.linalg.norm(found - observed, axis=2))
 
 
+def rms_of_markers(errors: Array) -> Array:
+    """The root mean square (M,) of the errors (T, M) of each marker; 0 for one never seen."""
+    counts = np.isfinite(errors).sum(axis=0)
+    return np.asarray(np.sqrt(np.nansum(errors**2, axis=0) / np.maximum(counts, 1)))
+
+
 def marker_measures(body: SkinnedBody, observed: Array, values: Values) -> tuple[Measure, ...]:
     """The distance of markers, of all and of the three worst by name, and the size of betas."""
     off = 1e3 * marker_errors(body, observed, values)
-    known: Mask = np.isfinite(off)
-    seen = f"{known.sum()} of {off.size} places in {len(off)} frames"
+    counts = np.isfinite(off).sum(axis=0)
+    seen = f"{counts.sum()} of {off.size} places in {len(off)} frames"
     found = [Measure("distance to markers, rms", float(np.sqrt(np.nanmean(off**2))), "mm", seen)]
-    counts = known.sum(axis=0)
-    each = np.sqrt(np.nansum(off**2, axis=0) / np.maximum(counts, 1))
+    each = rms_of_markers(off)
     for m in np.argsort(-each, kind="stable")[:3]:
         name = body.landmark_names(MARKERS)[m]
         found.append(

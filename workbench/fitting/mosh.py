@@ -11,9 +11,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
-from workbench.blocks.checks import reals
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadArgument
 from workbench.fitting.marker_frames import Choice, spread_frames
 from workbench.fitting.marker_sets import MarkerSet
 from workbench.fitting.markers import (
@@ -21,6 +19,7 @@ from workbench.fitting.markers import (
     OFFSET_SIGMA,
     SIGMA,
     WIDE,
+    checked_markers,
     frame_by_frame,
     marker_errors,
     marker_fit,
@@ -102,12 +101,7 @@ def frames_that_place(markers: ArrayLike, marker_set: MarkerSet) -> Index:
 
     Raises BadObservation if there is none, BadArgument for another shape, and NotNumbers.
     """
-    given, M = reals("markers", markers), len(marker_set.names)
-    if given.ndim != 3 or given.shape[1:] != (M, 3) or not len(given):
-        raise BadArgument(
-            f"markers have the shape (T, {M}, 3), for T frames of the set's {M} markers in metres, "
-            f"not {given.shape}"
-        )
+    given = checked_markers(markers, marker_set)
     found = np.flatnonzero(np.isfinite(given).all(axis=2).sum(axis=1) >= LEAST)
     if not len(found):
         raise BadObservation(f"no frame shows {LEAST} markers, by which a body is placed")

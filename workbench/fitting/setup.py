@@ -161,6 +161,11 @@ class Setup:
                 check_known(kind, one, known)
         object.__setattr__(self, "notes", names(self.notes))
         expect("synthetic", self.synthetic, str, "a text")
+        if not (self.strategy is None or callable(self.strategy)):
+            raise BadSetup(
+                "`strategy` of a setup must be a function that makes a solver out of a solver or "
+                f"None, not {self.strategy!r:.80}"
+            )
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)

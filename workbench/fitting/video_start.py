@@ -3,15 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.fitting.keypoint_start import place_body
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import View
 from workbench.problem import Problem
-from workbench.solvers import Status, TrustRegion
+from workbench.solvers import Solver, SolveStage, Staged, Status, TrustRegion
 
 COARSE = (286.0, 40.0)  # px, the sigmas of the stages before the last
 EVERY = 10  # frames between two that are fitted from scratch
@@ -25,31 +23,35 @@ class FrameFits:
     """Fits of single frames.
 
     Attributes:
-        frame: the problem of a frame; its fixed block `trust` is (sigma / stage's sigma)^2.
+        frame: the problem of a frame.
         body: the body.
-        sigma: the last stage's standard deviation in px.
+        data: the names of the residuals of keypoints.
+        sigma: their standard deviation in the last stage, in px.
         solver: what solves each stage.
     """
 
     frame: Problem
     body: Body
+    data: tuple[str, ...]
     sigma: float
     solver: TrustRegion = QUICK
 
     def from_scratch(self, values: Values, views: Sequence[View]) -> Values:
         """Placed in closed form, then in stages whose sigma falls to the last one."""
         seen = [view for view in views if (view.confidence > 0).sum() >= FEWEST]
-        found = values | place_body(self.body, seen, values)
-        for sigma in COARSE:
-            found = self._solved(found | {"trust": np.array([(self.sigma / sigma) ** 2])})
-        return self.from_there(found)
+        stages = tuple(
+            SolveStage(weights=dict.fromkeys(self.data, (self.sigma / wide) ** 2))
+            for wide in COARSE
+        )
+        start = values | place_body(self.body, seen, values)
+        return self._solved(Staged(stages, self.solver), start)
 
     def from_there(self, values: Values) -> Values:
         """The last stage alone."""
-        return self._solved(values | {"trust": np.ones(1)})
+        return self._solved(self.solver, values)
 
-    def _solved(self, values: Values) -> Values:
-        solution = self.solver.solve(self.frame, values)
+    def _solved(self, solver: Solver, values: Values) -> Values:
+        solution = solver.solve(self.frame, values)
         if solution.status is Status.STOPPED:
             raise KeyboardInterrupt  # the solver kept it for its own end
         return values | solution.values

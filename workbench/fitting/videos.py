@@ -33,7 +33,7 @@ from workbench.solvers import TrustRegion
 FAR = 100.0  # px, where outliers begin (Bogo et al. 2016, SMPLify)
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
 ENOUGH = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # keypoints are not better
-EVIDENCE, TRUST = "evidence", "trust"  # fixed blocks: how often frames count, and keypoints alone
+EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
 
 
 @dataclass(frozen=True)
@@ -93,16 +93,15 @@ def video_fit(
     landmarks = body.landmark_names(kind)
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
-    evidence, trust = Block(EVIDENCE, (1,)), Block(TRUST, (1,))
+    evidence = Block(EVIDENCE, (1,))
     chosen = scaled(geman_mcclure, FAR / sigma) if kernel is None else kernel
     films = _ordered(clip, landmarks)
-    common: Values = {TRUST: np.ones(1), EVIDENCE: np.ones(1)}
+    common: Values = {EVIDENCE: np.ones(1)}
     data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
     for film in films:
         camera = Camera(film.name + "/")
         residual, blocks = camera_residual(points, camera, landmarks, sigma, chosen)
-        weights = residual.weights * trust.symbol * evidence.symbol
-        data.append(replace(residual, weights=weights))
+        data.append(replace(residual, weights=residual.weights * evidence.symbol))
         observed.append((blocks[0].name, blocks[1].name))
         cameras.append(camera)
         first = int(np.argmax((film.confidence > 0).any(axis=1)))
@@ -115,9 +114,7 @@ def video_fit(
     if betas.name not in shared:
         of_shape = replace(of_shape, weights=evidence.symbol)
     lenses = [block for camera in cameras for block in camera.blocks]
-    frame = Problem(
-        [*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence, trust]
-    )
+    frame = Problem([*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence])
     each: list[Values] = []
     views: list[list[View]] = []
     for t in range(T):
@@ -130,8 +127,9 @@ def video_fit(
             )
         each.append(values)
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
-    found = frame_by_frame(FrameFits(own, body, sigma), each, views, told)
-    names = [*(b.name for b in lenses), EVIDENCE, TRUST, *shared]
+    data_names = tuple(one.name for one in data)
+    found = frame_by_frame(FrameFits(own, body, data_names, sigma), each, views, told)
+    names = [*(b.name for b in lenses), EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
@@ -141,7 +139,6 @@ def video_fit(
         else np.array([one[name] for one in found])
         for name in problem.known
     }
-    data_names = tuple(one.name for one in data)
     if worth is None:
         worth = worth_of(problem, start, data_names) if T > 1 else 1.0
     start[EVIDENCE] = np.array([worth / T])

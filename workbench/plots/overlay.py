@@ -138,8 +138,8 @@ def caption_hypothesis(outcome: Outcome, number: int) -> str:
         "It has the lowest cost."
         if number == 0
         else (
-            f"Its cost is {found.cost - best:.3g} above the lowest: on its own evidence it is "
-            f"exp(-{found.cost - best:.3g}) times as likely."
+            f"Its cost is {found.cost - best:.3g} above the lowest, so that the posterior density "
+            f"here is exp(-{found.cost - best:.3g}) times that of the first hypothesis."
         )
     )
     starts = "1 start" if len(found.starts) == 1 else f"{len(found.starts)} starts"

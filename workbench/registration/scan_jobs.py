@@ -1,6 +1,5 @@
 """Scans in files as jobs: each is read and registered by itself, here or in another process."""
 
-import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,18 +7,16 @@ from pathlib import Path
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.errors import BadArgument, WorkbenchError, check_known, cut
+from workbench.errors import BadArgument, check_known
+from workbench.fitting.file_jobs import check_names_differ, reason_of
 from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
 from workbench.fitting.scan_up import TURNS
-from workbench.interrupts import caused_by
 from workbench.registration.model_fit import Progress
 from workbench.registration.registering import Recipe, Registration, register
 
-LOG = logging.getLogger(__name__)
 MOST = 40_000  # points of a scan that are registered
 RESERVED = ("index.html", "registrations.csv", "start.npz", "summary.json")  # beside the folders
-LONGEST = 500  # letters of the reason of a failure
 
 
 @dataclass(frozen=True)
@@ -106,17 +103,8 @@ def registered(
         found = register(
             body, read.scan, recipe=recipe, camera=read.camera_position, progress=progress
         )
-    except WorkbenchError as error:
-        return FailedScan(job, cut(error, LONGEST))
-    except MemoryError:
-        return FailedScan(job, f"there is not enough memory to register {job.path}")
     except Exception as error:
-        if caused_by(error, KeyboardInterrupt):
-            raise KeyboardInterrupt from error
-        LOG.warning("%s could not be registered", job.path, exc_info=True)
-        return FailedScan(
-            job, cut(f"an unforeseen error, {type(error).__name__}: {error}", LONGEST)
-        )
+        return FailedScan(job, reason_of(error, job.path, "register"))
     if not (found.touching.any() and found.seen.any()):
         return FailedScan(job, f"no point of {job.path} touches the surface of the fitted body")
     return RegisteredScan(job, found, read.camera_position, read.notes)
@@ -142,14 +130,7 @@ def jobs_of(files: list[Path], array: str | None = None) -> tuple[ScanJob, ...]:
             _plain(f"{name}-{array}") if path.suffix.lower() == ".npz" else name
             for name, path in zip(names, files, strict=True)
         ]
-    folded = [name.casefold() for name in names]
-    for name, path in zip(folded, files, strict=True):
-        if folded.count(name) > 1:
-            same = [str(p) for n, p in zip(folded, files, strict=True) if n == name]
-            raise BadArgument(
-                f"{' and '.join(same)} have the same name, and results are stored under it; "
-                f"rename {path.name}, or register them one after the other"
-            )
+    check_names_differ(files, names, "register them")
     return tuple(ScanJob(name, path) for name, path in zip(names, files, strict=True))
 
 

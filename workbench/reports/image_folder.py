@@ -14,11 +14,12 @@ from workbench.bodies import SkinnedBody
 from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.errors import BadFile
 from workbench.fitting.image_jobs import FailedImage, FittedImage, ImageJob, ImageWork
+from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
 from workbench.reading.archive import opened
 from workbench.reading.expected import read_expected, reals
 from workbench.reading.facts import json_in
-from workbench.reports.folder import MAKER, SUMMARY, refuse_foreign
+from workbench.reports.folder import MAKER, SUMMARY, own_folder
 from workbench.reports.page import as_json, page, versions
 from workbench.reports.tables import number
 from workbench.writing import replacing, write_arrays
@@ -26,6 +27,7 @@ from workbench.writing import replacing, write_arrays
 FORMAT = 1  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
 TABLE = "fits.csv"
+CLOSE = 3.0  # between costs: the density at the other hypothesis is at least exp(-3), a twentieth
 COLUMNS = (
     "file",
     "status",
@@ -65,22 +67,18 @@ class ImageFolder:
     source: str
 
     def __post_init__(self) -> None:
-        refuse_foreign(self.place, self.source)
-        try:
-            (self.place / FITS).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise BadFile(
-                f"cannot make the folder {self.place}: {error.strerror}; choose another with --out"
-            ) from error
+        own_folder(self.place, self.source)
+        (self.place / FITS).mkdir(exist_ok=True)
         self._write_summary([], [])
 
     def key_of_work(self) -> str:
-        """What all fits depend on: the body, the recipe, how files are read, and the code."""
-        work, recipe = self.work, self.work.recipe
-        priors = [(p.name, str(p.expression), p.sigma) for p in recipe.priors(work.body)]
-        how = (recipe.sigma, recipe.outlier, recipe.wide, recipe.solver, priors)
-        about = (FORMAT, work.body, how, work.reading, work.hypotheses)
-        return digest([digest(about), code_version()])
+        """What all fits depend on: the body, the recipe, how files are read, the regressor, and
+        the code.
+        """
+        work, calibration = self.work, self.work.reading.calibration
+        lens = "" if calibration is None else file_digest(str(calibration))
+        about = (FORMAT, work.body, work.recipe, work.reading, work.hypotheses, shipped_regressor())
+        return digest([digest(about), lens, code_version()])
 
     def key(self, job: ImageJob, of_work: str) -> str:
         """16 letters that differ when anything does on which the fit of an image depends."""
@@ -96,7 +94,11 @@ class ImageFolder:
         return ImageEntry(job.name, found) if whole and found.get("key") == key else None
 
     def keep(self, found: FittedImage, key: str) -> ImageEntry:
-        """Write the fit of an image, its arrays first, and return its entry."""
+        """Write the fit of an image, its arrays first, and return its entry.
+
+        What was there before counts no longer as soon as its facts, which hold its key, are gone.
+        """
+        self._path(found.job, "json").unlink(missing_ok=True)
         values, others = found.values, found.others
         arrays = {name: np.asarray(value) for name, value in values.items()}
         for i, other in enumerate(others):
@@ -194,9 +196,6 @@ def table_of(entries: Sequence[ImageEntry]) -> str:
             )
         )
     return text.getvalue()
-
-
-CLOSE = 3.0  # between costs: the other hypothesis is at least exp(-3) = 1/20 times as likely
 
 
 def _ambiguous(entry: ImageEntry) -> bool:

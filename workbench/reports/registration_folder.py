@@ -14,7 +14,7 @@ from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.errors import BadFile
 from workbench.reading.facts import json_in
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
-from workbench.reports.folder import MAKER, SUMMARY, refuse_foreign
+from workbench.reports.folder import MAKER, SUMMARY, own_folder
 from workbench.reports.page import as_json, page, versions
 from workbench.reports.registration_page import ARRAYS, FORMAT, write_registration
 from workbench.reports.tables import number
@@ -61,13 +61,7 @@ class RegistrationFolder:
     source: str
 
     def __post_init__(self) -> None:
-        refuse_foreign(self.place, self.source)
-        try:
-            self.place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise BadFile(
-                f"cannot make the folder {self.place}: {error.strerror}; choose another with --out"
-            ) from error
+        own_folder(self.place, self.source)
         self._write_summary([])
 
     def key(self, job: ScanJob) -> str:

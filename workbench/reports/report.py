@@ -65,7 +65,7 @@ def diagnosis_text(outcome: Outcome) -> str:
 def run_page(outcome: Outcome, files: dict[str, str]) -> str:
     """The page of a run."""
     solution, diagnosis = outcome.solution, outcome.diagnosis
-    advice = solution.status.value
+    advice, message = tables.ending_said(solution)
     return page(
         "run.html",
         title=outcome.name,
@@ -79,7 +79,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         better=tables.better_said(outcome),
         interrupted=tables.interrupted_said(outcome),
         advice=advice,
-        message=solution.message.removeprefix(advice).lstrip("; "),
+        message=message,
         residuals=tables.residuals_table(outcome),
         priors=tables.priors_said(outcome),
         cost=tables.number(solution.cost, 6),

@@ -136,6 +136,18 @@ def solvers_table(outcome: Outcome) -> Table:
     return Table.of(outcome.compared.items(), columns, tuple(range(2, 11)))
 
 
+def ending_said(solution: Solution) -> tuple[str, str]:
+    """How a run ended: what its status means, and what the solver adds to that.
+
+    The message of a run that has converged says itself what was found out, which is less after a
+    large gradient tolerance.
+    """
+    advice, message = solution.status.value, solution.message
+    if message.startswith(advice):
+        return advice, message.removeprefix(advice).lstrip("; ")
+    return (message, "") if solution.converged else (advice, message)
+
+
 def hypotheses_table(solution: Solution) -> Table:
     """The minima that several starts led to."""
     columns: Columns[tuple[int, Hypothesis]] = {

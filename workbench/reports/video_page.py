@@ -42,7 +42,7 @@ def write_video(
         setup=setup,
         solution=solution,
         status=solution.status.name.lower().replace("_", " "),
-        advice=solution.status.value,
+        said="; ".join(text for text in tables.ending_said(solution) if text),
         cost=tables.number(solution.cost, 6),
         measures=tables.measures_table(measures),
         moving=moving_figures(setup, values),

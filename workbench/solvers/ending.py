@@ -56,7 +56,8 @@ def ending(run: Ended, stop: Stop) -> Ending:
         if run.limits.gradient_tolerance >= LOOSE:
             message = (
                 f"the gradient is below the tolerance of {run.limits.gradient_tolerance:g}, which "
-                "is so large that no minimum need be here, only near"
+                "is too large to tell a minimum from a saddle or a valley without end; neither was "
+                "looked for"
             )
         if unread:
             message += f" (no residual reads {some_of(unread, NAMED)})"
