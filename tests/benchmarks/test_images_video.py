@@ -38,7 +38,8 @@ def test_its_sentences_hold() -> None:
     assert f"{whole['together']:.1f} mm together and {whole['apart']:.1f} mm apart, and no" in PAGE
     ratios = [row["together"]["mpjpe"] / row["apart"]["mpjpe"] for row in FOUND["whole"]]
     assert max(ratios) < 1.05
-    assert min(row["together"]["CPU seconds"] for row in FOUND["whole"]) > 4
+    assert sum(row["together"]["CPU seconds"] <= 4 for row in FOUND["whole"]) == 3
+    assert "4 s of CPU time in three cameras of four" in PAGE
     step = FOUND["step"]
     assert f"takes {step['CPU seconds']:.2f} s and {step['MB']:.0f} MB" in PAGE
     assert step["CPU seconds"] < 0.2
