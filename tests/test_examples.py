@@ -226,3 +226,10 @@ def test_free_vertices_come_nearer_to_a_scanned_person_than_the_model() -> None:
     seen, hidden = np.array(example.free) / np.array(example.model)
     assert seen < 0.8
     assert hidden < 1
+
+
+def test_scans_registered_together_come_nearer_to_the_truth() -> None:
+    example = import_module("examples.28_scans_together")
+    assert example.costs == sorted(example.costs, reverse=True)
+    for apart, together in zip(example.found["apart"], example.found["together"], strict=True):
+        assert together < 0.97 * apart

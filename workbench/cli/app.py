@@ -11,6 +11,7 @@ from workbench.cli.basins import basins
 from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.compare import compare
+from workbench.cli.coregister import coregister
 from workbench.cli.diagnose import diagnose
 from workbench.cli.fit import fit
 from workbench.cli.info import info
@@ -77,6 +78,7 @@ for command in (
     compare,
     train,
     register,
+    coregister,
     body,
     basins,
     sliders,

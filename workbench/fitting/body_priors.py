@@ -1,5 +1,7 @@
 """The priors on a body's pose and shape that decide what observations leave open."""
 
+import casadi as cs
+
 from workbench.bodies.body import Body
 from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
@@ -7,13 +9,14 @@ from workbench.residuals import Residual, gaussian
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
 
 
-def pose_prior(body: Body) -> Residual:
+def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
     """A Gaussian on all joint rotations but the root's, learned from motion capture.
 
     `data/poses/cmu_gaussian.npz` holds it, and PROVENANCE.md beside it names the source. A body
     that has not SMPL's 24 joints gets a standard deviation of 0.5 rad about its rest pose instead.
+    `pose` (3, K) rad is the symbol of one of several poses; without it, that of the body's blocks.
     """
-    pose = body.blocks()[0].symbol
+    pose = body.blocks()[0].symbol if pose is None else pose
     if body.n_joints != SMPL_JOINTS:
         rest = body.bind_pose[1:]
         return gaussian(pose[:, 1:], mean=rest, covariance=0.25, unit="rad", name="pose prior")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.fitting.scan import Scan
 from workbench.geometry.meshes import write_mesh
 from workbench.plots.registered_scan import (
     caption_registered_scan,
@@ -14,6 +15,7 @@ from workbench.plots.registered_scan import (
     unseen_sheet,
 )
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
+from workbench.registration.coregistration.folder import SCAN
 from workbench.reports.figures import shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
@@ -21,11 +23,13 @@ from workbench.reports.tables import Columns, Table, number
 from workbench.writing import write_arrays
 
 ARRAYS, MESH = "registration.npz", "registration.ply"
-FORMAT = 1  # of what is kept; raise it when these files change, so that none of before is taken
+FORMAT = 2  # of what is kept; raise it when these files change, so that none of before is taken
 FILES = {
     "index.html": "this page",
     ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "
     "trans of the body; the standard deviation of each vertex",
+    SCAN: "the points that were registered, their normals and areas if they are known, for "
+    "`workbench coregister`",
     MESH: "the registered surface, with the vertices and faces of the template, in metres",
     SUMMARY: "the numbers of this page, for programs",
 }
@@ -51,6 +55,7 @@ def write_registration(
     contents: dict[str, Content] = {
         "index.html": registration_page(found, body),
         ARRAYS: lambda path: write_arrays(path, arrays(one)),
+        SCAN: lambda path: write_arrays(path, points(one.scan)),
         MESH: lambda path: write_mesh(path, one.vertices, one.faces),
     }
     return write_folder(folder, source, contents, summary(found, body, key))
@@ -66,6 +71,12 @@ def arrays(one: Registration) -> dict[str, NDArray[Any]]:
         "model": one.model,
         "sd": one.sd,
     }
+
+
+def points(scan: Scan) -> dict[str, NDArray[Any]]:
+    """The arrays of a scan by name; single precision tells apart less than a micrometre."""
+    found = {"points": scan.points, "normals": scan.normals, "areas": scan.weights}
+    return {name: array.astype(np.float32) for name, array in found.items() if array is not None}
 
 
 def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:

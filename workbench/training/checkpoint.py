@@ -77,7 +77,7 @@ def read_checkpoint(
             )
         if stored.several("parents", lambda parent, _: parent) != first.parents:
             raise BadFile(f"its tree has the parents {shown(stored.entries['parents'])}")
-        log = stored.several("log", _entry)
+        log = stored.several("log", log_entry)
         if [entry.block for entry in log] != list(blocks[: len(log)]):
             raise BadFile("its log tells of other blocks than the plan's")
         expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
@@ -98,7 +98,7 @@ def read_checkpoint(
     return Checkpoint(estimate, log, fingerprint)
 
 
-def _entry(given: object, name: str) -> LogEntry:
+def log_entry(given: object, name: str) -> LogEntry:
     """An entry of the log. Raises BadFile if it is none."""
     entry = facts(given, name)
     found = LogEntry(

@@ -16,7 +16,7 @@ from workbench.arrays import Array, Mask
 from workbench.bodies.forward.posing import crossed
 from workbench.training.estimate import Change, Estimate
 from workbench.training.locality import MaskedCholesky
-from workbench.training.objective import Objective, centred, weight_grams
+from workbench.training.objective import Objective, centred, trusted, weight_grams
 from workbench.training.registrations import Batch, over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
 
@@ -64,7 +64,7 @@ class NormalEquations:
             for one in passes:
                 batch, passed = one()
                 moved, _ = centred(batch, passed.tangent(change))
-                passed.adjoint(batch.confidence[..., None] * moved, data)
+                passed.adjoint(trusted(batch, moved), data)
             return data
 
         data = over_halves(of_data, self._passes)
@@ -177,7 +177,8 @@ class NormalEquations:
         surfaces[: S if "templates" in self.names else 0] = 1
         gram += np.diag((1 - surfaces) / s.posedirs**2)
         if self.objective.template is not None:
-            gram += np.diag(surfaces / s.subjects**2)
+            free = self.objective.freedom
+            gram += np.diag(surfaces * (s.subjects**-2 if free is None else free.scale))
         odd = gram + np.diag(4 * surfaces / s.symmetry**2)
         even, odd = (g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)) for g in (gram, odd))
         return even, odd
@@ -243,6 +244,7 @@ class NormalEquations:
         def fill(some_of: Sequence[slice]) -> None:
             for some in some_of:
                 batch = self.objective.registrations.read(some)
+                share = batch.trust
                 for j in range(len(batch.subject)):
                     at = batch.some.start + j
                     one = SkinningPass.of(
@@ -250,9 +252,9 @@ class NormalEquations:
                     )
                     turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
                     turns[:, 1:] += one.bulging()[0]
-                    turns -= np.average(turns, axis=0, weights=batch.confidence[j])
+                    turns -= np.average(turns, axis=0, weights=share[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
-                    blocks[at] = rows.T @ (np.repeat(batch.confidence[j], 3)[:, None] * rows)
+                    blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
 
         over_halves(fill, pieces(self.objective.registrations))
         return _inverses(blocks / self.objective.sigmas.data**2)

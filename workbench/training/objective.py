@@ -19,6 +19,7 @@ from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.training.estimate import Change, Estimate, Sigmas
 from workbench.training.registrations import Batch, Registrations, over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
+from workbench.training.template_prior import TemplatePrior
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,9 @@ class Objective:
         sigmas: the standard deviation of each term.
         template: (N, 3) in metres, the first template, for E_T; None switches E_T off.
         locality: (N, F) which posedirs may differ from zero; None allows all.
+        freedom: how a template may differ from the first one; None holds every vertex for itself,
+            by `sigmas.subjects`.
+        first_posedirs: (N, 3, F) what E_P compares posedirs with; None compares them with zero.
     """
 
     registrations: Registrations
@@ -42,6 +46,8 @@ class Objective:
     sigmas: Sigmas
     template: Array | None = None
     locality: Mask | None = None
+    freedom: TemplatePrior | None = None
+    first_posedirs: Array | None = None
 
     @property
     def active_mirror(self) -> Mirror | None:
@@ -63,10 +69,14 @@ class Objective:
             found["E_Y"] = half(uneven, s.symmetry) + half(joints, s.joint_symmetry)
         wanted = regressed(self.regressor(estimate), estimate.templates)
         found["E_J"] = half(wanted - estimate.joints, s.rings)
-        found["E_P"] = half(estimate.posedirs, s.posedirs)
+        bent = estimate.posedirs
+        if self.first_posedirs is not None:
+            bent = bent - self.first_posedirs
+        found["E_P"] = half(bent, s.posedirs)
         found["E_W"] = half(estimate.weights - self.first_weights, s.weights)
         if self.template is not None:
-            found["E_T"] = half(estimate.templates - self.template, s.subjects)
+            away = estimate.templates - self.template
+            found["E_T"] = 0.5 * float(np.vdot(away, self._held(away)))
         return found
 
     def rms(self, estimate: Estimate) -> float:
@@ -95,7 +105,7 @@ class Objective:
             batch = self.registrations.read(rows)
             passed = SkinningPass.of(estimate, batch.some, batch.subject)
             residual, _ = centred(batch, batch.vertices - passed.points)
-            yield passed, batch.confidence[..., None] * residual, residual
+            yield passed, trusted(batch, residual), residual
 
     def regressor(self, estimate: Estimate) -> csr_array:
         """The regressor (K, N) that E_J compares joints with: the rings until one is learned."""
@@ -106,10 +116,13 @@ class Objective:
         away = {name: getattr(estimate, name) for name in names if name != "poses"}
         if "weights" in away:
             away["weights"] = away["weights"] - self.first_weights
+        if "posedirs" in away and self.first_posedirs is not None:
+            away["posedirs"] = away["posedirs"] - self.first_posedirs
         whole = {"templates": estimate.templates, "joints": estimate.joints} | away
         curved = self.prior_curvature(estimate, whole)
         if self.template is not None:
-            curved["templates"] = curved["templates"] - self.template / self.sigmas.subjects**2
+            first = np.broadcast_to(self.template, estimate.templates.shape)
+            curved["templates"] = curved["templates"] - self._held(first)
         zero = estimate.zero_change(names)
         return {name: -curved[name] if name in away else zero[name] for name in names}
 
@@ -133,12 +146,18 @@ class Objective:
             if "templates" in change:
                 found["templates"] += regressed(csr_array(R.T), gap) / s.rings**2
         if self.template is not None and "templates" in change:
-            found["templates"] += change["templates"] / s.subjects**2
+            found["templates"] += self._held(change["templates"])
         if "posedirs" in change:
             found["posedirs"] += change["posedirs"] / s.posedirs**2
         if "weights" in change:
             found["weights"] += change["weights"] / s.weights**2
         return found
+
+    def _held(self, displacements: Array) -> Array:
+        """The precision of E_T times displacements (S, N, 3) of templates."""
+        if self.freedom is not None:
+            return self.freedom.curved(displacements)
+        return np.asarray(displacements / self.sigmas.subjects**2)
 
 
 def half(residual: Array, sigma: float) -> float:
@@ -161,8 +180,21 @@ def reflected_joints(joints: Array, mirror: Mirror) -> Array:
 
 def centred(batch: Batch, points: Array) -> tuple[Array, Array]:
     """Points (c, N, 3) minus their mean, weighted by confidence; and that mean (c, 3)."""
-    mean = np.einsum("jn,jna->ja", batch.confidence, points) / batch.confidence.sum(axis=1)[:, None]
+    whole = batch.confidence.sum(axis=1)
+    total = trusted(batch, points).sum(axis=1)
+    if whole.ndim == 1:
+        mean = total / whole[:, None]
+    else:
+        mean = np.linalg.solve(whole, total[..., None])[..., 0]
     return points - mean[:, None], mean
+
+
+def trusted(batch: Batch, vectors: Array) -> Array:
+    """Vectors (c, N, 3, ...) times their confidence, numbers or matrices."""
+    C = batch.confidence
+    if C.ndim == 4:
+        return np.asarray(np.einsum("jnab,jnb...->jna...", C, vectors))
+    return np.asarray(C.reshape(*C.shape, *(1,) * (vectors.ndim - 2)) * vectors)
 
 
 def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array]:
@@ -179,11 +211,11 @@ def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array
             passed = SkinningPass.of(estimate, batch.some, batch.subject)
             _, trans = centred(batch, batch.vertices - passed.points)
             B = passed.by_each()  # (c, N, K, 3)
-            trusted = batch.confidence[..., None, None] * B
+            weighed = trusted(batch, B.swapaxes(2, 3)).swapaxes(2, 3)
             flat = B.transpose(1, 2, 0, 3).reshape(N, K, -1)
-            flat_trusted = trusted.transpose(1, 2, 0, 3).reshape(N, K, -1)
-            grams += flat_trusted @ flat.swapaxes(1, 2)
-            rights += np.einsum("jnka,jna->nk", trusted, batch.vertices - trans[:, None])
+            flat_weighed = weighed.transpose(1, 2, 0, 3).reshape(N, K, -1)
+            grams += flat_weighed @ flat.swapaxes(1, 2)
+            rights += np.einsum("jnka,jna->nk", weighed, batch.vertices - trans[:, None])
         return grams, rights
 
     found = over_halves(sums, pieces(objective.registrations))

@@ -27,13 +27,20 @@ class Batch:
         some: their rows among all registrations.
         subject: (c,) the number of each registration's subject.
         vertices: (c, N, 3) in metres.
-        confidence: (c, N) how far each vertex is trusted, from 0 (missing) to 1.
+        confidence: (c, N) how far each vertex is trusted, from 0 (missing) to 1; or (c, N, 3, 3)
+            symmetric matrices with eigenvalues from 0 to 1, where that depends on the direction.
     """
 
     some: slice
     subject: Index
     vertices: Array
     confidence: Array
+
+    @property
+    def trust(self) -> Array:
+        """How far each vertex is trusted, (c, N); the mean of all directions where they differ."""
+        C = self.confidence
+        return C if C.ndim == 2 else np.trace(C, axis1=2, axis2=3) / 3
 
 
 class Registrations(Protocol):
@@ -61,7 +68,7 @@ class InMemory:
     Attributes:
         vertices: (J, N, 3) in metres.
         subject: (J,) the number of each registration's subject.
-        confidence: (J, N) from 0 to 1; None trusts every vertex.
+        confidence: (J, N) or (J, N, 3, 3) from 0 to 1, as in a Batch; None trusts every vertex.
     """
 
     vertices: Array
@@ -135,7 +142,7 @@ class VertexSubset:
         """The registrations of these rows. Raises BadArgument for one without a visible vertex."""
         batch = self.source.read(some)
         confidence = batch.confidence[:, self.vertices]
-        for j in np.flatnonzero(~confidence.any(axis=1)):
+        for j in np.flatnonzero(~confidence.reshape(len(confidence), -1).any(axis=1)):
             raise BadArgument(
                 f"registration {batch.some.start + j} shows so little of its mesh that none of "
                 f"{self.n_vertices} vertices spread over it is seen; leave it out"

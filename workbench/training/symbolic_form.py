@@ -11,6 +11,8 @@ at: its size and sparsity, its rank, and the names of what the terms leave open.
     E_W  skinning weights        against the first ones
     E_T  templates               against the first template (not in the source)
 
+Registrations whose confidence depends on the direction are not written here.
+
 (Loper et al., SMPL, 2015, section 4.1; the lectures Body Models II of the authors.) The skinning
 weights of a vertex are bounded below by zero, and constrained to sum to one.
 """
@@ -164,8 +166,10 @@ class SymbolicTraining:
                 yield regressed(joints, template, rings, sigma=sigma, name=f"E_J subject {i}")
 
     def _small_posedirs(self) -> Iterable[Residual]:
-        """E_P: pose blend shapes against zero."""
-        yield from self._near("E_P", "posedirs", self.body, 0.0, self.objective.sigmas.posedirs)
+        """E_P: pose blend shapes against zero, or against the first ones."""
+        first = self.objective.first_posedirs
+        mean: Array | float = 0.0 if first is None else first
+        yield from self._near("E_P", "posedirs", self.body, mean, self.objective.sigmas.posedirs)
 
     def _near_first_weights(self) -> Iterable[Residual]:
         """E_W: skinning weights against the first ones."""
@@ -176,9 +180,21 @@ class SymbolicTraining:
         """E_T: templates against the first template."""
         if self.objective.template is None:
             return
+        first, sigma = self.objective.template, self.objective.sigmas.subjects
+        free = self.objective.freedom
         for i, subject in enumerate(self.subjects):
-            first, sigma = self.objective.template, self.objective.sigmas.subjects
-            yield from self._near(f"E_T subject {i}", "template", subject, first, sigma)
+            name = f"E_T subject {i}"
+            if free is None:
+                yield from self._near(name, "template", subject, first, sigma)
+                continue
+            block, covariance = subject.free["template"], free.covariance()
+            yield gaussian(
+                cs.vec(block.symbol),
+                mean=first.ravel(),
+                covariance=covariance,
+                unit=block.unit,
+                name=name,
+            )
 
     def _near(
         self, name: str, array: str, body: SkinnedBody, mean: Array | float, sigma: float

@@ -1,0 +1,321 @@
+"""Coregistration on simulated scans: registrations and models, separate and together.
+
+python -m benchmarks.coregistration             # the reported sets: clean, holes, holes and clutter
+python -m benchmarks.coregistration --tuning    # variants, on people that are not reported
+python -m benchmarks.coregistration --whole     # 200 scans from files, by the command, with times
+
+60 scans of 6 people, made of a body that is not the one coregistration starts from, each with a
+shape of its own. Numbers go to `results/coregistration.json`, and COREGISTRATION.md is written
+from them.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.keeping import keep
+from benchmarks.machine import description
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.registration import FreeVertices
+from workbench.registration.coregistration import (
+    Coregistration,
+    CoregistrationPlan,
+    Fitted,
+    ScansInMemory,
+    hard,
+)
+from workbench.registration.free_vertices import MODEL_STAGES, VERTEX_STAGES
+from workbench.synthetic import Clutter, Holes, Joining, Noise, people, scan, scanners
+from workbench.synthetic.scan_effects import vertex_normals
+from workbench.training.blocks import BLOCKS, BlockInput
+from workbench.training.estimate import Estimate
+from workbench.training.evaluation import errors_of, evaluate_held_out
+from workbench.training.executor import Execution, Executor, Processes
+from workbench.training.poses import VertexTerm, fitted_poses
+from workbench.training.registrations import InMemory
+
+HERE = Path(__file__).parent
+RESULTS, PAGE = HERE / "results" / "coregistration.json", HERE / "COREGISTRATION.md"
+BEGIN, END = "<!-- written by the benchmark from here on -->", "<!-- up to here -->"
+TRUTH, START = "default-male", "default"
+PEOPLE, SCANS, VIEWS, OWN_SHAPE = 6, 60, 2, 0.006
+OTHERS, POSES = 3, 4  # people, and poses of each, that no scan shows
+POSE_OFF, TRANS_OFF = 0.03, 0.01  # rad, m: how far from the truth each fit begins
+SETS = {"clean": (0, 0.0), "holes": (12, 0.0), "holes and clutter": (12, 0.1)}
+REPORTED, TUNED_ON = 1, 100  # seeds
+MM = 1e3
+ROUNDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """A person at rest, as a body of the truth: (N, 3) m with joints by its regressor."""
+
+    body: SkinnedBody
+
+    def posed(self, rng: np.random.Generator, poses: Array) -> Array:
+        """The person in one of the poses, turned and moved at random."""
+        return self.placed(rng, poses)[0]
+
+    def placed(self, rng: np.random.Generator, poses: Array) -> tuple[Array, Array, Array]:
+        """Vertices (N, 3) m, the pose and the translation."""
+        pose = poses[rng.integers(len(poses))].copy()
+        pose[0] = [0.0, rng.uniform(-np.pi, np.pi), 0.0]
+        trans = 0.1 * rng.standard_normal(3)
+        return self.body.vertices(pose, np.zeros(self.body.n_betas), trans), pose, trans
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Everything that is known of a simulated set.
+
+    Attributes:
+        meshes: (J, N, 3) m, the true surfaces that were scanned.
+        subject: (J,) of whom.
+        scans: the scans.
+        seen: (J, N) which vertices some scanner saw.
+        starts: where the fits begin.
+        same: the same people in poses that were not scanned.
+        others: other people, in several poses each.
+    """
+
+    meshes: Array
+    subject: Array
+    scans: ScansInMemory
+    seen: Array
+    starts: list[dict[str, Array]]
+    same: InMemory
+    others: InMemory
+
+
+def world(kind: str, seed: int) -> World:
+    """The people and scans of one set."""
+    truth, poses = (
+        load_body(TRUTH),
+        draw_poses(shipped_gaussian(), 400, np.random.default_rng((seed, 7))),
+    )
+    made = people(truth, poses, PEOPLE + OTHERS, seed, own_shape=OWN_SHAPE)
+    who = [
+        Person(replace(truth, template=one.template + truth.shapedirs @ one.values["betas"]))
+        for one in made
+    ]
+    holes, clutter = SETS[kind]
+    meshes, scans, seen, starts = [], [], [], []
+    subject = np.arange(SCANS) % PEOPLE
+    for j, s in enumerate(subject):
+        rng = np.random.default_rng((seed, 1, j))
+        vertices, pose, trans = who[s].placed(rng, poses)
+        simulated = scan(
+            vertices,
+            truth.faces,
+            scanners(VIEWS, height=0.3, target=vertices.mean(axis=0)),
+            seed=1000 * seed + j,
+            noise=Noise(growth=5e-4),
+            holes=Holes(holes) if holes else None,
+            clutter=Clutter(clutter) if clutter else None,
+            steepest=np.radians(80),
+            joining=Joining(),
+        )
+        meshes.append(vertices)
+        scans.append(simulated.scan)
+        seen.append(simulated.seen)
+        starts.append(
+            {
+                "pose": pose + POSE_OFF * rng.standard_normal(pose.shape),
+                "betas": np.zeros(truth.n_betas),
+                "trans": trans + TRANS_OFF * rng.standard_normal(3),
+            }
+        )
+
+    def unseen(some: Sequence[Person], stream: int) -> InMemory:
+        rng = np.random.default_rng((seed, stream))
+        numbers = np.repeat(np.arange(len(some)), POSES)
+        return InMemory(np.stack([some[s].posed(rng, poses) for s in numbers]), numbers)
+
+    return World(
+        np.stack(meshes),
+        subject,
+        ScansInMemory(tuple(scans), subject),
+        np.stack(seen),
+        starts,
+        unseen(who[:PEOPLE], 2),
+        unseen(who[PEOPLE:], 3),
+    )
+
+
+@dataclass(frozen=True)
+class Separate:
+    """Registers each scan by itself, in some rounds of the last stage, from where it is."""
+
+    rounds: int
+
+    def __call__(self, job: tuple[ScansInMemory, int, dict[str, Array]]) -> dict[str, Array]:
+        """Pose, betas, trans and the vertices of one scan."""
+        scans, row, values = job
+        fit = FreeVertices(load_body(START), scans.read(row))
+        if "vertices" not in values:
+            values = fit.register(values, VERTEX_STAGES).values
+        for _ in range(self.rounds):
+            values = fit.register(values, VERTEX_STAGES[len(MODEL_STAGES) :]).values
+        return values
+
+
+def off(given: World, vertices: Array) -> dict[str, Any]:
+    """Errors of registrations by scan, in mm: where seen, hidden, tangential and normal."""
+    away, faces = vertices - given.meshes, load_body(START).faces
+    length = MM * np.linalg.norm(away, axis=2)
+    normals = np.stack([vertex_normals(V, faces) for V in given.meshes])
+    across = MM * np.einsum("jna,jna->jn", away, normals)
+    along = np.sqrt(np.maximum(length**2 - across**2, 0))
+    means = {
+        "seen": np.array([e[s].mean() for e, s in zip(length, given.seen, strict=True)]),
+        "hidden": np.array([e[~s].mean() for e, s in zip(length, given.seen, strict=True)]),
+        "tangential": along.mean(axis=1),
+        "normal": np.abs(across).mean(axis=1),
+    }
+    return {name: each.tolist() for name, each in means.items()}
+
+
+def trained_on(given: World, first: Estimate, vertices: Array, by: Coregistration) -> Estimate:
+    """The model's blocks and the poses of training, on registrations as they are."""
+    estimate = first
+    for _ in range(ROUNDS):
+        objective = by.objective(InMemory(vertices, given.subject))
+        ready = BlockInput(objective, by.body.faces, by.plan.options)
+        for block in ("poses", *by.plan.blocks):
+            estimate = BLOCKS[block](ready, estimate).estimate
+    return estimate
+
+
+def of_model(given: World, estimate: Estimate, by: Coregistration) -> dict[str, Any]:
+    """Errors of a model in mm: of the same people in new poses, by scan, and of other people."""
+    body, data = by.body, given.same
+    known = replace(estimate, poses=np.zeros((len(data.subject), *estimate.poses.shape[1:])))
+    start = replace(known, poses=_rough_poses(body, data))
+    found = fitted_poses(start, data, body.faces, VertexTerm(), 0.002, 30)
+    errors = errors_of(by.objective(data), found)
+    learned = replace(
+        body,
+        template=estimate.templates.mean(axis=0),
+        posedirs=estimate.posedirs,
+        weights=estimate.weights,
+        J_regressor=estimate.regressor if estimate.regressor is not None else body.J_regressor,
+    )
+    others = evaluate_held_out(learned, given.others)
+    return {
+        "same people": (MM * errors.distances.mean(axis=1)).tolist(),
+        "other people": MM * others.errors.mean,
+    }
+
+
+def _rough_poses(body: SkinnedBody, data: InMemory) -> Array:
+    from workbench.training.poses import poses_of_segments
+
+    return np.stack(
+        [
+            poses_of_segments(body.template, body.weights, body.parents, V, np.ones(len(V)))
+            for V in data.vertices
+        ]
+    )
+
+
+def compared(given: World, execution: Execution, variants: bool) -> dict[str, Any]:
+    """Every method on one set."""
+    begun = time.perf_counter()
+    jobs = [(given.scans, j, start) for j, start in enumerate(given.starts)]
+    alone = list(execution.executor(Separate(0), jobs))
+    again = [(given.scans, j, values) for j, values in enumerate(alone)]
+    control = list(execution.executor(Separate(ROUNDS), again))
+    fits = [Fitted(one["pose"], one["betas"], one["trans"]) for one in alone]
+    plan = CoregistrationPlan(rounds=ROUNDS)
+    by = Coregistration(load_body(START), given.scans, plan)
+    first = by.first(fits)
+    V = {
+        name: np.stack([one["vertices"] for one in each])
+        for name, each in (("separate", alone), (CONTROL, control))
+    }
+    normals = np.stack([vertex_normals(m, by.body.faces) for m in given.meshes])
+    across = np.einsum("jna,jna->jn", V["separate"] - given.meshes, normals)
+    V["separate, tangential motion given"] = given.meshes + across[..., None] * normals
+    V["true meshes"] = given.meshes
+    found: dict[str, Any] = {}
+    for name, vertices in V.items():
+        estimate = trained_on(given, first.estimate, vertices, by)
+        found[name] = off(given, vertices) | of_model(given, estimate, by)
+        _tell(name, found[name])
+    for name, one in (VARIANTS if variants else METHODS).items():
+        began = time.perf_counter()
+        state = Coregistration(by.body, given.scans, one).run(fits, execution=execution)
+        found[name] = off(given, state.vertices) | of_model(given, state.estimate, by)
+        found[name]["costs"] = [sum(entry.after.values()) for entry in state.log]
+        found[name]["seconds"] = time.perf_counter() - began
+        _tell(name, found[name])
+    found["seconds"] = time.perf_counter() - begun
+    return found
+
+
+CONTROL = "equal rounds, model unchanged"
+BASE = CoregistrationPlan(rounds=ROUNDS)
+METHODS = {
+    "coregistration": BASE,
+    "coregistration, hard registrations": replace(BASE, observe=hard),
+    "coregistration, templates held by vertices": replace(BASE, edges=None),
+}
+VARIANTS = {
+    "coregistration": BASE,
+    **{
+        f"sigma_C {MM * s:g} mm": replace(BASE, sigmas=replace(BASE.sigmas, data=s))
+        for s in (0.002, 0.005)
+    },
+    **{f"edges {MM * s:g} mm": replace(BASE, edges=s) for s in (0.005, 0.02)},
+    **{
+        f"posedirs {MM * s:g} mm": replace(BASE, sigmas=replace(BASE.sigmas, posedirs=s))
+        for s in (0.0003, 0.003)
+    },
+    "templates alone": replace(BASE, blocks=("rest",)),
+    "weights too": replace(BASE, blocks=("surfaces", "regressor", "weights")),
+}
+
+
+def _tell(name: str, one: dict[str, Any]) -> None:
+    told = {k: round(float(np.mean(v)), 2) for k, v in one.items() if k not in ("costs", "seconds")}
+    print(
+        f"{name:45}",
+        told,
+        {k: round(float(np.median(v)), 2) for k, v in one.items() if k in ("seen", "hidden")},
+        flush=True,
+    )
+
+
+def main() -> None:
+    """Measure, print and, except when tuning, write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tuning", action="store_true")
+    parser.add_argument("--sets", nargs="+", choices=list(SETS), default=list(SETS))
+    parser.add_argument("--jobs", type=int, default=2)
+    given = parser.parse_args()
+    executor: Executor = Processes(given.jobs)
+    execution = Execution(executor)
+    known: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    for kind in given.sets:
+        print(kind, flush=True)
+        found = compared(
+            world(kind, TUNED_ON if given.tuning else REPORTED), execution, given.tuning
+        )
+        if not given.tuning:
+            known.setdefault("sets", {})[kind] = found
+            known["machine"] = description()
+            keep(RESULTS, known, 5)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,267 @@
+"""Coregistration: one cost for scans, registrations and model, which no block raises."""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument, BadFile
+from workbench.fitting import Scan
+from workbench.registration import ScanTerm
+from workbench.registration.coregistration import (
+    Coregistration,
+    CoregistrationPlan,
+    Fitted,
+    ScansInMemory,
+    State,
+    hard,
+)
+from workbench.registration.coregistration.plan import SETTINGS
+from workbench.registration.coregistration.scan_block import Pull, jobs, measured, registered
+from workbench.registration.coregistration.softness import kernel_weights
+from workbench.registration.coregistration.state import FILE
+from workbench.registration.coregistration.symbolic_form import (
+    OF_MODEL,
+    OF_SCANS,
+    SymbolicCoregistration,
+)
+from workbench.residuals import geman_mcclure, scaled
+from workbench.synthetic.made_up import jointed_tube, random_smpl
+from workbench.training.executor import Execution, Processes
+
+START = jointed_tube(7, 5)
+PEOPLE, EACH = 2, 3
+TERM = ScanTerm(sigma=0.002, outlier=0.01, within=0.1)
+PLAN = CoregistrationPlan(rounds=2, term=TERM, sigmas=replace(SETTINGS, data=0.002))
+
+
+@cache
+def body() -> SkinnedBody:
+    return random_smpl(START, 2, seed=3)
+
+
+def sampled(vertices: Array, rng: np.random.Generator, n: int, hole: bool) -> Scan:
+    """Points with normals and areas on a surface; without those of one half, if so."""
+    corners = vertices[body().faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1) / 2
+    on = rng.choice(len(areas), n, p=areas / areas.sum())
+    if hole:
+        on = on[normals[on] @ rng.standard_normal(3) > 0]
+    points = np.einsum("mk,mki->mi", rng.dirichlet((1, 1, 1), len(on)), corners[on])
+    each = np.full(len(on), areas.sum() / n)
+    return Scan(points, normals[on] / (2 * areas[on, None]), weights=each)
+
+
+@cache
+def made() -> tuple[ScansInMemory, tuple[Fitted, ...], Array, Array]:
+    """Scans of two people with shapes that betas do not reach, fits, true surfaces, templates."""
+    rng = np.random.default_rng(8)
+    model, subject = body(), np.repeat(np.arange(PEOPLE), EACH)
+    own = [0.02 * np.sin(3 * model.template + p) for p in range(PEOPLE)]
+    templates = model.template + np.stack(own)
+    scans, fits, truth = [], [], []
+    for s in subject:
+        pose = 0.25 * rng.standard_normal((model.n_joints, 3))
+        trans = 0.1 * rng.standard_normal(3)
+        there = replace(model, template=templates[s]).vertices(pose, np.zeros(2), trans)
+        scans.append(sampled(there, rng, 500, hole=True))
+        off = pose + 0.02 * rng.standard_normal(pose.shape)
+        fits.append(Fitted(off, np.zeros(2), trans + 0.003 * rng.standard_normal(3)))
+        truth.append(there)
+    return ScansInMemory(tuple(scans), subject), tuple(fits), np.stack(truth), templates
+
+
+@cache
+def joint() -> Coregistration:
+    return Coregistration(body(), made()[0], PLAN)
+
+
+@cache
+def state() -> State:
+    return joint().run(made()[1])
+
+
+def off(vertices: Array) -> float:
+    return float(np.linalg.norm(vertices - made()[2], axis=2).mean())
+
+
+def test_no_block_raises_the_joint_cost() -> None:
+    log = state().log
+    assert [entry.block for entry in log] == ["registrations", "model"] * 2 + ["registrations"]
+    costs = [sum(log[0].before.values()), *(sum(entry.after.values()) for entry in log)]
+    assert all(b <= a * (1 + 1e-9) for a, b in pairwise(costs)), costs
+    assert costs[-1] < 0.8 * costs[1], costs
+    assert all(e.facts["share"] > 0 for e in log if e.block == "model")
+
+
+def test_registrations_come_nearer_to_the_truth_than_with_the_model_held() -> None:
+    alone = Coregistration(body(), made()[0], replace(PLAN, blocks=())).run(made()[1])
+    assert off(state().vertices) < 0.7 * off(alone.vertices)
+
+
+def test_soft_scans_lower_the_cost_further_than_hard_registrations_in_as_many_rounds() -> None:
+    slow = Coregistration(body(), made()[0], replace(PLAN, observe=hard)).run(made()[1])
+    costs = [sum(one.log[-1].after.values()) for one in (state(), slow)]
+    assert costs[0] < costs[1]
+
+
+@pytest.mark.parametrize("term", [*OF_SCANS, *OF_MODEL])
+def test_the_problem_has_the_same_cost_term_by_term(term: str) -> None:
+    symbolic = SymbolicCoregistration.at(joint(), state())
+    values = symbolic.values(state())
+    expected = joint().costs(state())[term]
+    if term == "E_Y":
+        assert expected == 0
+        assert not symbolic.residuals([term])
+        return
+    problem = symbolic.problem([term], held=())
+    found = problem.linearize(
+        {n: values[n] for n in problem.free.names},
+    ).cost
+    # E_C takes the best translation, and the registrations of a round end a little beside it
+    assert found == pytest.approx(expected, rel=1e-2 if term == "E_C" else 1e-6, abs=1e-9)
+
+
+def test_what_a_scan_says_bounds_its_cost_from_above() -> None:
+    """The surrogate touches E_S at the registration, and lies above it elsewhere."""
+    pull = Pull(START.faces, PLAN.sigmas.data, TERM)
+    estimate, subject = state().estimate, joint().scans.subject
+    here = [
+        one
+        for job in jobs(estimate, subject, state().vertices, state().trans)
+        for one in registered(pull, joint().scans, job)
+    ]
+    rng, h = np.random.default_rng(1), 1e-3
+    V = np.stack([one.vertices for one in here])
+    poses = np.stack([one.pose for one in here])
+    trans = np.stack([one.trans for one in here])
+    moved = V + h * rng.standard_normal(V.shape)
+    there = [
+        one
+        for job in jobs(replace(estimate, poses=poses), subject, moved, trans)
+        for one in measured(pull, joint().scans, job)
+    ]
+    sigma = PLAN.sigmas.data
+    for j, (one, other) in enumerate(zip(here, there, strict=True)):
+        C = one.pulled.confidence
+        e, Q = np.linalg.eigh(C)
+        assert e.min() > -1e-12
+        assert e.max() < 1
+        L = np.einsum("nab,nb,ncb->nac", Q, e / (1 - e), Q) / sigma**2
+        bound = [
+            0.5 * np.einsum("na,nab,nb->", d, L, d)
+            for d in (x - one.pulled.targets for x in (V[j], moved[j]))
+        ]
+        rise = other.scan_cost - one.scan_cost
+        assert rise <= (bound[1] - bound[0]) * 1.1 + 0.02 * abs(rise), j
+
+
+def test_what_was_not_scanned_has_no_confidence() -> None:
+    trust = np.trace(state().confidence, axis1=2, axis2=3)
+    assert (trust == 0).any(axis=1).all()
+    assert trust.max() < 2.9  # nor does a surface say where it is along itself
+    unseen = trust == 0
+    np.testing.assert_array_equal(state().targets[unseen], state().vertices[unseen])
+
+
+def test_weights_of_a_kernel_are_the_slope_of_its_cost() -> None:
+    kernel, s = scaled(geman_mcclure, 3.0), np.array([0.0, 1.0, 9.0, 100.0])
+    np.testing.assert_allclose(kernel_weights(kernel, s), (1 + s / 9) ** -2, rtol=1e-12)
+
+
+def test_an_executor_with_two_processes_finds_the_same() -> None:
+    short = Coregistration(body(), made()[0], replace(PLAN, rounds=1))
+    one = short.run(made()[1])
+    two = short.run(made()[1], execution=Execution(Processes(2)))
+    for name, array in one.arrays().items():
+        np.testing.assert_array_equal(array, two.arrays()[name], err_msg=name)
+
+
+def test_a_run_that_stops_continues_to_the_same_bits(tmp_path: Path) -> None:
+    class Stop(Exception):
+        pass
+
+    class After:
+        def __init__(self, blocks: int) -> None:
+            self.left = blocks
+
+        def block(self, progress: object) -> None:
+            self.left -= 1
+            if not self.left:
+                raise Stop
+
+        def part(self, doing: str, done: int, of: int) -> None:
+            pass
+
+    for blocks in (1, 1, 2):
+        with pytest.raises(Stop):
+            joint().run(made()[1], folder=tmp_path, execution=Execution(report=After(blocks)))
+    found = joint().run(made()[1], folder=tmp_path)
+    assert len(found.log) == 5
+    for name, array in state().arrays().items():
+        np.testing.assert_array_equal(array, found.arrays()[name], err_msg=name)
+
+
+def test_other_settings_do_not_continue_a_run(tmp_path: Path) -> None:
+    short = Coregistration(body(), made()[0], replace(PLAN, rounds=1))
+    short.run(made()[1], folder=tmp_path)
+    for other in (replace(PLAN, rounds=1, edges=0.02), PLAN):
+        with pytest.raises(BadFile, match="other settings"):
+            Coregistration(body(), made()[0], other).run(made()[1], folder=tmp_path)
+    (tmp_path / FILE).write_bytes((tmp_path / FILE).read_bytes()[:-500])
+    with pytest.raises(BadFile, match="checkpoint"):
+        short.run(made()[1], folder=tmp_path)
+
+
+def test_one_person_and_gaps_in_the_numbers_are_refused() -> None:
+    scans = made()[0].scans
+    for subject, why in (([0] * 6, "two subjects"), ([0, 0, 0, 2, 2, 2], "without gaps")):
+        with pytest.raises(BadArgument, match=why):
+            Coregistration(body(), ScansInMemory(scans, np.array(subject)), PLAN)
+    with pytest.raises(BadArgument, match="one round"):
+        CoregistrationPlan(rounds=0)
+
+
+def test_the_body_has_the_shapes_of_the_people() -> None:
+    learned = joint().learned(state(), 10)
+    assert learned.n_betas == PEOPLE - 1
+    assert learned.card["coregistered_from"]["scans"] == PEOPLE * EACH
+    there = learned.vertices(betas=np.array([1.0])), learned.vertices(betas=np.array([-1.0]))
+    assert np.abs(there[0] - there[1]).max() > 0.01
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from tests.registration.test_coregistration import joint, made
+joint().run(made()[1], folder=Path(sys.argv[1]))
+"""
+
+
+def test_a_run_that_is_killed_three_times_ends_with_the_same_bits(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", KILLED, str(tmp_path)]
+    file, seen = tmp_path / FILE, 0
+    for _ in range(3):
+        process = subprocess.Popen(command, cwd=root)
+        while process.poll() is None:
+            at = file.stat().st_mtime_ns if file.exists() else 0
+            if at != seen:
+                seen = at
+                process.send_signal(signal.SIGKILL)
+                process.wait()
+            time.sleep(0.01)
+    assert process.returncode == -signal.SIGKILL
+    found = joint().run(made()[1], folder=tmp_path)
+    for name, array in state().arrays().items():
+        np.testing.assert_array_equal(array, found.arrays()[name], err_msg=name)

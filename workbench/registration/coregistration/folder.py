@@ -1,0 +1,104 @@
+"""The folder that `workbench register` wrote, as scans and fits for a coregistration."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from workbench.arrays import Index
+from workbench.bodies import SkinnedBody
+from workbench.bodies.catalogue import load_skinned
+from workbench.errors import BadFile
+from workbench.fitting.scan import BadScan, Scan
+from workbench.reading.archive import opened
+from workbench.reading.expected import optional, read_expected, reals
+from workbench.registration.coregistration.coregistering import Fitted
+from workbench.training.folder import TABLE, Row, read_table
+
+SCAN, BODY = "scan.npz", "start.npz"  # beside a registration, and in the folder of all
+AGAIN = "repeat `workbench register`"
+
+
+@dataclass(frozen=True, eq=False)
+class RegisteredScans:
+    """Scans that were registered one by one, read from the folders of their registrations.
+
+    Attributes:
+        place: the folder of them all.
+        rows: the lines of its table of subjects.
+        subject: (J,) the number of each scan's subject, in the order of their first lines.
+    """
+
+    place: Path
+    rows: tuple[Row, ...]
+    subject: Index
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each scan, which is that of its folder."""
+        return tuple(Path(row.file).parent.name for row in self.rows)
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """The names of the subjects, as they are numbered."""
+        return tuple(dict.fromkeys(row.subject for row in self.rows))
+
+    def read(self, row: int) -> Scan:
+        """The points that were registered, with normals and areas. Raises BadFile."""
+        path = (self.place / self.rows[row].file).with_name(SCAN)
+        with opened(path, "registered scan", AGAIN) as archive:
+            wanted = {
+                "points": reals("M", 3),
+                "normals": optional(reals("M", 3)),
+                "areas": optional(reals("M")),
+            }
+            found = read_expected(archive, wanted)
+            try:
+                return Scan(found["points"], found.get("normals"), weights=found.get("areas"))
+            except BadScan as error:
+                raise BadFile(str(error)) from error
+
+    def fitted(self, row: int, body: SkinnedBody) -> Fitted:
+        """The body as it was fitted to a scan. Raises BadFile."""
+        return Fitted(**self._arrays(row, body, ("pose", "betas", "trans")))
+
+    def registration(self, row: int, body: SkinnedBody) -> np.ndarray:
+        """The vertices (N, 3) m of a scan's registration by itself. Raises BadFile."""
+        return self._arrays(row, body, ("vertices",))["vertices"]
+
+    def _arrays(self, row: int, body: SkinnedBody, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+        wanted = {
+            "pose": reals(body.n_joints, 3),
+            "betas": reals(body.n_betas),
+            "trans": reals(3),
+            "vertices": reals(body.n_vertices, 3),
+        }
+        with opened(self.place / self.rows[row].file, "registration", AGAIN) as archive:
+            return read_expected(archive, {name: wanted[name] for name in names})
+
+
+def open_registered(place: Path) -> tuple[SkinnedBody, RegisteredScans]:
+    """The body and the scans of a folder that `workbench register` wrote, all of them checked.
+
+    Raises BadFile for another folder, a scan that cannot be read, and two scans that are the same.
+    """
+    if not (place / TABLE).is_file() or not (place / BODY).is_file():
+        raise BadFile(
+            f"{place} holds no {TABLE} and {BODY} of registered scans; register them first with "
+            "`workbench register SCANS/ --subjects TABLE.csv`, and give the folder that it writes"
+        )
+    body, rows = load_skinned(place / BODY), read_table(place / TABLE)
+    number = {name: s for s, name in enumerate(dict.fromkeys(row.subject for row in rows))}
+    scans = RegisteredScans(place, rows, np.array([number[row.subject] for row in rows]))
+    known: dict[str, str] = {}
+    for j, name in enumerate(scans.names):
+        digest = hashlib.sha256(scans.read(j).points.tobytes()).hexdigest()
+        if digest in known:
+            raise BadFile(
+                f"the scans {known[digest]} and {name} are the same points; leave one of them out "
+                f"of {place / TABLE}, or one scan counts twice"
+            )
+        known[digest] = name
+        scans.fitted(j, body)
+    return body, scans
