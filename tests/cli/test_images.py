@@ -31,7 +31,7 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: P
     assert fit(str(images), *OPTIONS, "--out", str(out)).exit_code == 0
     folder = out / "fit-images"
     first = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
-    assert len(first) == 6
+    assert len(first) == 9
     rows = list(csv.DictReader((folder / "fits.csv").read_text().splitlines()))
     assert [row["file"] for row in rows] == ["frame0", "frame1", "frame2"]
     with np.load(folder / "poses.npz") as poses:
@@ -41,7 +41,9 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: P
     told = fit(str(images), *OPTIONS, "--out", str(out))
     assert "2 of 3 images are fitted already" in told.output
     again = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
-    assert {name for name in first if again[name] != first[name]} == {"frame1.npz", "frame1.json"}
+    assert {name for name in first if again[name] != first[name]} == {
+        f"frame1.{kind}" for kind in ("npz", "json", "svg")
+    }
     assert fit(str(images), *OPTIONS, "--sigma", "8", "--out", str(out)).exit_code == 0
     changed = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert all(changed[name] != again[name] for name in again)

@@ -19,11 +19,17 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.fitting.setup import Setup, View
+from workbench.fitting.setup import Measure, Setup, View
 from workbench.geometry.rotation import matrix_from_vector
 
 OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
 Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
+FOUND = (
+    f"The 90 % interval of the distance allows for landmarks of the detector that lie "
+    f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. On 100 "
+    "images of one real person it held the distance that four cameras found in 100 %, and in 92 % "
+    "where the stature was known: 0.83 and 0.90 times the width would do"
+)
 STEP = 1e-5  # of an unknown, for a central difference
 Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
 
@@ -76,9 +82,20 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
     return DepthInterval(float(found[0]), total) if np.isfinite(total) else None
 
 
-def spreads(
-    setup: Setup, view: View, values: Values, of: Quantities
-) -> tuple[Array, Array, Array]:
+def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
+    """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
+    found = depth_interval(setup, values)
+    if found is None:
+        return ()
+    name, of = "distance from the camera", ", end of the 90 % interval"
+    return (
+        Measure(name, found.mean, "m"),
+        Measure(f"{name}, lower{of}", found.low, "m"),
+        Measure(f"{name}, upper{of}", found.high, "m"),
+    )
+
+
+def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[Array, Array, Array]:
     """Quantities of a body in one view, and how uncertain they are; (k,) each.
 
     What they are at `values`; Laplace's standard deviations; and what an offset of 1 m in each
