@@ -8,8 +8,9 @@ integrated out, then the estimate x of the fit has another covariance than Lapla
     C + (s f / (z sigma))^2 C J_d' J_d C
 
 with the rows J_d of the keypoints, whitened by sigma (White, Maximum likelihood estimation of
-misspecified models, 1982). The estimate stays what it is: fits in which keypoints have this larger
-variance from the outset have larger errors (`benchmarks/IMAGES.md`).
+misspecified models, 1982), both up to the curvature that Gauss and Newton's J'J leaves out. The
+estimate stays what it is: fits in which keypoints have this larger variance from the outset have
+larger errors (`benchmarks/IMAGES.md`).
 """
 
 from collections.abc import Callable
@@ -87,11 +88,11 @@ def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     found = depth_interval(setup, values)
     if found is None:
         return ()
-    name, of = "distance from the camera", ", end of the 90 % interval"
+    name, of = "distance from the camera", "end of the 90 % interval"
     return (
         Measure(name, found.mean, "m"),
-        Measure(f"{name}, lower{of}", found.low, "m"),
-        Measure(f"{name}, upper{of}", found.high, "m"),
+        Measure(f"{name}, lower {of}", found.low, "m"),
+        Measure(f"{name}, upper {of}", found.high, "m"),
     )
 
 
