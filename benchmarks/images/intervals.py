@@ -10,7 +10,7 @@ Numbers go to `results/intervals.json`, and the tables of IMAGES.md are written 
 import argparse
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,14 +37,15 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.depth_interval import OFFSET, Z90, spreads
 from workbench.fitting.image_fit import ImageFits
-from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.fitting.image_recipe import ByHeight, WithStature, image_priors
+from workbench.fitting.keypoint_problem import Terms
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup, View
 from workbench.fitting.stature import stature
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.residuals import Residual
+from workbench.residuals import Residual, gaussian
 from workbench.sampling import sample
 
 RESULTS = Path(__file__).parent.parent / "results" / "intervals.json"
@@ -54,6 +55,7 @@ TUNING = range(2, 100, 8)
 OFFSETS = 0.0, 0.005, 0.01, 0.015, 0.02  # m
 WHAT = "depth", "stature", "across", "along"  # 1, 1, 24 and 12 numbers of a fit
 LEVEL = 0.9
+SHAPE = "shape prior"
 SAMPLED, STEPS = 40, 6000  # the frame whose posteriors are drawn from, and the steps of a walker
 
 
@@ -179,17 +181,20 @@ def without_bias(body: SkinnedBody, tuning: list[Case], cases: list[Case]) -> li
     return [seen_as(body, case, lambda name, seen, true: seen - bias[name]) for case in cases]
 
 
-@dataclass(frozen=True)
-class WidePrior:
-    """The terms of an image with known stature, and a pose prior `factor` times as wide."""
+def wide_pose(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """The terms of an image with known stature, and a pose prior three times as wide."""
+    of = WithStature(STATURE)(body)
+    return tuple(one.weighed(1 / 9) if one.name == "pose prior" else one for one in of)
 
-    factor: float = 3.0
 
-    def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-        """The terms of this body."""
-        of = WithStature(STATURE)(body)
-        weight = 1 / self.factor**2
-        return tuple(one.weighed(weight) if one.name == "pose prior" else one for one in of)
+def known_shape(betas: Array) -> Terms:
+    """The terms of an image of a person whose betas are known, each to 0.05."""
+
+    def terms(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+        shape = gaussian(body.blocks()[1].symbol, mean=betas, covariance=0.05**2, name=SHAPE)
+        return (*(one for one in image_priors(body) if one.name != SHAPE), shape)
+
+    return terms
 
 
 def causes(body: SkinnedBody, tuning: list[Case], cases: list[Case]) -> dict[str, Any]:
@@ -211,8 +216,13 @@ def causes(body: SkinnedBody, tuning: list[Case], cases: list[Case]) -> dict[str
         "the true landmarks, 4 px of noise": noisy(4.0),
         "the true landmarks, 10 px of noise": noisy(10.0),
     }
-    wide = ImageFits(body, ByHeight(priors=WidePrior()))
-    others = {"the true landmarks, pose prior three times as wide": (wide, noisy(0.0))}
+    betas = np.median([case.made_of["betas"] for case in cases if case.made_of], axis=0)
+    wide, known = (ImageFits(body, ByHeight(priors=p)) for p in (wide_pose, known_shape(betas)))
+    others = {
+        "the true landmarks, pose prior three times as wide": (wide, noisy(0.0)),
+        "the true landmarks, shape known": (known, noisy(0.0)),
+        "as measured, shape known": (known, cases),
+    }
     told = {}
     for name, (of, some) in ({n: (fits, c) for n, c in changed.items()} | others).items():
         found = measured(body, of, some, at_truth="started" in name)
