@@ -98,7 +98,7 @@ def measured(
     body: SkinnedBody, fits: ImageFits, cases: Iterable[Case], *, at_truth: bool = False
 ) -> dict[str, Any]:
     """Errors, Laplace's standard deviations and what offsets add, (N, 38) each, and distances."""
-    rows, distances, cameras, residuals = [], [], [], []
+    rows, distances, cameras, residuals, noise = [], [], [], [], []
     for case in cases:
         assert case.made_of is not None
         setup, values = fitted(fits, case, case.made_of if at_truth else None)
@@ -106,6 +106,7 @@ def measured(
         found, sd, lever = spreads(setup, view, values, of)
         true = of(*(case.made_of[block.name][None] for block in body.blocks()))[0]
         rows.append((found - true, sd, lever))
+        noise.append(noise_of(setup, view, values))
         there = body.landmark("coco", *(values[block.name] for block in body.blocks()))
         distances.append(mpjpe(limbs(body, there), limbs(body, case.truth)))
         cameras.append(view.name)
@@ -119,8 +120,22 @@ def measured(
         "lever": lever,
         "mpjpe": float(np.mean(distances)),
         "cameras": cameras,
+        "noise": float(np.median(noise)),
         "landmarks": float(np.sqrt(np.mean(np.concatenate(residuals) ** 2))),
     }
+
+
+def noise_of(setup: Setup, view: View, values: Values) -> float:
+    """The standard deviation of keypoints in px by what the fit left of them, m rows with |r|^2 and
+    the trace h of the matrix that maps errors to their fit: sigma^2 |r|^2 / (m - h).
+    """
+    name = f"keypoints({view.name})"
+    sigma = next(one.sigma for one in setup.problem.residuals if one.name == name)
+    here = setup.problem.linearize(values)
+    rows = setup.problem.rows[name]
+    J, r = here.dense[rows], here.residual[rows]
+    left = np.sum(J.any(axis=1)) - np.sum((J @ here.covariance) * J)
+    return float(sigma) * float(np.sqrt(r @ r / left))
 
 
 def judged(found: dict[str, Any], offset: float) -> dict[str, Any]:
@@ -285,6 +300,7 @@ def run(recording: Path | None) -> dict[str, Any]:
         told["landmarks"] = 1e3 * found["landmarks"]
         found = measured(body, ImageFits(body, recipe), report)
         told[f"report, {kind}"] = {f"{1e3 * s:g}": judged(found, s) for s in (0.0, OFFSET)}
+        told[f"noise, {kind}"] = found["noise"]
         told[f"cameras, {kind}"] = by_camera(found, OFFSET)
         for s, one in told[f"report, {kind}"].items():
             print(kind, s, line(one), flush=True)
@@ -302,7 +318,8 @@ def run(recording: Path | None) -> dict[str, Any]:
         for started in ("", ", started at the truth"):
             of = ImageFits(body, ByHeight(sigma=NOISE))
             found = measured(body, of, cases, at_truth=bool(started))
-            told["people"][name + started] = judged(found, 0.0) | {"mpjpe": found["mpjpe"]}
+            told["people"][name + started] = judged(found, 0.0)
+            told["people"][name + started]["noise"] = found["noise"]
             print(name + started, line(told["people"][name + started]), flush=True)
     return told
 
