@@ -375,11 +375,16 @@ def tables(found: dict[str, Any]) -> str:
     lines += [f"| poses of | {head} |", f"| --- |{rule}"]
     lines += [f"| {name} | {line(one)} |" for name, one in found["people"].items()]
     if found.get("sampled"):
-        lines += ["", f"emcee's draws of frame {SAMPLED}: standard deviations over Laplace's", ""]
-        lines += [f"| camera | usable | {head} |", f"| --- | --- |{rule}"]
+        title = (
+            f"emcee in frame {SAMPLED}: standard deviations over Laplace's, and how much farther"
+        )
+        lines += ["", f"{title} the mean is than the likeliest body:", ""]
+        lines += [f"| camera | usable | {head} | farther, mm |", f"| --- | --- |{rule} --: |"]
         for row in found["sampled"]:
             cells = " | ".join(f"{row[name]['sd ratio']:.2f}" for name in WHAT)
-            lines.append(f"| {row['camera']} | {'yes' if row['usable'] else 'no'} | {cells} |")
+            shift = f"{row['depth']['shift']:+.0f}"
+            usable = "yes" if row["usable"] else "no"
+            lines.append(f"| {row['camera']} | {usable} | {cells} | {shift} |")
     return "\n".join(lines[1:]) + "\n"
 
 
