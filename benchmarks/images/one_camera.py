@@ -10,7 +10,7 @@ them.
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,7 +53,9 @@ OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One image: what was observed, what was held out, and the true landmarks (M, 3) m."""
+    """One image: what was observed, what was held out, and the true landmarks (M, 3) m; `made_of`
+    are pose, betas and trans of the true body.
+    """
 
     observed: Observations
     held_out: tuple[str, ...]
@@ -97,16 +99,17 @@ def from_the_truth(fits: ImageFits) -> Fit:
     return fit
 
 
-def balance_cases(body: SkinnedBody) -> Iterator[Case]:
-    """Each camera alone, in each of the reported frames."""
-    for frame in REPORTED:
+def balance_cases(body: SkinnedBody, frames: Iterable[int] = REPORTED) -> Iterator[Case]:
+    """Each camera alone, in each of these frames."""
+    for frame in frames:
         observed, _ = observations(frame)
         whole = keypoint_fit(observed, body, "")
         values = solve(whole.problem, whole.start).values
-        truth = body.landmark("coco", *(values[block.name] for block in body.blocks()))
+        known = {block.name: values[block.name] for block in body.blocks()}
+        truth = body.landmark("coco", *known.values())
         names = [photo.name for photo in observed.photographs]
         for name in names:
-            yield Case(observed, tuple(other for other in names if other != name), truth)
+            yield Case(observed, tuple(other for other in names if other != name), truth, known)
 
 
 def synthetic_cases(body: SkinnedBody, poses: Array, seeds: range, outliers: int) -> Iterator[Case]:

@@ -12,6 +12,7 @@ from tests.fitting.test_image_fit import BODY, SIZE, written
 from workbench import LevenbergMarquardt
 from workbench.cli.app import app
 from workbench.errors import WorkbenchError
+from workbench.fitting.depth_interval import FOUND
 from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
 from workbench.reports.image_folder import ImageFolder
@@ -31,9 +32,15 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: P
     assert fit(str(images), *OPTIONS, "--out", str(out)).exit_code == 0
     folder = out / "fit-images"
     first = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
-    assert len(first) == 6
+    assert len(first) == 9
     rows = list(csv.DictReader((folder / "fits.csv").read_text().splitlines()))
     assert [row["file"] for row in rows] == ["frame0", "frame1", "frame2"]
+    for row in rows:
+        depth, low, high = (float(row[f"depth{end} (m)"]) for end in ("", ", 5 %", ", 95 %"))
+        assert 0 < low < depth < high
+        assert f"{low:.2f} to {high:.2f}" in (folder / "index.html").read_text()
+        assert f'src="fits/{row["file"]}.svg"' in (folder / "index.html").read_text()
+    assert FOUND.split(";")[0] in (folder / "index.html").read_text()
     with np.load(folder / "poses.npz") as poses:
         assert poses["pose"].shape == (3, 24, 3)
         assert poses["file"].tolist() == ["frame0", "frame1", "frame2"]
@@ -41,7 +48,9 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: P
     told = fit(str(images), *OPTIONS, "--out", str(out))
     assert "2 of 3 images are fitted already" in told.output
     again = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
-    assert {name for name in first if again[name] != first[name]} == {"frame1.npz", "frame1.json"}
+    assert {name for name in first if again[name] != first[name]} == {
+        f"frame1.{kind}" for kind in ("npz", "json", "svg")
+    }
     assert fit(str(images), *OPTIONS, "--sigma", "8", "--out", str(out)).exit_code == 0
     changed = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert all(changed[name] != again[name] for name in again)

@@ -10,6 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.fitting.depth_interval import FOUND, depth_measures
 from workbench.fitting.image_recipe import Appearance, ByHeight, ImageRecipe, Recipe
 from workbench.fitting.image_starts import image_starts
 from workbench.fitting.keypoint_problem import KeypointProblem
@@ -56,7 +57,8 @@ class ImageFits:
         """Pose, betas and trans of the body from the keypoints of one image.
 
         The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts (see
-        `image_starts`). Other arguments and errors are those of `keypoint_fit`.
+        `image_starts`). Its measures tell the distance from the camera with its 90 % interval (see
+        `depth_interval`). Other arguments and errors are those of `keypoint_fit`.
         """
         given = observations, question, held_out, reference, compared
         placed = keypoint_setup(self._placing, *given)
@@ -70,7 +72,14 @@ class ImageFits:
             staged = Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
             return staged if len(starts) == 1 else Starts(starts, staged)
 
-        return replace(setup, strategy=strategy)
+        plain = replace(setup, strategy=strategy)
+        if sum(not view.held_out for view in plain.views) != 1:
+            return plain
+        return replace(
+            plain,
+            measures=lambda values: (*plain.measures(values), *depth_measures(plain, values)),
+            notes=(*plain.notes, FOUND),
+        )
 
     def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
         """The recipe and the problem for a person who looks nearly like this."""

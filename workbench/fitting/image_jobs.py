@@ -10,6 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.fitting.depth_interval import FOUND, DepthInterval, depth_interval
 from workbench.fitting.file_jobs import check_names_differ, reason_of
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight
@@ -46,6 +47,21 @@ class ImageJob:
 
 
 @dataclass(frozen=True, eq=False)
+class Picture:
+    """What is drawn of a fitted image, in px.
+
+    Attributes:
+        joints: (K, 2) where the joints of the body are.
+        observed: (M, 2) the keypoints.
+        confidence: (M,) theirs.
+    """
+
+    joints: Array
+    observed: Array
+    confidence: Array
+
+
+@dataclass(frozen=True, eq=False)
 class FittedImage:
     """The body that was fitted to one image.
 
@@ -57,6 +73,8 @@ class FittedImage:
         status: how the best run ended.
         error: the mean distance in px of keypoints with a confidence above 0.2; NaN without any.
         depth: the distance in m of the body's root from the camera's plane.
+        interval: the same with its standard deviation; None if the distance is not determined.
+        picture: what is drawn of it.
         seconds: how long the fit took.
         notes: sentences on what the file holds and was not read.
     """
@@ -68,6 +86,8 @@ class FittedImage:
     status: str
     error: float
     depth: float
+    interval: DepthInterval | None
+    picture: Picture
     seconds: float
     notes: tuple[str, ...]
 
@@ -130,7 +150,7 @@ class ImageWork:
         off = reprojection_errors(
             view.observed, view.camera.pixels(landmarks, whole), view.confidence
         )
-        root: Array = body.joints(pose, betas, trans)[:1]
+        joints = body.joints(pose, betas, trans)
         return FittedImage(
             job,
             dict(solution.values),
@@ -138,9 +158,11 @@ class ImageWork:
             tuple(one.cost for one in solution.hypotheses) or (solution.cost,),
             solution.status.name,
             float(np.mean(off)) if off.size else np.nan,
-            float(view.camera.depths(root, whole)[0]),
+            float(view.camera.depths(joints[:1], whole)[0]),
+            depth_interval(setup, whole),
+            Picture(view.camera.pixels(joints, whole), view.observed, view.confidence),
             solution.seconds,
-            setup.notes,
+            tuple(note for note in setup.notes if note != FOUND),
         )
 
 

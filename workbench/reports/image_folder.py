@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from workbench.bodies import SkinnedBody
 from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.errors import BadFile
+from workbench.fitting.depth_interval import FOUND, DepthInterval
 from workbench.fitting.image_jobs import FailedImage, FittedImage, ImageJob, ImageWork
 from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
@@ -22,9 +24,10 @@ from workbench.reading.facts import json_in
 from workbench.reports.folder import MAKER, SUMMARY, own_folder
 from workbench.reports.page import as_json, page, versions
 from workbench.reports.tables import number
+from workbench.reports.thumbnail import thumbnail
 from workbench.writing import replacing, write_arrays
 
-FORMAT = 1  # of what is stored for an image
+FORMAT = 2  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
 TABLE = "fits.csv"
 CLOSE = 3.0  # between costs: the density at the other hypothesis is at least exp(-3), a twentieth
@@ -35,6 +38,8 @@ COLUMNS = (
     "next cost",
     "mean error (px)",
     "depth (m)",
+    "depth, 5 % (m)",
+    "depth, 95 % (m)",
     "height (m)",
     "seconds",
 )
@@ -90,7 +95,8 @@ class ImageFolder:
             found = json_in(self._path(job, "json"))
         except BadFile:
             return None
-        whole = isinstance(found, dict) and self._path(job, "npz").is_file()
+        files = [self._path(job, kind) for kind in ("npz", "svg")]
+        whole = isinstance(found, dict) and all(file.is_file() for file in files)
         return ImageEntry(job.name, found) if whole and found.get("key") == key else None
 
     def keep(self, found: FittedImage, key: str) -> ImageEntry:
@@ -105,6 +111,8 @@ class ImageFolder:
             arrays |= {f"hypothesis {i + 2}:{name}": np.asarray(v) for name, v in other.items()}
         write_arrays(self._path(found.job, "npz"), arrays)
         body = self.work.body
+        with replacing(self._path(found.job, "svg")) as temporary:
+            temporary.write_text(thumbnail(found.picture, body.parents), encoding="utf-8")
         betas = values[body.blocks()[1].name]
         height = float(stature(body, betas)) if isinstance(body, SkinnedBody) else None
         facts = {
@@ -113,6 +121,7 @@ class ImageFolder:
             "costs": found.costs,
             "error_px": None if np.isnan(found.error) else found.error,
             "depth_m": found.depth,
+            "depth_90_m": None if found.interval is None else ends_of(found.interval),
             "height_m": height,
             "seconds": found.seconds,
             "notes": found.notes,
@@ -133,6 +142,7 @@ class ImageFolder:
             failed=failed,
             ambiguous=sum(_ambiguous(entry) for entry in entries),
             hypotheses=self.work.hypotheses,
+            found=FOUND,
         )
         self._write("index.html", text)
         self._write_summary(entries, failed)
@@ -191,11 +201,17 @@ def table_of(entries: Sequence[ImageEntry]) -> str:
                 costs[1],
                 told["error_px"],
                 told["depth_m"],
+                *(told["depth_90_m"] or (None, None)),
                 told["height_m"],
                 told["seconds"],
             )
         )
     return text.getvalue()
+
+
+def ends_of(interval: DepthInterval) -> tuple[float, float]:
+    """The ends of the 90 % interval, m."""
+    return interval.low, interval.high
 
 
 def _ambiguous(entry: ImageEntry) -> bool:
@@ -205,7 +221,7 @@ def _ambiguous(entry: ImageEntry) -> bool:
 
 def _row(entry: ImageEntry) -> dict[str, Any]:
     told = entry.facts
-    costs = told["costs"]
+    costs, ends = told["costs"], told["depth_90_m"]
     return {
         "name": entry.name,
         "status": told["status"].lower().replace("_", " "),
@@ -213,6 +229,8 @@ def _row(entry: ImageEntry) -> dict[str, Any]:
         "next": number(costs[1] - costs[0], 3) if len(costs) > 1 else "–",
         "error": "–" if told["error_px"] is None else number(told["error_px"], 3),
         "depth": f"{told['depth_m']:.2f}",
+        "ends": "–" if ends is None else f"{ends[0]:.2f} to {ends[1]:.2f}",
+        "picture": quote(f"{FITS}/{entry.name}.svg"),
         "height": "–" if told["height_m"] is None else f"{told['height_m']:.2f}",
         "notes": told["notes"],
     }

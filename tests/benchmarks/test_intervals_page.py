@@ -1,0 +1,181 @@
+"""The page says of intervals what was measured, and so does the sentence beside each interval."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.images.intervals import (
+    BEGIN,
+    END,
+    OFFSETS,
+    PAGE,
+    RESULTS,
+    WHAT,
+    Z90,
+    band,
+    judged,
+    share,
+    tables,
+)
+from benchmarks.images.video import RESULTS as TOGETHER
+from benchmarks.images.video_errors import MARKS, TRIED, means, table
+from benchmarks.images.video_errors import PAGE as VIDEO
+from benchmarks.images.video_errors import RESULTS as ERRORS
+from workbench.fitting.depth_interval import FOUND, OFFSET
+
+FOUND_NUMBERS = json.loads(RESULTS.read_text())
+TEXT = " ".join(PAGE.read_text().split())
+CHOSEN = f"{1e3 * OFFSET:g}"
+
+
+def kept(scene: str, offset: str, what: str) -> str:
+    return share(FOUND_NUMBERS[scene][offset][what])
+
+
+def factor(scene: str, what: str = "depth") -> str:
+    return f"{FOUND_NUMBERS[scene][CHOSEN][what]['factor']:.2f}"
+
+
+def test_the_tables_are_written_from_the_numbers() -> None:
+    text = PAGE.read_text().partition(BEGIN)[2].partition(END)[0]
+    assert text.strip() == tables(FOUND_NUMBERS).strip()
+
+
+def test_the_sentence_beside_an_interval_holds() -> None:
+    unknown, known = ("report, unknown", "report, known")
+    assert f"that lie {100 * OFFSET:g} cm (standard deviation" in FOUND
+    depth = FOUND_NUMBERS[unknown][CHOSEN]["depth"]
+    assert f"On {depth['of']} images" in FOUND
+    assert f"found in {kept(unknown, CHOSEN, 'depth')}, and in" in FOUND
+    assert f"and in {kept(known, CHOSEN, 'depth')} where the stature was known" in FOUND
+    assert f"{factor(unknown)} and {factor(known)} times the width would do" in FOUND
+
+
+def test_what_is_said_of_balance_holds() -> None:
+    unknown, known = ("report, unknown", "report, known")
+    none = "0"
+    assert (
+        f"Depth is held in {kept(unknown, none, 'depth')} of the reported frames and cameras, and "
+        f"with known stature in {kept(known, none, 'depth')}, limbs along the axis in "
+        f"{kept(known, none, 'along')}." in TEXT
+    )
+    assert kept(unknown, none, "along") == kept(known, none, "along")
+    each = [
+        min(
+            FOUND_NUMBERS[f"tuning, {kind}"][f"{1e3 * s:g}"]["along"]["within"]
+            / FOUND_NUMBERS[f"tuning, {kind}"][f"{1e3 * s:g}"]["along"]["of"]
+            for kind in ("unknown", "known")
+        )
+        for s in OFFSETS
+    ]
+    assert OFFSETS[int(np.argmax(np.array(each) >= 0.85))] == OFFSET
+    assert (
+        f"depth is held in {kept(unknown, CHOSEN, 'depth')} and {kept(known, CHOSEN, 'depth')}, "
+        f"and limbs along the axis in {kept(unknown, CHOSEN, 'along')} and "
+        f"{kept(known, CHOSEN, 'along')}." in TEXT
+    )
+    assert f"could be {factor(unknown)} times as wide, {factor(known)} times with known" in TEXT
+    worst = FOUND_NUMBERS["cameras, known"]["cam02"]
+    assert f"in cam02 with known stature it is {share(worst)}, and" in TEXT
+    assert f"would have to be {worst['factor']:.2f} times as wide" in TEXT
+    for kind in ("unknown", "known"):
+        for name, one in FOUND_NUMBERS[f"cameras, {kind}"].items():
+            assert one["within"] >= 0.8 * one["of"] or (kind, name) == ("known", "cam02")
+
+
+def test_what_is_said_of_synthetic_people_holds() -> None:
+    people = FOUND_NUMBERS["people"]
+    low, high = band(people["the prior"]["depth"]["of"])
+    for name in WHAT[:3]:
+        one = people["the prior"][name]
+        assert low <= 100 * one["within"] / one["of"] <= high
+    assert f"limbs along the axis, with {share(people['the prior']['along'])}." in TEXT
+    started = people["the prior, started at the truth"]["along"]
+    assert f"at the true pose these have {share(started)}:" in TEXT
+    assert f"they suggest {people['the prior']['noise']:.1f} px, and the noise was 5" in TEXT
+
+
+def test_what_is_said_of_causes_holds() -> None:
+    causes, sigmas = FOUND_NUMBERS["causes"], FOUND_NUMBERS["sigmas"]
+
+    def bias(name: str) -> str:
+        return f"{causes[name]['depth']['bias']:+.0f}"
+
+    measured, exact = causes["as measured"], causes["the true landmarks"]
+    assert f"differs** by {FOUND_NUMBERS['landmarks']:.0f} mm" in TEXT
+    assert (bias("the true landmarks"), bias("without each keypoint's mean error")) == (
+        "-95",
+        "-97",
+    )
+    assert "depth stays 95 and 97 mm too small" in TEXT
+    assert f"held in {share(exact['across'])} instead of {share(measured['across'])}" in TEXT
+    assert f"falls from {measured['mpjpe']:.1f} to {exact['mpjpe']:.1f} mm" in TEXT
+    known, both = bias("as measured, shape known"), bias("the true landmarks, shape known")
+    assert f"falls from {bias('as measured')} to {known} mm, and" in TEXT
+    assert f"landmarks from {bias('the true landmarks')} to {both} mm" in TEXT
+    wide = bias("the true landmarks, pose prior three times as wide")
+    assert f"three times as wide does not change the bias ({wide} mm)" in TEXT
+    assert f"10 px of noise it is {bias('the true landmarks, 10 px of noise')} mm" in TEXT
+    assert (
+        f"hold {share(sigmas['10']['depth'])} of the tuning frames instead of "
+        f"{share(sigmas['4']['depth'])}, but the mean error rises from {sigmas['4']['mpjpe']:.1f} "
+        f"to {sigmas['10']['mpjpe']:.1f} mm" in TEXT
+    )
+    assert f"they suggest {FOUND_NUMBERS['noise, unknown']:.1f} px on `balance`" in TEXT
+    rms = FOUND_NUMBERS["report, known"]["0"]["stature"]["rms"]
+    assert f"known one by {rms:.0f} mm (root mean square)" in TEXT
+
+
+def test_what_is_said_of_emcee_holds() -> None:
+    drawn = FOUND_NUMBERS["sampled"]
+    assert not any(row["usable"] for row in drawn)
+    assert all(abs(row[name]["sd ratio"] - 1) < 0.1 for row in drawn for name in WHAT[:2])
+    assert len(drawn) == 3
+    shifts = [row["depth"]["shift"] for row in drawn]
+    assert f"depth is {min(shifts):.0f} to {max(shifts):.0f} mm farther" in TEXT
+    widest = max(row["along"]["sd ratio"] for row in drawn)
+    assert f"up to {widest:.2f} times Laplace's" in TEXT
+    assert all(700 < row["autocorrelation"] < 1500 for row in drawn)
+
+
+def test_intervals_are_judged_by_what_they_hold() -> None:
+    """Errors of exactly the stated size are held in 90 %, and offsets count in quadrature."""
+    rng = np.random.default_rng(0)
+    sd, lever = np.full((2000, 38), 0.3), np.full((2000, 38), 40.0)
+    error = rng.normal(size=sd.shape) * np.hypot(0.3, 0.01 * 40)
+    found = {"error": error, "sd": sd, "lever": lever}
+    told = judged(found, 0.01)
+    assert [told[name]["of"] // 2000 for name in WHAT] == [1, 1, 24, 12]
+    for one in told.values():
+        assert one["within"] / one["of"] == pytest.approx(0.9, abs=0.03)
+        assert one["factor"] == pytest.approx(1, abs=0.05)
+    assert judged(found, 0.0)["along"]["factor"] == pytest.approx(0.5 / 0.3, rel=0.05)
+    assert pytest.approx(1.645, abs=1e-3) == Z90
+    assert band(200) == (86, 94)
+    assert math.isclose(told["depth"]["sd"], 500, rel_tol=1e-9)
+
+
+def test_the_other_errors_of_a_video_are_what_was_measured() -> None:
+    found, page = json.loads(ERRORS.read_text()), VIDEO.read_text()
+    assert table(found) == page.partition(MARKS[0])[2].partition(MARKS[1])[0].strip()
+    text, told = " ".join(page.split()), means(found["report"])
+    usual = told["as `video_fit`"]["mpjpe"]
+    few = told["offsets, 5 mm"]["mpjpe"]
+    together = json.loads(TOGETHER.read_text())["report"]
+    expected = np.mean([row["together"]["mpjpe"] for row in together])
+    assert usual == pytest.approx(expected, abs=0.1)  # the same fit, built by itself
+    independent = np.mean([row["independent"]["mpjpe"] for row in together])
+    assert f"less than the {independent:.1f} mm of frames that are taken as independent" in text
+    assert f"from {usual:.1f} to {few:.1f} mm, and wider ones raise it further" in text
+    assert few < told["offsets, 15 mm"]["mpjpe"] < told["offsets, 30 mm"]["mpjpe"]
+    full = told["offsets, 15 mm, frames count fully"]["stature"]
+    assert f"stature is off by {full / 1e3:.1f} m" in text
+    wide, narrow = (told[one.name]["mpjpe"] for one in TRIED[5:7])
+    assert f"is {wide:.1f} mm with 8 px of it and {narrow:.1f} mm with 3.5 px" in text
+    assert max(wide, narrow) < independent
+    for part in ("tuning", "report"):
+        best = means(found[part])
+        assert min(best, key=lambda name: best[name]["mpjpe"]) == "as `video_fit`"
+    assert max(row["errors"]["rho"] for row in found["report"]) == 0.8
