@@ -16,7 +16,6 @@ from workbench.bodies import SkinnedBody
 from workbench.experiments.balance import observations
 from workbench.fitting import Observations, keypoint_fit, photograph
 from workbench.fitting.setup import View
-from workbench.fitting.synthetic_views import draw_facings
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots.body import painted
 from workbench.plots.palette import BLUE, VERMILLION
@@ -53,25 +52,23 @@ def shots_of_balance(body: SkinnedBody, frames: Iterable[int]) -> list[Shot]:
 
 
 def made_up_shots(
-    body: SkinnedBody, poses: Array, rng: np.random.Generator, *, noise: float, wrong: int = 0
+    body: SkinnedBody, poses: Array, facings: Array, rng: np.random.Generator, *, noise: float
 ) -> list[Shot]:
-    """People in given poses (N, K, 3) rad with betas from N(0, 1), who face anywhere.
+    """People in given poses (N, K, 3) rad with betas from N(0, 1), 400 to 900 px tall.
 
-    They are 400 to 900 px tall in the image. Keypoints have `noise` px in each coordinate, and
-    `wrong` of them are 150 px off in some direction.
+    `facings` (N, 3, 3) take the world to each camera, and keypoints have `noise` px in each
+    coordinate.
     """
     names = body.landmark_names("coco")
     K = np.array([[FOCAL, 0, SIZE / 2], [0, FOCAL, SIZE / 2], [0, 0, 1]])
     found = []
-    for pose, R in zip(poses, draw_facings(len(poses), rng), strict=True):
+    for pose, R in zip(poses, facings, strict=True):
         betas = rng.standard_normal(body.n_betas)
         truth = {"pose": pose, "betas": betas, "trans": -body.joints(pose, betas).mean(axis=0)}
         t = np.array([0.0, 0.0, FOCAL * TALL / rng.uniform(400, 900)])
         seen = body.landmark("coco", *truth.values()) @ R.T + t
         pixels = FOCAL * seen[:, :2] / seen[:, 2:] + SIZE / 2
         pixels = pixels + noise * rng.standard_normal(pixels.shape)
-        turn, which = rng.uniform(0, 2 * np.pi, wrong), rng.permutation(len(names))[:wrong]
-        pixels[which] += 150.0 * np.column_stack([np.cos(turn), np.sin(turn)])
         points = np.column_stack([pixels, np.ones(len(names))])
         shot = photograph(CAMERA, (SIZE, SIZE), points, {"K": K, "R": R, "t": t})
         found.append(Shot(Observations(tuple(names), (shot,)), truth))
