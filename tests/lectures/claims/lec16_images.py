@@ -1,0 +1,3 @@
+"""What lecture 16 says of its run."""
+SAYS = {}
+GIVEN = ()
