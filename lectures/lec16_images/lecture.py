@@ -670,7 +670,7 @@ Picture(
 )
 
 # %% [markdown]
-# From 15 % too near to 15 % too far the cost changes by no more than 5, and the person grows by 46 cm: the betas
+# From 15 % too near to 15 % too far the cost changes by no more than 5, and the person grows by 47 cm: the betas
 # pay. So measure the person, once. A stature that is known to 1 cm is one more residual, linear in the betas:
 
 # %%
