@@ -10,11 +10,19 @@
 # fits. We rebuild both, one term after the other, and take no term before something has failed without it.
 #
 # There are two kinds of people here. One is real: `balance` is a person on a beam whom four cameras saw. We
-# fit one camera at a time, and what we call the truth is the fit to all four. (It is not exact, and it is only
-# one person.) The others are **made up**: their poses are drawn from a mixture of Gaussians that was learned
-# from motion capture, the same body model made them and is fitted to them, and their keypoints have an error of
-# 5 px. Of these we know the truth. Lengths are in metres, errors in millimetres, places in images in pixels (px),
-# angles in radians.
+# fit one camera at a time, and what we call the truth is the fit to all four. (It is not exact, and it is
+# only one person.) The others are **made up**: their poses are drawn from a mixture of Gaussians that was
+# learned from motion capture, the same body model made them and is fitted to them, and their keypoints have
+# an error of 5 px. Of these we know the truth. Twelve real images and sixteen made-up people are enough to
+# see how a fit fails, and too few to rank recipes; `benchmarks/IMAGES.md` has more of both. Lengths are in
+# metres, errors in millimetres, places in images in pixels (px), angles in radians.
+#
+# What SMPLify minimizes is a sum of five terms, with weights $\lambda$:
+#
+# $$ E(\theta, \beta) = E_J + \lambda_\theta E_\theta + \lambda_a E_a + \lambda_{sp} E_{sp} + \lambda_\beta E_\beta . $$
+#
+# The first holds the body to the keypoints. $E_\theta$ and $E_\beta$ are priors on pose and shape, $E_a$ is
+# about elbows and knees, and $E_{sp}$ about limbs that go through each other.
 
 # %%
 from dataclasses import replace
@@ -98,21 +106,21 @@ def mpjpe(values, truth):
 print(f"{len(real)} real images, {len(people)} made up; {len(landmarks)} landmarks each")
 
 # %% [markdown]
-# `mpjpe` is called *mean per joint position error* in the literature: it asks for the pose alone, and forgives
-# a body that stands in the wrong place. `in_space` forgives nothing.
+# `mpjpe` is called *mean per joint position error* in the literature: it asks for the pose alone, and
+# forgives a body that stands in the wrong place. `in_space` forgives nothing.
 #
 # ## Meet the keypoints
 #
-# The camera takes a point $p$ of the world to $\Pi(p) = (f X / Z + c_u,\; f Y / Z + c_v)$, where $(X, Y, Z)$
-# are its coordinates in the camera's frame (lecture 9). Landmark $k$ of the body is a linear combination of
-# its vertices, and so the model predicts a pixel for it. The difference from what the detector found is the
-# **reprojection error**. SMPLify's data term is
+# The camera takes a point $p$ of the world to $\Pi(p) = (f X / Z + c_u,\; f Y / Z + c_v)$, where $(X, Y,
+# Z)$ are its coordinates in the camera's frame (lecture 9). Landmark $k$ of the body is a linear
+# combination of its vertices, and so the model predicts a pixel for it. The difference from what the
+# detector found is the **reprojection error**. SMPLify's data term is
 #
 # $$ E_J(\theta, \beta, t) = \sum_k w_k\, \rho\bigl(\Pi(p_k(\theta, \beta, t)) - \hat u_k\bigr) $$
 #
-# with a weight $w_k$ from the detector's confidence. Let $\rho$ be the square for now. With the names of this
-# library the term is one line. The keypoints themselves and their confidences are blocks that stay fixed, so
-# that the same problem serves all images:
+# with a weight $w_k$ from the detector's confidence. Let $\rho$ be the square for now. With the names of
+# this library the term is one call. The keypoints themselves and their confidences are blocks that stay
+# fixed, so that the same problem serves all images:
 
 # %%
 source(camera_residual)
@@ -165,9 +173,9 @@ Picture(
 
 # %% [markdown]
 # The problem is solved, exactly, and the answer is worthless. It has 46 equations for 85 unknowns: at least
-# 39 directions of the unknowns are seen by no keypoint (lecture 8), and the optimizer goes along them wherever
-# the way is easy. Adding the priors of lecture 10, the Gaussian of poses and the standard normal law of the
-# betas, says what people do:
+# 39 directions of the unknowns are seen by no keypoint (lecture 8), and the optimizer goes along them
+# wherever the way is easy. Adding the priors of lecture 10, the Gaussian of poses and the standard normal
+# law of the betas, says what people do:
 
 # %%
 usual = KeypointProblem(body, SIGMA, priors=usual_priors)
@@ -179,17 +187,17 @@ print(
 
 # %% [markdown]
 # The keypoints are met less well, and the pose is several times better. From here on everything has these
-# priors. Three troubles are left, and they are the rest of this lecture: keypoints that are wrong, minima that
-# are wrong, and the distance from the camera.
+# priors. Three troubles are left, and they are the rest of this lecture: keypoints that are wrong, minima
+# that are wrong, and the distance from the camera.
 #
 # ## Where to begin: similar triangles
 #
 # These fits began with the resting body, placed as SMPLify places it. A length $H$ across the line of
 # sight, seen with $h$ pixels, is at the depth $Z = f H / h$. Of all lengths the sides of the torso, from
-# shoulder to hip, change least with the pose. SMPLify takes their means and holds them against the image; if
-# the shoulders are nearer together than 25 px, the person may be seen from the side, and it tries the body
-# turned by half a turn as well. This library fits the torso in eight directions and keeps the best. How far
-# is the start from the truth?
+# shoulder to hip, change least with the pose. SMPLify takes their means and holds them against the image;
+# if the shoulders are nearer together than 25 px, the person may be seen from the side, and it tries the
+# body turned by half a turn as well. This library fits the torso in eight directions and keeps the best.
+# How far is the start from the truth?
 
 
 # %%
@@ -211,20 +219,21 @@ for name, shots in (("balance", real), ("made up", people)):
     )
 
 # %% [markdown]
-# A torso that leans towards the camera looks short and is taken to be far away (lecture 9). The person on the beam
-# stands upright, and the start is good to a fifth. Other people bend, and theirs is worse. As a start it will do, if
-# the rest of the fit can repair it.
+# A torso that leans towards the camera looks short and is taken to be far away (lecture 9). The person on
+# the beam stands upright, and the start is good to a fifth. Other people bend, and theirs is worse. As a
+# start it will do, if the rest of the fit can repair it.
 #
 # ## One keypoint is wrong
 #
 # Detectors confuse left and right, and take the arm of a neighbour for that of the person. We move the left
-# wrist in four real images by up to 200 px to the right and fit again, each time from the truth, so that nothing
-# but the loss matters. How far are the *other* limbs off?
+# wrist in four real images by up to 200 px to the right and fit again, each time from the truth, so that
+# nothing but the loss matters. How far are the *other* limbs off?
 #
-# The square lets the wrist drag the whole body along. Lecture 10 had the remedy, the loss of Geman and McClure,
-# which SMPLify takes with $\sigma = 100$ px. But it uses one number for two things: how accurate good keypoints
-# are, and from where on one is bad. We try 4 px, the accuracy of good keypoints, and 40 px, which is about 8 % of
-# a person's height in these images. And then both of them, in a loss with a **scale of its own**, $c$ times sigma:
+# The square lets the wrist drag the whole body along. Lecture 10 had the remedy, the loss of Geman and
+# McClure, which SMPLify takes with $\sigma = 100$ px. But it uses one number for two things: how accurate
+# good keypoints are, and from where on one is bad. We try 4 px, the accuracy of good keypoints, and 40 px,
+# which is about 5 % of the person's height in these images. And then both of them, in a loss with a **scale
+# of its own**, $c$ times sigma:
 #
 # $$ c^2\, \rho\left(\frac{r^2}{c^2 \sigma^2}\right), \qquad \rho(s) = \frac{s}{1 + s} . $$
 #
@@ -277,10 +286,10 @@ with house_style():
     figure, (left, right) = sheet(10, 4, columns=2)
     r = np.linspace(0, 200, 201)
     losses = {
-        "squares": (r / SIGMA) ** 2,
-        "one number, 4 px": r**2 / (SIGMA**2 + r**2),
-        "one number, 40 px": r**2 / (SCALE**2 + r**2),
-        "4 px, and 40 px": (SCALE / SIGMA) ** 2 * r**2 / (SCALE**2 + r**2),
+        "squares": 0.5 * (r / SIGMA) ** 2,
+        "one number, 4 px": 0.5 * r**2 / (SIGMA**2 + r**2),
+        "one number, 40 px": 0.5 * r**2 / (SCALE**2 + r**2),
+        "4 px, and 40 px": 0.5 * (SCALE / SIGMA) ** 2 * r**2 / (SCALE**2 + r**2),
     }
     for (name, loss), dash in zip(losses.items(), ("-", ":", "-.", "--"), strict=True):
         left.semilogy(r[1:], loss[1:], dash)
@@ -298,22 +307,24 @@ Picture(
 )
 
 # %% [markdown]
-# With 4 px as the only number, a coordinate costs at most one half, whatever happens: it is cheap to give up most
-# of the image and to take the pose that the prior likes best. With 40 px, good keypoints are believed as little as if
-# they were measured to 40 px, and the prior wins again. Two numbers say two things.
+# With 4 px as the only number, a coordinate costs at most one half, whatever happens: it is cheap to give
+# up most of the image and to take the pose that the prior likes best. With 40 px, good keypoints are
+# believed as little as if they were measured to 40 px, and the prior wins again. Two numbers say two
+# things.
 #
 # ### Confidence is a weight
 #
-# A detector says how sure it is, with a confidence $c$ between zero and one. Where does it belong? Outside of
-# $\rho$, as $w\, \rho(s)$ with $w = c^2$ (this is what SPIN does; SMPLify takes $w = c$). Inside, as
-# $\rho(w s)$, it does the same for small errors. For large ones it is the opposite of what we want:
+# A detector says how sure it is, with a confidence $c$ between zero and one. Where does it belong? Outside
+# of $\rho$, as $w\, \rho(s)$ with $w = c^2$ (this is what SPIN does; the paper on SMPLify has $w = c$).
+# Inside, as $\rho(w s)$, it does the same for small errors. For large ones it is the opposite of what we
+# want:
 
 
 # %%
 def robust(s):
-    """Geman and McClure's loss with its scale, of squares in units of sigma."""
+    """What Geman and McClure's loss with its scale costs, of squares in units of sigma."""
     c = SCALE / SIGMA
-    return c**2 * s / (c**2 + s)
+    return 0.5 * c**2 * s / (c**2 + s)
 
 
 s, w = (200.0 / SIGMA) ** 2, 0.1**2  # 200 px off, with a confidence of 0.1
@@ -322,38 +333,39 @@ print(
 )
 
 # %% [markdown]
-# A doubtful keypoint that is 200 px off costs 1 with the weight outside, a hundredth of a sure one. Inside it costs
-# twenty times as much: there the weight has moved the border from which on a keypoint is an outlier.
+# A doubtful keypoint that is 200 px off costs 0.5 with the weight outside, a hundredth of a sure one.
+# Inside it costs twenty times as much: there the weight has moved the border from which on a keypoint is an
+# outlier.
 #
 # ## Knees that bend backwards
 #
 # Now to the minima. From the front, a shin that points a little towards the camera looks like one that
-# points away from it (lecture 12). So there are two angles of the knee for one image, and only one of them is
-# possible. Bogo et al. add a term for elbows and knees,
+# points away from it (lecture 12). So there are two angles of the knee for one image, and only one of them
+# is possible. Bogo et al. add a term for elbows and knees,
 #
 # $$ E_a(\theta) = \sum_{i} \exp(s_i\, \theta_i), $$
 #
-# over one angle of each of these joints. In the paper it stands without the signs $s_i$, since a natural bend is taken
-# to be a negative angle; the course notes *SMPL and SMPLify* repeat it. In SMPL's files this is not so for all:
-# a left elbow bends by a negative angle about $y$, but a right elbow by a positive one, and both knees by a
-# positive one about $x$. In SMPLify's code, which has the signs, the *residual* is the exponential, so that the
-# energy is $\exp(2 s_i \theta_i)$, as here.
+# over one angle of each of these joints. In the paper it stands without the signs $s_i$, since a natural
+# bend is taken to be a negative angle; the course notes *SMPL and SMPLify* repeat it. In SMPL's files this
+# is not so for all: a left elbow bends by a negative angle about $y$, but a right elbow by a positive one,
+# and both knees by a positive one about $x$. In SMPLify's code, which has the signs, the *residual* is the
+# exponential, so that the energy is $\exp(2 s_i \theta_i)$, as here.
 
 # %%
 source(bending)
 
 # %%
 for angle in (1.5, -0.5):
-    told = "natural" if angle > 0 else "backwards"
+    bend = "natural" if angle > 0 else "backwards"
     print(
-        f"left knee at {angle:4} rad, {told:9}: cost with the sign {0.5 * np.exp(-2 * angle):.2f}, "
+        f"left knee at {angle:4} rad, {bend:9}: cost with the sign {0.5 * np.exp(-2 * angle):.2f}, "
         f"without it {0.5 * np.exp(2 * angle):.2f}"
     )
 
 # %% [markdown]
-# Without the sign a natural knee costs more than one that is bent backwards. With it, does the term repair our
-# fits? We fit all images with the robust loss, from the resting body, without the term and with it, and count the knees and
-# elbows that are bent backwards by more than a tenth of a radian.
+# Without the sign a natural knee costs more than one that is bent backwards. With it, does the term repair
+# our fits? We fit all images with the robust loss, from the resting body, without the term and with it, and
+# count the knees and elbows that are bent backwards by more than a tenth of a radian.
 
 # %%
 KERNEL = LOSSES["4 px, and 40 px"][1]
@@ -383,8 +395,9 @@ for name, of in (("without E_a", unhinged), ("with E_a", of_images)):
         )
 
 # %% [markdown]
-# It hardly helps. To see why, we make a person who stands before a camera with the left knee bent by 0.8 rad, hold
-# everything at the truth but the left hip and ankle, and draw the lowest cost for each angle of the knee.
+# It hardly helps. To see why, we make a person who stands before a camera with the left knee bent by 0.8
+# rad, hold everything at the truth but the left hip and ankle, and draw the lowest cost for each angle of
+# the knee.
 
 # %%
 knee, hip = (body.joint_names.index(f"left_{part}") for part in ("knee", "hip"))
@@ -441,29 +454,30 @@ Picture(
 )
 
 # %% [markdown]
-# The term says that the wrong minima are worse, but an optimizer that sits in one does not learn of it: on the
-# way out the shin has to straighten, and the foot to leave its keypoints. The last curve has only one
+# The term says that the wrong minima are worse, but an optimizer that sits in one does not learn of it: on
+# the way out the shin has to straighten, and the foot to leave its keypoints. The last curve has only one
 # minimum. There the keypoints count so little that priors and $E_a$ decide where the fit goes.
 #
 # ## Stages are data
 #
 # Hence fit in **stages**: at first the keypoints count little, and each further stage begins where the last
 # one ended. A stage is data: it says which names are free, and how often the rows of a residual count.
-# SMPLify has a schedule of four stages, after a first one for the place and the rotation of the root. Its weights
-# of the priors fall from 404 to 4.78:
+# SMPLify has a schedule of four stages, after a first one for the place and the rotation of the root. Its
+# weights of the priors fall from 404 to 4.78:
 
 # %%
 source(smplify_stages)
 
 # %% [markdown]
-# What is a weight of 404? SMPLify multiplies *residuals* by weights, and so they are squared in the energy; its
-# keypoints are squares in pixels, and its prior on the pose is half of a squared distance $d$. Up to a factor the
-# energy is
+# What is a weight of 404? SMPLify multiplies *residuals* by weights, and so they are squared in the energy;
+# its keypoints are squares in pixels, and its prior on the pose is half of a squared distance $d$. Up to a
+# factor the energy is
 #
 # $$ \frac{1}{\lambda_\theta^2} \sum_k \|r_k\|^2 + \frac12\, d(\theta)^2 , $$
 #
-# and a keypoint has the standard deviation $\sigma = \lambda_\theta / \sqrt 2$. This is 286 px in the first two of the
-# four stages, then 41 px, and 3.4 px at last. We take a single stage before the last one, with 41 px:
+# and a keypoint has the standard deviation $\sigma = \lambda_\theta / \sqrt 2$. This is 286 px in the first
+# two of the four stages, then 41 px, and 3.4 px at last. We take a single stage before the last one, with
+# 41 px:
 
 # %%
 ROWS = "keypoints(camera)"
@@ -489,17 +503,18 @@ for kind, shots in SHOTS.items():
     told("staged", kind)
 
 # %% [markdown]
-# Nearly all of the wrong knees are gone, and half of the failures among the made-up people. Note that the problem has
-# not changed at all: the last stage has the same costs as before. Only the way to a minimum is another one.
+# Nearly all of the wrong knees are gone, and half of the failures among the made-up people. Note that the
+# problem has not changed at all: the last stage has the same costs as before. Only the way to a minimum is
+# another one.
 #
 # ## The start matters most
 #
-# If the way is what matters, why not begin nearer? One idea is cheap: begin with the resting body and with the same
-# body turned about its own axis, four starts in all, and keep the end with the lowest cost. The other one is to
-# **learn** where to begin. Draw thousands of poses from the mixture, give each a random shape and a random
-# camera, and let a small network learn to tell the pose from the keypoints, which are put into units of the
-# person's size first. It needs no photograph, only draws. Such a network comes with the workbench. Each of its layers
-# is a matrix, and between them negative numbers become zero:
+# If the way is what matters, why not begin nearer? One idea is cheap: begin with the resting body and with
+# the same body turned about its own axis, four starts in all, and keep the end with the lowest cost. The
+# other one is to **learn** where to begin. Draw thousands of poses from the mixture, give each a random
+# shape and a random camera, and let a small network learn to tell the pose from the keypoints, which are
+# put into units of the person's size first. It needs no photograph, only draws. Such a network comes with
+# the workbench. Each of its layers is a matrix, and between them negative numbers become zero:
 
 # %%
 source(PoseRegressor._forward)
@@ -548,18 +563,20 @@ Picture(
 
 # %% [markdown]
 # Four starts rescue most of the failures. The network alone is off by 107 mm, because it does not meet the
-# keypoints. But as a *start* it is the best that we have, and needs no stages. "From truth" begins at the answer, which
-# nobody can do; it shows what is left if nothing is lost on the way. The learned start comes within a few millimetres of
-# it. What is left then is no matter of optimization: the image does not tell it.
+# keypoints. But as a *start* it is the best that we have, and needs no stages. "From truth" begins at the
+# answer, which nobody can do; it shows what is left if nothing is lost on the way. The learned start comes
+# within a few millimetres of it. What is left then is no matter of optimization: the image does not tell
+# it.
 #
-# (The network has learned from draws of the mixture, and our made-up people are such draws. `benchmarks/IMAGES.md`
-# has 200 people in recorded poses that it never saw, and the order is the same: 141 mm as before, without kernel
-# and from rest, 58 mm with the learned start, 55 mm from the truth. With four wrong keypoints it is 405, 95 and 86 mm.)
+# (The network has learned from draws of the mixture, and our made-up people are such draws.
+# `benchmarks/IMAGES.md` has 200 people in recorded poses that it never saw, and the order is the same: 141
+# mm as before, without kernel and from rest, 58 mm with the learned start, 55 mm from the truth. With four
+# wrong keypoints it is 405, 95 and 86 mm.)
 #
 # ## Hypotheses
 #
-# Several starts lead to several ends. `Starts` keeps them all as hypotheses, the lowest first. Is the lowest
-# one the right one? We can look, because we know the truth.
+# Several starts lead to several ends. `Starts` keeps them all as hypotheses, the lowest first. Is the
+# lowest one the right one? We can look, because we know the truth.
 
 # %%
 for kind, shots in SHOTS.items():
@@ -574,16 +591,17 @@ for kind, shots in SHOTS.items():
     )
 
 # %% [markdown]
-# For the made-up people it is as good as the nearest one. For the real person another end is nearer, by several
-# millimetres on average. The cost believes in independent errors of 4 px and in landmarks that are where the
-# detector means them to be, and neither is true of a photograph. So look at the hypotheses where they differ, or add a
-# camera.
+# For the made-up people it is as good as the nearest one. For the real person another end is nearer, by
+# several millimetres on average. The cost believes in independent errors of 4 px and in landmarks that are
+# where the detector means them to be, and neither is true of a photograph. So look at the hypotheses where
+# they differ, or add a camera.
 #
 # ## A better prior?
 #
-# Poses are no single Gaussian (lecture 10), and SMPLify has a mixture of eight as its prior. It takes the least of
-# the components' costs, $\min_j e_j(\theta)$ (the **max-mixture**), in place of $-\log \sum_j \exp(-e_j)$ (the
-# **log-sum**). The largest of $C$ terms is no more than their sum, and no less than a $C$-th of it. So
+# Poses are no single Gaussian (lecture 10), and SMPLify has a mixture of eight as its prior. It takes the
+# least of the components' costs, $\min_j e_j(\theta)$ (the **max-mixture**), in place of $-\log \sum_j
+# \exp(-e_j)$ (the **log-sum**). The largest of $C$ terms is no more than their sum, and no less than a
+# $C$-th of it. So
 #
 # $$ 0 \;\le\; \min_j e_j + \log \sum_j \exp(-e_j) \;\le\; \log C . $$
 #
@@ -616,17 +634,18 @@ for kind, shots in SHOTS.items():
 print(f"least of the components minus log-sum, largest: {max(gaps):.3f}; log 8 = {np.log(8):.2f}")
 
 # %% [markdown]
-# At the ends of the fits one component is by far the likeliest, and the gap is below 0.1, where the bound would
-# allow 2.08. It does not matter which of the two forms is taken. But the answers are *not better* than with one
-# Gaussian, on the real images or on the made-up ones, although the mixture drew the latter. That a prior describes poses better
-# (lecture 10) does not mean that fits to keypoints gain by it. The recipe of the workbench has the Gaussian.
+# At the ends of the fits one component is by far the likeliest, and the gap is a small part of the 2.08 that the
+# bound allows. So it does not matter which of the two forms is taken. But the answers are *not better* than with
+# one Gaussian, on the real images or on the made-up ones, although the mixture drew the latter. That a prior
+# describes poses better (lecture 10) does not mean that fits to keypoints gain by it. The recipe of the workbench
+# has the Gaussian.
 #
 # ## How far away, and how tall?
 #
-# Look at the numbers *in space* once more: after all these repairs the place is still off by about two decimetres.
-# A tall person far away and a short one nearby have nearly the same image, and only the shape prior
-# tells them apart (lecture 12). What does a wrong distance cost? We hold a real person at several distances along
-# the line of sight, and fit pose and shape.
+# Look at the numbers *in space* once more: after all these repairs the place is still off by about two
+# decimetres. A tall person far away and a short one nearby have nearly the same image, and only the shape
+# prior tells them apart (lecture 12). What does a wrong distance cost? We hold a real person at several
+# distances along the line of sight, and fit pose and shape.
 
 # %%
 true_height = float(stature(body, shot.truth["betas"]))
@@ -670,8 +689,9 @@ Picture(
 )
 
 # %% [markdown]
-# From 15 % too near to 15 % too far the cost changes by no more than 5, and the person grows by 47 cm: the betas
-# pay. So measure the person, once. A stature that is known to 1 cm is one more residual, linear in the betas:
+# From 15 % too near to 15 % too far the cost changes by no more than 5, and the person grows by 47 cm: the
+# betas pay. So measure the person, once. A stature that is known to 1 cm is one more residual, linear in
+# the betas:
 
 # %%
 source(stature_prior)
@@ -699,22 +719,25 @@ for name in ("learned", "stature"):
     )
 
 # %% [markdown]
-# The error in space falls by about a third, and the pose hardly changes. But with the stature known, Laplace's standard
-# deviation is too small, 94 mm for an error of 147 mm, and nearly all fits are too near. Errors that were independent
-# would go to both sides. A detector's landmarks are not quite where those of the body are, always in the same
-# direction, and errors that all go one way do not average out over more images.
+# The error in space falls by about a third, and the pose hardly changes. But with the stature known,
+# Laplace's standard deviation is too small, 94 mm for an error of 147 mm, and nearly all fits are too near.
+# Errors that were independent would go to both sides. A detector's landmarks are not quite where those of
+# the body are, always in the same direction, and errors that all go one way do not average out over more
+# images.
 #
 # ## Limbs in limbs
 #
-# Nothing so far keeps an arm out of the chest. SMPLify stands spheres along **capsules**, tubes with round ends that
-# follow pose and shape, and adds
+# Nothing so far keeps an arm out of the chest. SMPLify stands spheres along **capsules**, tubes with round
+# ends that follow pose and shape, and adds
 #
 # $$ E_{sp} = \sum \exp\left( - \frac{\|C_i - C_j\|^2}{s_i^2 + s_j^2} \right), \qquad s_i = 0.3\, r_i , $$
 #
-# over pairs of spheres with centres $C_i$ and radii $r_i$ in parts that should not meet. (The paper's formula lacks
-# the minus sign: without it the term grows with the distance.) Beside it we put the distance $d_{ij}$ of the axes of two
-# capsules, and the residual $\max(0, r_i + r_j - d_{ij})$: how deep they overlap. We take the two learned fits with the deepest
-# overlap and fit them again.
+# over pairs of spheres with centres $C_i$ and radii $r_i$ in parts that should not meet. (The paper's
+# formula lacks the minus sign: without it the term grows with the distance.) Beside it we put the distance
+# $d_{ij}$ of the axes of two capsules, and the residual $\max(0, r_i + r_j - d_{ij})$: how deep they
+# overlap. We take the two learned fits with the deepest overlap and fit them again. (Ends and radii of the
+# capsules are linear in the betas. SMPLify's code does not differentiate this term by them, since thinner
+# bodies would be an easy way out.)
 
 # %%
 source(apart)
@@ -772,24 +795,25 @@ Picture(
 )
 
 # %% [markdown]
-# Spheres leave an overlap of centimetres, and capsules leave none; the image is met as well as before. A sphere has no
-# slope where it coincides with another one, and next to none where the surfaces begin to touch. A capsule
-# pushes the harder the deeper it is. (Where two axes cross, it does not know a direction either.) The mixture has
-# never heard of skin: our made-up people go through themselves, so the term makes bodies possible, and does not bring
-# them nearer to a truth which is not.
+# Spheres leave an overlap of centimetres, and capsules leave none; the image is met as well as before. A
+# sphere has no slope where it coincides with another one, and next to none where the surfaces begin to
+# touch. A capsule pushes the harder the deeper it is. (Where two axes cross, it does not know a direction
+# either.) The mixture has never heard of skin: our made-up people go through themselves, so the term makes
+# bodies possible, and does not bring them nearer to a truth which is not.
 #
 # ## Regressors in the loop
 #
-# The network gives starts to fits. And fits give a network what it learns from, which is pairs of keypoints and
-# poses. SPIN closes the loop. For every image it keeps the best fit that it has ever had. In each round the
-# network says where to begin, the fits run, a fit with a lower cost replaces the one that was kept, and the
-# network learns from those that are kept. (SPIN's network sees the photograph, learns with the fits of each batch, and has
-# millions of weights. Keeping the better fit is what it has in common with this.)
+# The network gives starts to fits. And fits give a network what it learns from, which is pairs of keypoints
+# and poses. SPIN closes the loop. For every image it keeps the best fit that it has ever had. In each round
+# the network says where to begin, the fits run, a fit with a lower cost replaces the one that was kept, and
+# the network learns from those that are kept: its loss is how far its pose and shape are from theirs.
+# (SPIN's network sees the whole photograph and learns after each few images, and what its loss compares are
+# also the vertices and the keypoints.)
 #
-# We do it in the small and **without any truth**: given are the keypoints of our made-up people, and nothing else.
-# The first fits are those from the resting body, of which some had failed. The regressor is the same function as
-# above, but its first layer is random and never learns, so that learning is a *linear* least-squares problem. It
-# learns from each kept body, as eighty random cameras would see it.
+# We do it in the small and **without any truth**: given are the keypoints of our made-up people, and
+# nothing else. The first fits are those from the resting body, of which some had failed. The regressor is
+# the same function as above, but its first layer is random and never learns, so that learning is a *linear*
+# least-squares problem. It learns from each kept body, as eighty random cameras would see it.
 
 # %%
 rows = [landmarks.index(name) for name in COCO]
@@ -834,15 +858,16 @@ alone_now = np.mean([mpjpe(learned(one, regressor), one.truth) for one in people
 print(f"the last regressor alone: {alone_now:.0f} mm")
 
 # %% [markdown]
-# One round repairs nearly all of the failed fits. The regressor has learned from the good fits what people look like, and
-# begins the bad ones anew in a better place; and since the fit with the lower cost is kept, no cost can ever rise.
-# After that the loop gains next to nothing: the start is what it gives. The regressor alone is still about twice as
-# far off as the fits that it begins.
+# One round repairs nearly all of the failed fits. The regressor has learned from the good fits what people
+# look like, and begins the bad ones anew in a better place; and since the fit with the lower cost is kept,
+# no cost can ever rise. After that the loop gains next to nothing: the start is what it gives. The
+# regressor alone is still about twice as far off as the fits that it begins.
 #
 # ## All together
 #
-# `image_fit` is what is left when everything is taken that has helped: priors, the loss with a scale of 8 % of the person's
-# height in the image, $E_a$, the learned start; stages, a known stature and further hypotheses on demand.
+# `image_fit` is what is left when everything is taken that has helped: priors, the loss with a scale of 8 %
+# of the person's height in the image, $E_a$, the learned start; stages, a known stature and further
+# hypotheses on demand.
 
 # %%
 setup = image_fit(shot.observed, body, "Which pose is it?", hypotheses=2)
@@ -856,12 +881,13 @@ print(f"the first is off by {mpjpe(setup.start | solution.values, shot.truth):.0
 # %% [markdown]
 # ## What to remember
 #
-# - Keypoints of one camera can be met exactly by a body that nobody has. Priors decide the rest, and what they decide is
-#   not observed.
-# - A robust loss needs two numbers: how accurate good data are, and where bad data begin. Confidence is a weight
-#   outside of it.
-# - A term that forbids what is impossible does not lead out of a wrong minimum. Stages do, by making
-#   the data weak at first, and a good start makes them unnecessary. The start matters most.
+# - Keypoints of one camera can be met exactly by a body that nobody has. Priors decide the rest, and what
+#   they decide is not observed.
+# - A robust loss needs two numbers: how accurate good data are, and where bad data begin. Confidence is a
+#   weight outside of it.
+# - A term that forbids what is impossible does not lead out of a wrong minimum. Stages do, by making the
+#   data weak at first, and a good start makes them unnecessary. The start matters most.
 # - Size and distance cannot be told apart in one image. Measure the person, or add a camera.
-# - The lowest cost is only as good as the model of the errors. Real detectors have errors that no sigma describes.
+# - The lowest cost is only as good as the model of the errors. Real detectors have errors that no sigma
+#   describes.
 # - A better prior of poses is not always a better fit. Measure it.
