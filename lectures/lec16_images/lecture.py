@@ -689,9 +689,9 @@ Picture(
 )
 
 # %% [markdown]
-# From 15 % too near to 15 % too far the cost changes by no more than 5, and the person grows by 47 cm: the
-# betas pay. So measure the person, once. A stature that is known to 1 cm is one more residual, linear in
-# the betas:
+# From 15 % too near to 15 % too far the cost rises by less than 6, and the person grows by almost half a
+# metre: the betas pay. So measure the person, once. A stature that is known to 1 cm is one more residual, linear
+# in the betas:
 
 # %%
 source(stature_prior)
@@ -719,11 +719,10 @@ for name in ("learned", "stature"):
     )
 
 # %% [markdown]
-# The error in space falls by about a third, and the pose hardly changes. But with the stature known,
-# Laplace's standard deviation is too small, 94 mm for an error of 147 mm, and nearly all fits are too near.
-# Errors that were independent would go to both sides. A detector's landmarks are not quite where those of
-# the body are, always in the same direction, and errors that all go one way do not average out over more
-# images.
+# The error in space falls by about a third, and the pose hardly changes. But with the stature known, Laplace's
+# standard deviation of the depth is a good deal smaller than the error, and nearly all fits are too near. Errors
+# that were independent would go to both sides. A detector's landmarks are not quite where those of the body are,
+# always in the same direction, and errors that all go one way do not average out over more images.
 #
 # ## Limbs in limbs
 #
@@ -813,7 +812,7 @@ Picture(
 # We do it in the small and **without any truth**: given are the keypoints of our made-up people, and
 # nothing else. The first fits are those from the resting body, of which some had failed. The regressor is
 # the same function as above, but its first layer is random and never learns, so that learning is a *linear*
-# least-squares problem. It learns from each kept body, as eighty random cameras would see it.
+# least-squares problem. It learns from each kept body, as 80 random cameras would see it.
 
 # %%
 rows = [landmarks.index(name) for name in COCO]
