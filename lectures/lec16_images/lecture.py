@@ -302,7 +302,7 @@ with house_style():
 Picture(
     figure,
     "Left: what the error of a coordinate costs, on a logarithmic scale. Right: the fits, on average over four "
-    "images. The square follows the wrong keypoint without end. With one number the priors win, wrong keypoint "
+    "images. The square follows the wrong keypoint. With one number the priors win, wrong keypoint "
     "or not. The loss with two numbers gives up the keypoint and keeps the others.",
 )
 
@@ -503,9 +503,9 @@ for kind, shots in SHOTS.items():
     told("staged", kind)
 
 # %% [markdown]
-# Nearly all of the wrong knees are gone, and half of the failures among the made-up people. Note that the
-# problem has not changed at all: the last stage has the same costs as before. Only the way to a minimum is
-# another one.
+# Nearly all of the wrong knees are gone, and half of the failures among the made-up people; but one of the fits
+# that still fail is worse than any was before. Note that the problem has not changed at all: the last stage has
+# the same costs as before. Only the way to a minimum is another one.
 #
 # ## The start matters most
 #
