@@ -187,8 +187,8 @@ print(
 
 # %% [markdown]
 # The keypoints are met less well, and the pose is several times better. From here on everything has these
-# priors. Three troubles are left, and they are the rest of this lecture: keypoints that are wrong, minima
-# that are wrong, and the distance from the camera.
+# priors. Four troubles are left, and they are the rest of this lecture: keypoints that are wrong, minima that
+# are wrong, the distance from the camera, and limbs that go through each other.
 #
 # ## Where to begin: similar triangles
 #
@@ -314,10 +314,10 @@ Picture(
 #
 # ### Confidence is a weight
 #
-# A detector says how sure it is, with a confidence $c$ between zero and one. Where does it belong? Outside
-# of $\rho$, as $w\, \rho(s)$ with $w = c^2$ (this is what SPIN does; the paper on SMPLify has $w = c$).
-# Inside, as $\rho(w s)$, it does the same for small errors. For large ones it is the opposite of what we
-# want:
+# A detector says how sure it is, with a confidence between zero and one. Its square is the weight $w$ of the
+# keypoint (this is what SPIN does; the paper on SMPLify takes the confidence itself). Where does the weight
+# belong? Outside of $\rho$, as $w\, \rho(s)$. Inside, as $\rho(w s)$, it does the same for small errors. For
+# large ones it is the opposite of what we want:
 
 
 # %%
@@ -570,8 +570,8 @@ Picture(
 #
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
 # `benchmarks/IMAGES.md` has 200 people in recorded poses that it never saw, and the order is the same: 141
-# mm as before, without kernel and from rest, 58 mm with the learned start, 55 mm from the truth. With four
-# wrong keypoints it is 405, 95 and 86 mm.)
+# mm with squares and from rest, 58 mm with the robust loss and the learned start, 55 mm with it and from the
+# truth. With four wrong keypoints these are 405, 95 and 86 mm.)
 #
 # ## Hypotheses
 #
@@ -797,8 +797,8 @@ Picture(
 # Spheres leave an overlap of centimetres, and capsules leave none; the image is met as well as before. A
 # sphere has no slope where it coincides with another one, and next to none where the surfaces begin to
 # touch. A capsule pushes the harder the deeper it is. (Where two axes cross, it does not know a direction
-# either.) The mixture has never heard of skin: our made-up people go through themselves, so the term makes
-# bodies possible, and does not bring them nearer to a truth which is not.
+# either.) The mixture has never heard of skin: our made-up people go through themselves. So the term
+# makes bodies possible, but it cannot bring these nearer to their truth, which is impossible itself.
 #
 # ## Regressors in the loop
 #
@@ -809,8 +809,8 @@ Picture(
 # (SPIN's network sees the whole photograph and learns after each few images, and what its loss compares are
 # also the vertices and the keypoints.)
 #
-# We do it in the small and **without any truth**: given are the keypoints of our made-up people, and
-# nothing else. The first fits are those from the resting body, of which some had failed. The regressor is
+# We do it in the small and **without any truth**: given are the keypoints of our made-up people, and the
+# priors. The first fits are those from the resting body, of which some had failed. The regressor is
 # the same function as above, but its first layer is random and never learns, so that learning is a *linear*
 # least-squares problem. It learns from each kept body, as 80 random cameras would see it.
 
@@ -884,7 +884,7 @@ print(f"the first is off by {mpjpe(setup.start | solution.values, shot.truth):.0
 #   they decide is not observed.
 # - A robust loss needs two numbers: how accurate good data are, and where bad data begin. Confidence is a
 #   weight outside of it.
-# - A term that forbids what is impossible does not lead out of a wrong minimum. Stages do, by making the
+# - A term that forbids what is impossible does not lead out of a wrong minimum. Stages often do, by making the
 #   data weak at first, and a good start makes them unnecessary. The start matters most.
 # - Size and distance cannot be told apart in one image. Measure the person, or add a camera.
 # - The lowest cost is only as good as the model of the errors. Real detectors have errors that no sigma

@@ -270,7 +270,7 @@ def seen(run: Run, shot: Shot) -> np.ndarray:
 
 
 GIVEN = (
-    "has 200 people in recorded poses that it never saw, and the order is the same: 141 mm as before, without "
-    "kernel and from rest, 58 mm with the learned start, 55 mm from the truth. With four wrong keypoints it is "
-    "405, 95 and 86 mm.",
+    "has 200 people in recorded poses that it never saw, and the order is the same: 141 mm with squares and "
+    "from rest, 58 mm with the robust loss and the learned start, 55 mm with it and from the truth. With four "
+    "wrong keypoints these are 405, 95 and 86 mm.",
 )
