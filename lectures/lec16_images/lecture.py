@@ -187,8 +187,8 @@ print(
 
 # %% [markdown]
 # The keypoints are met less well, and the pose is several times better. From here on everything has these
-# priors. Four troubles are left, and they are the rest of this lecture: keypoints that are wrong, minima that
-# are wrong, the distance from the camera, and limbs that go through each other.
+# priors. Four troubles are left, and they are the rest of this lecture: keypoints that are wrong, minima
+# that are wrong, the distance from the camera, and limbs that go through each other.
 #
 # ## Where to begin: similar triangles
 #
@@ -314,10 +314,10 @@ Picture(
 #
 # ### Confidence is a weight
 #
-# A detector says how sure it is, with a confidence between zero and one. Its square is the weight $w$ of the
-# keypoint (this is what SPIN does; the paper on SMPLify takes the confidence itself). Where does the weight
-# belong? Outside of $\rho$, as $w\, \rho(s)$. Inside, as $\rho(w s)$, it does the same for small errors. For
-# large ones it is the opposite of what we want:
+# A detector says how sure it is, with a confidence between zero and one. Its square is the weight $w$ of
+# the keypoint (this is what SPIN does; the paper on SMPLify takes the confidence itself). Where does the
+# weight belong? Outside of $\rho$, as $w\, \rho(s)$. Inside, as $\rho(w s)$, it does the same for small
+# errors. For large ones it is the opposite of what we want:
 
 
 # %%
@@ -503,9 +503,9 @@ for kind, shots in SHOTS.items():
     told("staged", kind)
 
 # %% [markdown]
-# Nearly all of the wrong knees are gone, and half of the failures among the made-up people; but one of the fits
-# that still fail is worse than any was before. Note that the problem has not changed at all: the last stage has
-# the same costs as before. Only the way to a minimum is another one.
+# Nearly all of the wrong knees are gone, and half of the failures among the made-up people; but one of the
+# fits that still fail is worse than any was before. Note that the problem has not changed at all: the last
+# stage has the same costs as before. Only the way to a minimum is another one.
 #
 # ## The start matters most
 #
@@ -570,8 +570,8 @@ Picture(
 #
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
 # `benchmarks/IMAGES.md` has 200 people in recorded poses that it never saw, and the order is the same: 141
-# mm with squares and from rest, 58 mm with the robust loss and the learned start, 55 mm with it and from the
-# truth. With four wrong keypoints these are 405, 95 and 86 mm.)
+# mm with squares and from rest, 58 mm with the robust loss and the learned start, 55 mm with it and from
+# the truth. With four wrong keypoints these are 405, 95 and 86 mm.)
 #
 # ## Hypotheses
 #
@@ -634,11 +634,11 @@ for kind, shots in SHOTS.items():
 print(f"least of the components minus log-sum, largest: {max(gaps):.3f}; log 8 = {np.log(8):.2f}")
 
 # %% [markdown]
-# At the ends of the fits one component is by far the likeliest, and the gap is a small part of the 2.08 that the
-# bound allows. So it does not matter which of the two forms is taken. But the answers are *not better* than with
-# one Gaussian, on the real images or on the made-up ones, although the mixture drew the latter. That a prior
-# describes poses better (lecture 10) does not mean that fits to keypoints gain by it. The recipe of the workbench
-# has the Gaussian.
+# At the ends of the fits one component is by far the likeliest, and the gap is a small part of the 2.08
+# that the bound allows. So it does not matter which of the two forms is taken. But the answers are *not
+# better* than with one Gaussian, on the real images or on the made-up ones, although the mixture drew the
+# latter. That a prior describes poses better (lecture 10) does not mean that fits to keypoints gain by it.
+# The recipe of the workbench has the Gaussian.
 #
 # ## How far away, and how tall?
 #
@@ -690,8 +690,8 @@ Picture(
 
 # %% [markdown]
 # From 15 % too near to 15 % too far the cost rises by less than 6, and the person grows by almost half a
-# metre: the betas pay. So measure the person, once. A stature that is known to 1 cm is one more residual, linear
-# in the betas:
+# metre: the betas pay. So measure the person, once. A stature that is known to 1 cm is one more residual,
+# linear in the betas:
 
 # %%
 source(stature_prior)
@@ -719,10 +719,11 @@ for name in ("learned", "stature"):
     )
 
 # %% [markdown]
-# The error in space falls by about a third, and the pose hardly changes. But with the stature known, Laplace's
-# standard deviation of the depth is a good deal smaller than the error, and nearly all fits are too near. Errors
-# that were independent would go to both sides. A detector's landmarks are not quite where those of the body are,
-# always in the same direction, and errors that all go one way do not average out over more images.
+# The error in space falls by about a third, and the pose hardly changes. But with the stature known,
+# Laplace's standard deviation of the depth is a good deal smaller than the error, and nearly all fits are
+# too near. Errors that were independent would go to both sides. A detector's landmarks are not quite where
+# those of the body are, always in the same direction, and errors that all go one way do not average out
+# over more images.
 #
 # ## Limbs in limbs
 #
@@ -797,8 +798,8 @@ Picture(
 # Spheres leave an overlap of centimetres, and capsules leave none; the image is met as well as before. A
 # sphere has no slope where it coincides with another one, and next to none where the surfaces begin to
 # touch. A capsule pushes the harder the deeper it is. (Where two axes cross, it does not know a direction
-# either.) The mixture has never heard of skin: our made-up people go through themselves. So the term
-# makes bodies possible, but it cannot bring these nearer to their truth, which is impossible itself.
+# either.) The mixture has never heard of skin: our made-up people go through themselves. So the term makes
+# bodies possible, but it cannot bring these nearer to their truth, which is impossible itself.
 #
 # ## Regressors in the loop
 #
@@ -810,8 +811,8 @@ Picture(
 # also the vertices and the keypoints.)
 #
 # We do it in the small and **without any truth**: given are the keypoints of our made-up people, and the
-# priors. The first fits are those from the resting body, of which some had failed. The regressor is
-# the same function as above, but its first layer is random and never learns, so that learning is a *linear*
+# priors. The first fits are those from the resting body, of which some had failed. The regressor is the
+# same function as above, but its first layer is random and never learns, so that learning is a *linear*
 # least-squares problem. It learns from each kept body, as 80 random cameras would see it.
 
 # %%
@@ -884,8 +885,8 @@ print(f"the first is off by {mpjpe(setup.start | solution.values, shot.truth):.0
 #   they decide is not observed.
 # - A robust loss needs two numbers: how accurate good data are, and where bad data begin. Confidence is a
 #   weight outside of it.
-# - A term that forbids what is impossible does not lead out of a wrong minimum. Stages often do, by making the
-#   data weak at first, and a good start makes them unnecessary. The start matters most.
+# - A term that forbids what is impossible does not lead out of a wrong minimum. Stages often do, by making
+#   the data weak at first, and a good start makes them unnecessary. The start matters most.
 # - Size and distance cannot be told apart in one image. Measure the person, or add a camera.
 # - The lowest cost is only as good as the model of the errors. Real detectors have errors that no sigma
 #   describes.
