@@ -147,6 +147,7 @@ COURSE = (
         question="What can one photograph tell?",
         minutes=60,
         assumes="lectures 9, 10 and 12",
-        teaches="detected joints, interpenetration, staged fits, regressors in the loop",
+        teaches="reprojection, losses with a scale, elbows and knees, stages, starts that are learned, "
+        "depth and stature, self-contact, regressors in the loop",
     ),
 )

@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -268,8 +269,13 @@ def test_bad_questions(tmp_path: Path) -> None:
         UnknownName, match=r"no lecture is called '99'; there are 1, 2, .*`workbench lec"
     ):
         lecture(99)
-    with pytest.raises(BadArgument, match="lecture 16, Fitting images, is still to come"):
-        lecture(16)
+
+
+def test_a_lecture_that_is_still_to_come(monkeypatch: pytest.MonkeyPatch) -> None:
+    planned = replace(ROTATIONS, number=88, name="planned", title="A plan")
+    monkeypatch.setattr("workbench.lectures.outline.COURSE", (*course(), planned))
+    with pytest.raises(BadArgument, match="lecture 88, A plan, is still to come"):
+        lecture(88)
 
 
 def test_a_file_that_ends_the_program_after_its_answers_is_marked(tmp_path: Path) -> None:
