@@ -149,4 +149,14 @@ COURSE = (
         assumes="lectures 9, 10 and 12",
         teaches="detected joints, interpenetration, staged fits, regressors in the loop",
     ),
+    Lecture(
+        17,
+        "sequences",
+        "Sequences: videos and markers",
+        question="What do many frames tell that one does not?",
+        minutes=60,
+        assumes="lectures 9, 12 and 16",
+        teaches="one problem of many frames, smoothness, block elimination, errors that are alike, "
+        "markers with unknown places",
+    ),
 )
