@@ -519,7 +519,7 @@ with house_style():
     right.plot(lags, correlation[:31], "C0-", label="the detector, camera 3")
     right.plot(lags, autocorrelation(made, every)[:31], "C1--", label="made up, alike")
     right.plot(lags, autocorrelation(made_white, every)[:31], ":", color="0.5", label="independent")
-    right.plot(lags, 0.35 + 0.65 * 0.8**lags, "k.", ms=3, label="its formula")
+    right.plot(lags, 0.35 + 0.65 * 0.8**lags, "k.", ms=3, label="the formula of the alike")
     right.axhline(0, color="0.6", lw=0.8)
     right.set(xlabel="frames apart", ylabel="correlation of errors", ylim=(-0.2, 1.05))
     right.legend(fontsize=8)
