@@ -150,4 +150,14 @@ COURSE = (
         teaches="reprojection, losses with a scale, elbows and knees, stages, starts that are learned, "
         "depth and stature, self-contact, regressors in the loop",
     ),
+    Lecture(
+        17,
+        "sequences",
+        "Sequences: videos and markers",
+        question="What do many frames tell that one does not?",
+        minutes=60,
+        assumes="lectures 9, 12 and 16",
+        teaches="one problem of many frames, smoothness, block elimination, errors that are alike, "
+        "markers with unknown places",
+    ),
 )
