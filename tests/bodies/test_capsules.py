@@ -11,9 +11,10 @@ import pytest
 from tests.differences import assert_jacobian
 from workbench import Problem, load_body
 from workbench.bodies import Capsules, SkinnedBody, fit_capsules
-from workbench.bodies.capsule_fitting import BONES, parts_of_capsules
+from workbench.bodies.capsule_fitting import parts_of_capsules
 from workbench.bodies.capsules import KEYS, segment_distances
 from workbench.bodies.files.saving import save_body
+from workbench.bodies.parts import BONES
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
 from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite

@@ -17,33 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Mask
 from workbench.bodies.capsules import Capsules, segment_distances
+from workbench.bodies.parts import BONES, owners, separate
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
 
-BONES = {  # a capsule for each of these joints of SMPL, and what it is called
-    "pelvis": "pelvis",
-    "spine1": "belly",
-    "spine2": "ribs",
-    "spine3": "chest",
-    "neck": "neck",
-    "head": "head",
-    **{
-        f"{side}_{joint}": f"{side}_{part}"
-        for side in ("left", "right")
-        for joint, part in (
-            ("hip", "thigh"),
-            ("knee", "shin"),
-            ("ankle", "foot"),
-            ("shoulder", "upper_arm"),
-            ("elbow", "forearm"),
-            ("wrist", "hand"),
-            ("hand", "fingers"),
-        )
-    },
-}  # collars carry few vertices, which belong to the chest
 INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
 STEPS = 25
 BACK = 0.35  # how much the distances from the capsule to the person count
@@ -82,11 +62,7 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
 
     What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
     """
-    owner = list(range(body.n_joints))
-    for k, name in enumerate(body.joint_names):
-        if name not in BONES and k:
-            owner[k] = owner[body.parents[k]]
-    of_vertex = np.array(owner)[body.weights.argmax(axis=1)]
+    of_vertex = owners(body)
     found = {}
     for k, name in enumerate(body.joint_names):
         if name in BONES:
@@ -240,36 +216,9 @@ def _capsules(body: SkinnedBody, fitted: dict[str, Array], betas: Array) -> Caps
         arrays[:, :6, 1:].reshape(C, 2, 3, B),
         arrays[:, 6, 0],
         arrays[:, 6, 1:],
-        _pairs(body, joints),
+        separate(body, joints),
     )
     return _without_overlaps(made, betas)
-
-
-def _pairs(body: SkinnedBody, joints: list[int]) -> Index:
-    """Pairs that are not neighbours on the tree of the joints that have capsules."""
-    above = {}
-    for k in joints:
-        parent = body.parents[k]
-        while parent not in joints and parent >= 0:
-            parent = body.parents[parent]
-        above[k] = parent
-    found = [
-        (i, j)
-        for j in range(len(joints))
-        for i in range(j)
-        if (
-            above[joints[j]] != joints[i]
-            and above[joints[i]] != joints[j]
-            and above[joints[i]] != above[joints[j]]
-        )
-        or _across(body, joints[i], joints[j])
-    ]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-
-def _across(body: SkinnedBody, i: int, j: int) -> bool:
-    """Whether two joints are each other's mirror image."""
-    return i != j and opposite(body.joint_names[i]) == body.joint_names[j]
 
 
 def _without_overlaps(made: Capsules, betas: Array) -> Capsules:
