@@ -50,9 +50,10 @@ def test_it_counts_how_often_a_closed_surface_goes_around() -> None:
         > 0
     )
     assert expected
-    convex = (points @ mesh.face_normals.T).T <= np.einsum(
-        "fi,fi->f", mesh.triangles_center, mesh.face_normals
-    )[:, None]
+    convex = (
+        np.einsum("fi,fi->f", mesh.triangles_center, mesh.face_normals)[:, None]
+        >= (points @ mesh.face_normals.T).T
+    )
     assert np.array_equal(
         winding_numbers(points, one.vertices, one.faces) > 0.5, convex.all(axis=0)
     )

@@ -36,8 +36,8 @@ def part_joints(body: SkinnedBody) -> list[int]:
     found = [k for k, name in enumerate(body.joint_names) if name in BONES]
     if not found:
         raise BadBody(
-            f"body {body.name!r} has none of the joints of SMPL after which parts are named, "
-            "such as left_elbow"
+            f"body {body.name!r} has none of the joints of SMPL after which parts and capsules are "
+            "named, such as left_elbow; make Capsules(...) of your own"
         )
     return found
 

@@ -41,8 +41,9 @@ def penetrations(
     The mesh is cut into parts (`parts.BONES`). The torso, each hand with its fingers, and every
     other part is closed to a solid, and a place is inside if its winding number there is above one
     half. For each part and each other solid the deepest place is found, to `tolerance` m. Skin
-    folds into itself around every joint: where a part and a solid are joined, triangles that are
-    less than 10 cm apart in the template are not looked at.
+    folds into itself around every joint. Two limbs that are joined, such as a thigh and its shin,
+    are therefore not compared, and of limbs that are joined to the torso only the triangles that
+    are at least 10 cm from it in the template, and the torso's triangles as far from the limb.
 
     Raises BadBody for a body without SMPL's joints, and for vertices of another shape. To measure
     many poses, make `BodySolids.of(body)` once.
@@ -123,7 +124,8 @@ def _looked_at(
     far = abs(SurfaceTree(body.template, corners).closest(middles).distances) > FOLDS
     shared = np.isin(body.faces[outside], corners).any(axis=1)
     joined = np.isin(solids[part_of[outside]], np.unique(solids[part_of[outside[shared]]]))
-    chosen = outside[far | ~joined]
+    near_torso = (solids[part_of[outside]] == "torso") | (solids[part_of[skin[0]]] == "torso")
+    chosen = outside[(far & near_torso) | ~joined]
     return {int(part): chosen[part_of[chosen] == part] for part in np.unique(part_of[chosen])}
 
 
