@@ -161,8 +161,8 @@ def test_capsules_that_do_not_fit_are_refused() -> None:
         replace(capsules, radii=np.ones(3))
     with pytest.raises(BadBody, match="not finite"):
         replace(capsules, radii=np.full(len(capsules.names), np.nan))
-    with pytest.raises(BadBody, match="capsules 0 to 25"):
-        replace(capsules, pairs=np.array([[0, 26]]))
+    with pytest.raises(BadBody, match="capsules 0 to 27"):
+        replace(capsules, pairs=np.array([[0, 28]]))
     slopes = capsules.end_slopes[..., :3], capsules.radius_slopes[:, :3]
     other = replace(capsules, end_slopes=slopes[0], radius_slopes=slopes[1])
     with pytest.raises(BadBody, match="are of 3 betas"):

@@ -1,8 +1,8 @@
 """Capsules fitted to the people of a body's shape space, all of them at once.
 
 Each vertex belongs to the part of the joint that moves it most. Each part has a capsule; thighs,
-shins and upper arms, which taper, have two. The ends and the radius of a capsule are affine in
-betas, and minimise
+shins and upper arms, which taper, have two, and thumbs have their own. The ends and the radius of
+a capsule are affine in betas, and minimise
 
     sum over people and vertices of w^2 (|v - segment| - r)^2,    w = OUTSIDE where v is outside,
         + sum over people and points s on the capsule of |s - nearest vertex|^2 (along the normal)
@@ -22,11 +22,11 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies.capsules import Capsules, segment_distances
 from workbench.bodies.parts import BONES, TRUNK, owners, part_joints, separate
 from workbench.bodies.skinned import SkinnedBody
-from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
 
 HALVED = ("thigh", "shin", "upper_arm")  # parts with a near and a far capsule
 BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
+THUMB = 0.05  # m from the axis of the hand
 INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
 STEPS = 25
 OUTSIDE = 1.5  # how much more a vertex outside of its capsule counts than one inside
@@ -40,8 +40,8 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
     It takes a few seconds. Give them to a body of your own by
     `dataclasses.replace(body, capsules=fit_capsules(body))`. Where the body has a mirror, the
     capsules of both sides are mirror images. A pair may touch if the two parts are no neighbours
-    (`parts.separate`), and their capsules do not overlap in the rest pose. The half of a thigh or an
-    upper arm that is far from the torso may touch the torso too.
+    (`parts.separate`), and their capsules do not overlap in the rest pose. The half of a thigh or
+    an upper arm that is far from the torso may touch the torso too.
 
     Raises BadBody for a body that has none of SMPL's joints, by which capsules are chosen.
     """
@@ -61,7 +61,8 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
 
     What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
     """
-    owner, found = owners(body), {}
+    owner = owners(body)
+    found: dict[str, Mask] = {}
     for k in part_joints(body):
         part, mask = BONES[body.joint_names[k]], owner == k
         if part == "head":
@@ -69,6 +70,9 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
         if part.endswith(HALVED):
             far = _far_half(body, k)
             found |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
+        elif part.endswith("hand"):
+            thumb = mask & _off_bone(body, k)
+            found |= {part: mask & ~thumb, part.replace("hand", "thumb"): thumb}
         else:
             found[part] = mask
     return found
@@ -81,9 +85,17 @@ def _far_half(body: SkinnedBody, joint: int) -> Mask:
     return np.asarray((body.template - (start + end) / 2) @ (end - start) > 0)
 
 
+def _off_bone(body: SkinnedBody, joint: int) -> Mask:
+    """The vertices (N,) that are farther than 5 cm from the line through a joint and its child."""
+    joints = body.joints()
+    start, end = joints[joint], joints[body.parents.index(joint)]
+    off = np.cross(body.template - start, (end - start) / np.linalg.norm(end - start))
+    return np.asarray(np.linalg.norm(off, axis=1) > THUMB)
+
+
 def part_of(capsule: str) -> str:
-    """The part that a capsule stands for, in whole or in half."""
-    return capsule.removesuffix("_near").removesuffix("_far")
+    """The part that a capsule stands for, in whole or in part."""
+    return capsule.removesuffix("_near").removesuffix("_far").replace("thumb", "hand")
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ def owners(body: SkinnedBody) -> Index:
     for k, name in enumerate(body.joint_names):
         if name not in BONES and k:
             owner[k] = owner[body.parents[k]]
-    return np.array(owner)[body.weights.argmax(axis=1)]
+    return np.asarray(np.array(owner)[body.weights.argmax(axis=1)], dtype=np.int64)
 
 
 def separate(body: SkinnedBody, joints: list[int]) -> Index:

@@ -138,4 +138,4 @@ def _near(triangles: Array, solid: Solid) -> bool:
 def _of_faces(body: SkinnedBody) -> Index:
     """The joint (F,) of the part that each face belongs to: that of two or three of its corners."""
     a, b, c = owners(body)[body.faces].T
-    return np.where(b == c, b, a)
+    return np.asarray(np.where(b == c, b, a), dtype=np.int64)

@@ -76,9 +76,9 @@ class Solid:
     def holds(self, points: Array) -> Mask:
         """Which of points (M, 3) m are inside: their winding number is above one half."""
         low, high = self.box
-        found = ((points >= low) & (points <= high)).all(axis=1)
+        found = np.asarray(((points >= low) & (points <= high)).all(axis=1))
         found[found] = winding_numbers(points[found], self.vertices, self.faces) > INSIDE
-        return np.asarray(found)
+        return found
 
     def from_skin(self, points: Array) -> Closest:
         """The places of the skin that are closest to points (M, 3) m."""
