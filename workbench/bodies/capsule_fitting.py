@@ -23,6 +23,7 @@ from workbench.bodies.capsules import Capsules, segment_distances
 from workbench.bodies.parts import BONES, TRUNK, owners, part_joints, separate
 from workbench.bodies.skinned import SkinnedBody
 from workbench.geometry.mirror import REFLECTION, opposite
+from workbench.geometry.solids import face_vectors, sums_around
 
 HALVED = ("thigh", "shin", "upper_arm")  # parts with a near and a far capsule
 BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
@@ -116,24 +117,27 @@ def _fit(body: SkinnedBody, name: str, part: Mask, betas: Array) -> Array:
     """Ends and radius (7, 1 + B) of one capsule; of several forms the one of the least cost."""
     people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
     forms = [FREE] if body.mirror is None or opposite(name) != name else [UPRIGHT, ACROSS]
-    fits = [_gauss_newton(body.template[part], people, part, betas, form) for form in forms]
+    fits = [
+        _gauss_newton(body.template[part], people, body.faces, part, betas, form) for form in forms
+    ]
     return min(fits, key=lambda fit: fit[1])[0]
 
 
 def _gauss_newton(
-    rest: Array, people: Array, part: Mask, betas: Array, form: _Form
+    rest: Array, people: Array, faces: Index, part: Mask, betas: Array, form: _Form
 ) -> tuple[Array, float]:
     M = form.matrix
     powers = np.hstack([np.ones((len(betas), 1)), betas])  # (m, 1 + B)
     q = np.zeros((M.shape[1], powers.shape[1]))
     q[:, 0] = np.linalg.lstsq(M, _first(rest, form), rcond=None)[0]
     trees = [cKDTree(person) for person in people]
+    outward = [sums_around(face_vectors(person, faces), faces, len(person)) for person in people]
     best, least = q, np.inf
     for _ in range(STEPS):
         capsules = powers @ (M @ q).T  # (m, 7)
         rows = [
-            _rows(capsule, person, part, tree)
-            for capsule, person, tree in zip(capsules, people, trees, strict=True)
+            _rows(capsule, person, part, tree, normals)
+            for capsule, person, tree, normals in zip(capsules, people, trees, outward, strict=True)
         ]
         cost = float(sum(r @ r for r, _ in rows))
         if cost < least:
@@ -149,10 +153,12 @@ def _gauss_newton(
     return M @ best, least
 
 
-def _rows(capsule: Array, person: Array, part: Mask, tree: cKDTree) -> tuple[Array, Array]:
+def _rows(
+    capsule: Array, person: Array, part: Mask, tree: cKDTree, outward: Array
+) -> tuple[Array, Array]:
     """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7).
 
-    Points of the capsule that are nearer to another part of the person count for nothing.
+    Points of the capsule inside of the person that are nearer to another part count for nothing.
     """
     a, b, r = capsule[:3], capsule[3:6], capsule[6]
     distance, t, normal = _from_segment(person[part], a, b)
@@ -163,7 +169,8 @@ def _rows(capsule: Array, person: Array, part: Mask, tree: cKDTree) -> tuple[Arr
     )
     samples, t, normal = _surface(a, b, r)
     _, nearest = tree.query(samples)
-    scale = BACK * part[nearest] / np.sqrt(len(samples))
+    outside = np.einsum("nc,nc->n", samples - person[nearest], outward[nearest]) > 0
+    scale = BACK * (part[nearest] | outside) / np.sqrt(len(samples))
     r2 = scale * np.einsum("nc,nc->n", samples - person[nearest], normal)
     J2 = scale[:, None] * np.hstack(
         [(1 - t)[:, None] * normal, t[:, None] * normal, np.ones((len(t), 1))]
