@@ -41,11 +41,11 @@ RESULTS, PAGE = HERE / "results" / "contact.json", HERE / "IMAGES.md"
 BEGIN = "<!-- from here on written by `python -m benchmarks.images.contact` -->"
 END = "<!-- contact: up to here -->"
 NOISE = 0.01  # m, of each joint's coordinates
-FITS, LEAST, MOST = 12, 0.02, 0.1  # fits, and how deep their poses penetrate the body, m
-POSES = 100  # of the prior, and as many of the recording
+FITS, LEAST, MOST = 10, 0.02, 0.1  # fits, and how deep their poses penetrate the body, m
+POSES = 60  # of the prior, and as many of the recording
 DEEP = 0.01  # m: penetrations that must not be missed
 SLACK = 1e-3  # m, the sigma of the hinge
-SPHERES = 0.1  # sigma of SMPLify's term, the best of 1, 0.3, 0.1, 0.03 and 0.01 for the depth
+SPHERES = 0.01  # sigma of SMPLify's term, the best of 1, 0.3, 0.1, 0.03 and 0.01 for the depth
 LIMIT = 1e-4  # m, the tolerance of the constraint
 
 
@@ -104,10 +104,10 @@ WAYS = {
     "hinge": Way("hinge", SOLVERS[DEFAULT], "nothing"),
     "hinge, Levenberg-Marquardt": Way("hinge", SOLVERS["levenberg-marquardt"], "nothing"),
     "hinge, sigma 0.1 mm": Way("stiff", SOLVERS[DEFAULT], "hinge"),
-    "SQP after the hinge": Way("limit", Sqp(max_seconds=10), "hinge"),
-    "IPOPT after the hinge": Way("limit", Ipopt(max_iterations=1_000, max_seconds=10), "hinge"),
-    "SQP": Way("limit", Sqp(max_seconds=10), "nothing"),
-    "IPOPT": Way("limit", Ipopt(max_iterations=1_000, max_seconds=10), "nothing"),
+    "SQP after the hinge": Way("limit", Sqp(max_seconds=8), "hinge"),
+    "IPOPT after the hinge": Way("limit", Ipopt(max_iterations=1_000, max_seconds=8), "hinge"),
+    "SQP": Way("limit", Sqp(max_seconds=8), "nothing"),
+    "IPOPT": Way("limit", Ipopt(max_iterations=1_000, max_seconds=8), "nothing"),
 }
 
 
