@@ -129,11 +129,13 @@ def test_a_body_that_penetrates_is_pushed_apart() -> None:
         "apart", residuals.gaps(ends, radii, pairs), 0.0, unit="m", points=(ends,), tolerance=1e-4
     )
     free = ("pose", "trans")
+    apart_by_hinge = solve(Problem([*base, hinge], free, blocks=[observed]), start)
     ends_of = {
         "without": solve(Problem(base, free, blocks=[observed]), start),
-        "hinge": solve(Problem([*base, hinge], free, blocks=[observed]), start),
+        "hinge": apart_by_hinge,
         "sqp": SOLVERS["sqp"].solve(
-            Problem(base, free, blocks=[observed], constraints=[limit]), start
+            Problem(base, free, blocks=[observed], constraints=[limit]),
+            start | apart_by_hinge.values,
         ),
     }
     deepest = {
