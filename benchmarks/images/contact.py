@@ -104,10 +104,10 @@ WAYS = {
     "hinge": Way("hinge", SOLVERS[DEFAULT], "nothing"),
     "hinge, Levenberg-Marquardt": Way("hinge", SOLVERS["levenberg-marquardt"], "nothing"),
     "hinge, sigma 0.1 mm": Way("stiff", SOLVERS[DEFAULT], "hinge"),
-    "SQP after the hinge": Way("limit", Sqp(max_seconds=8), "hinge"),
-    "IPOPT after the hinge": Way("limit", Ipopt(max_iterations=1_000, max_seconds=8), "hinge"),
-    "SQP": Way("limit", Sqp(max_seconds=8), "nothing"),
-    "IPOPT": Way("limit", Ipopt(max_iterations=1_000, max_seconds=8), "nothing"),
+    "SQP after the hinge": Way("limit", Sqp(max_seconds=30), "hinge"),
+    "IPOPT after the hinge": Way("limit", Ipopt(max_iterations=1_000, max_seconds=30), "hinge"),
+    "SQP": Way("limit", Sqp(max_seconds=30), "nothing"),
+    "IPOPT": Way("limit", Ipopt(max_iterations=1_000, max_seconds=30), "nothing"),
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 from tests.differences import assert_jacobian
 from workbench import Problem, load_body
 from workbench.bodies import Capsules, SkinnedBody, fit_capsules
-from workbench.bodies.capsule_fitting import parts_of_capsules
+from workbench.bodies.capsule_fitting import part_of, parts_of_capsules
 from workbench.bodies.capsules import (
     KEYS,
     capsule_distances,
@@ -24,7 +24,7 @@ from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.residuals import landmarks
 
-STANDS_OUT = 0.03  # m beyond the box around the body
+STANDS_OUT = 0.045  # m beyond the box around the body
 LARGEST_RMS = {"small": 7.6e-3, "default": 8.8e-3, "default-male": 9.0e-3, "default-female": 9.0e-3}
 
 
@@ -81,8 +81,14 @@ def test_fitting_again_gives_the_capsules_that_are_stored() -> None:
 def test_pairs_are_apart_in_the_rest_pose_and_never_neighbours() -> None:
     body = load_body("default")
     assert capsule_gaps(body).min() > -0.03
-    assert not {"left_thigh and left_shin", "chest and neck"} & set(body.capsules.pair_names)
-    assert "left_thigh and right_thigh" in body.capsules.pair_names
+    names = set(body.capsules.pair_names)
+    parts = [{part_of(one) for one in name.split(" and ")} for name in names]
+    assert {"left_thigh", "right_thigh"} in parts
+    assert {"left_thigh", "left_shin"} not in parts
+    assert {"chest", "neck"} not in parts
+    # the far half of an upper arm may touch the ribs, which the near half always overlaps
+    assert "ribs and left_upper_arm_far" in names
+    assert "ribs and left_upper_arm_near" not in names
 
 
 def test_the_ends_move_rigidly_with_their_joint() -> None:
