@@ -20,18 +20,18 @@ from workbench.bodies.catalogue import Embedded
 from workbench.bodies.files.embedded import read_embedded
 from workbench.priors.poses import draw_poses, shipped_mixture
 
-DRAWS, DEEP = 2_000, 0.005  # poses of the prior, and m
+DRAWS, NEAR = 4_000, 0.02  # poses of the prior, and m
 
 
 def touching(body: SkinnedBody) -> Capsules:
-    """The capsules of a body with the pairs that touch in any of `DRAWS` poses of the prior.
+    """The capsules of a body with the pairs that come within 2 cm in 4,000 draws of the prior.
 
     Pairs such as a foot and the head, which never meet, only cost time.
     """
     poses = draw_poses(shipped_mixture(), DRAWS, np.random.default_rng(0))
     capsules = capsules_of(body)
-    meets = (capsule_gaps(body, poses) < -DEEP).any(axis=0)
-    return replace(capsules, pairs=capsules.pairs[meets])
+    near = (capsule_gaps(body, poses) < NEAR).any(axis=0)
+    return replace(capsules, pairs=capsules.pairs[near])
 
 
 def write_capsules(folder: Path) -> Path:

@@ -11,9 +11,10 @@ from workbench import SOLVERS, Block, Constraint, Problem, load_body, residuals,
 from workbench.bodies.capsules import segment_distances
 from workbench.bodies.posed_capsules import capsule_gaps, capsule_points
 from workbench.errors import BadResidual
-from workbench.fitting import pose_prior
+from workbench.fitting import pose_prior, shape_prior
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.residuals import apart, gaps, spheres
+from workbench.residuals import Residual, apart, gaps, spheres
+from workbench.solvers import DEFAULT
 
 RADII, PAIR = np.array([0.05, 0.03]), np.array([[0, 1]])
 ENDS = Block("ends", (4, 3), "m")
@@ -128,11 +129,13 @@ def test_a_body_that_penetrates_is_pushed_apart() -> None:
         "apart", residuals.gaps(ends, radii, pairs), 0.0, unit="m", points=(ends,), tolerance=1e-4
     )
     free = ("pose", "trans")
+    apart_by_hinge = solve(Problem([*base, hinge], free, blocks=[observed]), start)
     ends_of = {
         "without": solve(Problem(base, free, blocks=[observed]), start),
-        "hinge": solve(Problem([*base, hinge], free, blocks=[observed]), start),
+        "hinge": apart_by_hinge,
         "sqp": SOLVERS["sqp"].solve(
-            Problem(base, free, blocks=[observed], constraints=[limit]), start
+            Problem(base, free, blocks=[observed], constraints=[limit]),
+            start | apart_by_hinge.values,
         ),
     }
     deepest = {
@@ -142,3 +145,76 @@ def test_a_body_that_penetrates_is_pushed_apart() -> None:
     assert deepest["hinge"] < 1e-3
     assert deepest["sqp"] < 2e-4
     assert ends_of["without"].cost < min(ends_of["hinge"].cost, ends_of["sqp"].cost)
+
+
+def test_spheres_leave_a_deep_overlap_as_it_is_and_the_hinge_does_not() -> None:
+    """Two tubes cross between their spheres, 55 mm deep: none of the Gaussians has a slope there.
+
+    The hinge has one wherever capsules overlap.
+    """
+    long, radii = 0.15, np.array([0.03, 0.03])
+    start = np.array([[-long, 0, 0], [long, 0, 0], [0, -long, 0.005], [0, long, 0.005]])
+    data = residuals.landmarks(ENDS.symbol, start, sigma=0.05)
+    moved, deepest = {}, {}
+    for term in (
+        apart(ENDS.symbol, radii, PAIR, sigma=1e-3),
+        spheres(ENDS.symbol, radii, PAIR, sigma=1e-3),
+    ):
+        alone = Problem([term], free=("ends",)).linearize({"ends": start})
+        end = solve(Problem([data, term], free=("ends",)), {"ends": start}).values["ends"]
+        moved[term.name] = np.linalg.norm(end - start, axis=1).max()
+        e = end.reshape(2, 2, 3)
+        deepest[term.name] = 0.06 - segment_distances(e[:, 0], e[:, 1], PAIR)[0]
+        assert abs(alone.gradient).max() > 1 if term.name == "apart" else True
+        assert abs(alone.gradient).max() < 1e-3 if term.name == "spheres" else True
+    assert moved["spheres"] < 1e-6
+    assert deepest["spheres"] == pytest.approx(0.055, abs=1e-5)
+    assert moved["apart"] > 0.02
+    assert deepest["apart"] < 1e-4
+
+
+def test_hinge_and_limits_agree_in_cost_from_one_start() -> None:
+    """The hinge is the quadratic penalty of the limit: what remains shrinks with its sigma^2."""
+    body, rng = load_body("small"), np.random.default_rng(5)
+    poses = draw_poses(shipped_mixture(), 100, rng)
+    overlap = -capsule_gaps(body, poses).min(axis=1)
+    taken = poses[int(np.argmin(abs(overlap - 0.06)))]
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    observed = Block("observed", (24, 3), "m")
+    base = (
+        residuals.landmarks(body.joint_points(pose, betas, trans), observed.symbol, sigma=0.01),
+        pose_prior(body),
+        shape_prior(body),
+    )
+    ends, capsules = capsule_points(body, pose, betas, trans), body.capsules
+    radii, free = capsules.radii_in(betas), ("pose", "betas", "trans")
+    at = body.start() | {"observed": body.joints(taken)}
+
+    def problem(*terms: Residual, constraints: tuple[Constraint, ...] = ()) -> Problem:
+        return Problem([*base, *terms], free, blocks=[observed], constraints=constraints)
+
+    alone = problem()
+    limit = Constraint(
+        "limit", gaps(ends, radii, capsules.pairs), 0.0, unit="m", points=(ends,), tolerance=1e-4
+    )
+    start = at | solve(alone, at).values
+    assert capsule_gaps(body, *(start[name] for name in free)).min() < -0.02
+    costs, worst = {}, {}
+    for name, one, solver, first in (
+        ("hinge", problem(apart(ends, radii, capsules.pairs, sigma=1e-3)), SOLVERS[DEFAULT], start),
+        ("stiff", problem(apart(ends, radii, capsules.pairs, sigma=1e-4)), SOLVERS[DEFAULT], None),
+        ("sqp", problem(constraints=(limit,)), SOLVERS["sqp"], None),
+        ("ipopt", problem(constraints=(limit,)), SOLVERS["ipopt"], None),
+    ):
+        end = start | solver.solve(one, start if first is None else first).values
+        start = end if name == "hinge" else start  # the others go on where the hinge ended
+        r = alone.residual(*alone.split(end))
+        costs[name] = 0.5 * float(r @ r)
+        worst[name] = -float(capsule_gaps(body, *(end[block] for block in free)).min())
+    assert costs["sqp"] == pytest.approx(costs["ipopt"], rel=1e-3)
+    assert costs["hinge"] == pytest.approx(costs["ipopt"], rel=1e-2)
+    assert costs["hinge"] < costs["stiff"] < costs["ipopt"] * (1 + 1e-4)
+    assert costs["stiff"] == pytest.approx(costs["ipopt"], rel=1e-3)
+    assert worst["hinge"] < 2e-3
+    assert worst["stiff"] < worst["hinge"] / 20
+    assert max(worst["sqp"], worst["ipopt"]) < 2e-4

@@ -6,13 +6,16 @@ from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
 from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.penetrations import BodySolids, Penetration, penetrations
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
 from workbench.bodies.skinned import SkinnedBody
 
 __all__ = [
     "Body",
+    "BodySolids",
     "Capsules",
     "Landmarks",
+    "Penetration",
     "SkinnedBody",
     "Skinning",
     "capsule_ends",
@@ -22,6 +25,7 @@ __all__ = [
     "dual_quaternion_blend",
     "fit_capsules",
     "linear_blend",
+    "penetrations",
     "skin",
     "skin_vertices",
 ]

@@ -1,9 +1,10 @@
 """Capsules fitted to the people of a body's shape space, all of them at once.
 
-Each vertex belongs to the capsule of the joint that moves it most, or of that joint's nearest
-ancestor which has one. The ends and the radius of a capsule are affine in betas, and minimise
+Each vertex belongs to the part of the joint that moves it most. Each part has a capsule; thighs,
+shins and upper arms, which taper, have two, and thumbs have their own. The ends and the radius of
+a capsule are affine in betas, and minimise
 
-    sum over people and vertices of (|v - segment| - r)^2
+    sum over people and vertices of w^2 (|v - segment| - r)^2,    w = OUTSIDE where v is outside,
         + sum over people and points s on the capsule of |s - nearest vertex|^2 (along the normal)
 
 by Gauss-Newton; the nearest places are held in each step. Fitting each person alone, and then
@@ -19,33 +20,17 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.capsules import Capsules, segment_distances
+from workbench.bodies.parts import BONES, TRUNK, owners, part_joints, separate
 from workbench.bodies.skinned import SkinnedBody
-from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
+from workbench.geometry.solids import face_vectors, sums_around
 
-BONES = {  # a capsule for each of these joints of SMPL, and what it is called
-    "pelvis": "pelvis",
-    "spine1": "belly",
-    "spine2": "ribs",
-    "spine3": "chest",
-    "neck": "neck",
-    "head": "head",
-    **{
-        f"{side}_{joint}": f"{side}_{part}"
-        for side in ("left", "right")
-        for joint, part in (
-            ("hip", "thigh"),
-            ("knee", "shin"),
-            ("ankle", "foot"),
-            ("shoulder", "upper_arm"),
-            ("elbow", "forearm"),
-            ("wrist", "hand"),
-            ("hand", "fingers"),
-        )
-    },
-}  # collars carry few vertices, which belong to the chest
+HALVED = ("thigh", "shin", "upper_arm")  # parts with a near and a far capsule
+BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
+THUMB = 0.05  # m from the axis of the hand
 INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
 STEPS = 25
+OUTSIDE = 1.5  # how much more a vertex outside of its capsule counts than one inside
 BACK = 0.35  # how much the distances from the capsule to the person count
 ALONG, AROUND = 6, 8  # points on a capsule
 
@@ -55,46 +40,63 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
 
     It takes a few seconds. Give them to a body of your own by
     `dataclasses.replace(body, capsules=fit_capsules(body))`. Where the body has a mirror, the
-    capsules of both sides are mirror images. A pair may touch if no joint separates fewer than
-    two others of them, and they do not overlap in the rest pose.
+    capsules of both sides are mirror images. A pair may touch if the two parts are no neighbours
+    (`parts.separate`), and their capsules do not overlap in the rest pose. The half of a thigh or
+    an upper arm that is far from the torso may touch the torso too.
 
     Raises BadBody for a body that has none of SMPL's joints, by which capsules are chosen.
     """
-    chosen = [name for name in body.joint_names if name in BONES]
-    if not chosen:
-        raise BadBody(
-            f"body {body.name!r} has none of the joints of SMPL after which capsules are named, "
-            "such as left_elbow; make Capsules(...) of your own"
-        )
+    part_joints(body)  # raises if there is none
     betas = np.random.default_rng(seed).standard_normal((people, body.n_betas))
-    parts = parts_of_capsules(body)
     fitted: dict[str, Array] = {}
-    for joint in chosen:
-        if opposite(joint) in fitted and body.mirror is not None:
-            fitted[joint] = _reflected(fitted[opposite(joint)])
-        elif parts[joint].any():
-            fitted[joint] = _fit(body, joint, parts[joint], betas)
-    return _capsules(body, fitted, betas)
+    for name, mask in parts_of_capsules(body).items():
+        if opposite(name) in fitted and body.mirror is not None:
+            fitted[name] = _reflected(fitted[opposite(name)])
+        elif mask.any():
+            fitted[name] = _fit(body, name, mask, betas)
+    return _without_overlaps(_capsules(body, fitted), betas)
 
 
 def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
-    """For each joint that has a capsule, which vertices (N,) the capsule stands for.
+    """For each capsule, which vertices (N,) it stands for.
 
     What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
     """
-    owner = list(range(body.n_joints))
-    for k, name in enumerate(body.joint_names):
-        if name not in BONES and k:
-            owner[k] = owner[body.parents[k]]
-    of_vertex = np.array(owner)[body.weights.argmax(axis=1)]
-    found = {}
-    for k, name in enumerate(body.joint_names):
-        if name in BONES:
-            mask = of_vertex == k
-            if name == "head":
-                mask = mask & ~_inner(body.template, mask)
-            found[name] = mask
+    owner = owners(body)
+    found: dict[str, Mask] = {}
+    for k in part_joints(body):
+        part, mask = BONES[body.joint_names[k]], owner == k
+        if part == "head":
+            mask = mask & ~_inner(body.template, mask)
+        if part.endswith(HALVED):
+            far = _far_half(body, k)
+            found |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
+        elif part.endswith("hand"):
+            thumb = mask & _off_bone(body, k)
+            found |= {part: mask & ~thumb, part.replace("hand", "thumb"): thumb}
+        else:
+            found[part] = mask
     return found
+
+
+def _far_half(body: SkinnedBody, joint: int) -> Mask:
+    """The vertices (N,) beyond the middle of the bone from a joint to its child."""
+    joints = body.joints()
+    start, end = joints[joint], joints[body.parents.index(joint)]
+    return np.asarray((body.template - (start + end) / 2) @ (end - start) > 0)
+
+
+def _off_bone(body: SkinnedBody, joint: int) -> Mask:
+    """The vertices (N,) that are farther than 5 cm from the line through a joint and its child."""
+    joints = body.joints()
+    start, end = joints[joint], joints[body.parents.index(joint)]
+    off = np.cross(body.template - start, (end - start) / np.linalg.norm(end - start))
+    return np.asarray(np.linalg.norm(off, axis=1) > THUMB)
+
+
+def part_of(capsule: str) -> str:
+    """The part that a capsule stands for, in whole or in part."""
+    return capsule.removesuffix("_near").removesuffix("_far").replace("thumb", "hand")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,28 +113,31 @@ ACROSS = _Form(  # one end the mirror image of the other
 )
 
 
-def _fit(body: SkinnedBody, joint: str, part: Mask, betas: Array) -> Array:
+def _fit(body: SkinnedBody, name: str, part: Mask, betas: Array) -> Array:
     """Ends and radius (7, 1 + B) of one capsule; of several forms the one of the least cost."""
     people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
-    forms = [FREE] if body.mirror is None or opposite(joint) != joint else [UPRIGHT, ACROSS]
-    fits = [_gauss_newton(body.template[part], people, part, betas, form) for form in forms]
+    forms = [FREE] if body.mirror is None or opposite(name) != name else [UPRIGHT, ACROSS]
+    fits = [
+        _gauss_newton(body.template[part], people, body.faces, part, betas, form) for form in forms
+    ]
     return min(fits, key=lambda fit: fit[1])[0]
 
 
 def _gauss_newton(
-    rest: Array, people: Array, part: Mask, betas: Array, form: _Form
+    rest: Array, people: Array, faces: Index, part: Mask, betas: Array, form: _Form
 ) -> tuple[Array, float]:
     M = form.matrix
     powers = np.hstack([np.ones((len(betas), 1)), betas])  # (m, 1 + B)
     q = np.zeros((M.shape[1], powers.shape[1]))
     q[:, 0] = np.linalg.lstsq(M, _first(rest, form), rcond=None)[0]
     trees = [cKDTree(person) for person in people]
+    outward = [sums_around(face_vectors(person, faces), faces, len(person)) for person in people]
     best, least = q, np.inf
     for _ in range(STEPS):
         capsules = powers @ (M @ q).T  # (m, 7)
         rows = [
-            _rows(capsule, person, part, tree)
-            for capsule, person, tree in zip(capsules, people, trees, strict=True)
+            _rows(capsule, person, part, tree, normals)
+            for capsule, person, tree, normals in zip(capsules, people, trees, outward, strict=True)
         ]
         cost = float(sum(r @ r for r, _ in rows))
         if cost < least:
@@ -148,21 +153,24 @@ def _gauss_newton(
     return M @ best, least
 
 
-def _rows(capsule: Array, person: Array, part: Mask, tree: cKDTree) -> tuple[Array, Array]:
+def _rows(
+    capsule: Array, person: Array, part: Mask, tree: cKDTree, outward: Array
+) -> tuple[Array, Array]:
     """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7).
 
-    Points of the capsule that are nearer to another part of the person count for nothing.
+    Points of the capsule inside of the person that are nearer to another part count for nothing.
     """
     a, b, r = capsule[:3], capsule[3:6], capsule[6]
     distance, t, normal = _from_segment(person[part], a, b)
-    scale = 1 / np.sqrt(len(distance))
+    scale = np.where(distance > r, OUTSIDE, 1.0) / np.sqrt(len(distance))
     r1 = scale * (distance - r)
-    J1 = scale * np.hstack(
+    J1 = scale[:, None] * np.hstack(
         [-(1 - t)[:, None] * normal, -t[:, None] * normal, -np.ones((len(t), 1))]
     )
     samples, t, normal = _surface(a, b, r)
     _, nearest = tree.query(samples)
-    scale = BACK * part[nearest] / np.sqrt(len(samples))
+    outside = np.einsum("nc,nc->n", samples - person[nearest], outward[nearest]) > 0
+    scale = BACK * (part[nearest] | outside) / np.sqrt(len(samples))
     r2 = scale * np.einsum("nc,nc->n", samples - person[nearest], normal)
     J2 = scale[:, None] * np.hstack(
         [(1 - t)[:, None] * normal, t[:, None] * normal, np.ones((len(t), 1))]
@@ -229,47 +237,37 @@ def _reflected(fit: Array) -> Array:
     return np.concatenate([REFLECTION, REFLECTION, [1.0]])[:, None] * fit
 
 
-def _capsules(body: SkinnedBody, fitted: dict[str, Array], betas: Array) -> Capsules:
+def _capsules(body: SkinnedBody, fitted: dict[str, Array]) -> Capsules:
+    """All of them, with every pair that may touch."""
     arrays = np.array(list(fitted.values()))  # (C, 7, 1 + B)
     C, B = len(arrays), body.n_betas
-    joints = [body.joint_names.index(joint) for joint in fitted]
-    made = Capsules(
-        tuple(BONES[joint] for joint in fitted),
-        np.array(joints),
+    joint_of = {BONES[body.joint_names[k]]: k for k in part_joints(body)}
+    return Capsules(
+        tuple(fitted),
+        np.array([joint_of[part_of(name)] for name in fitted]),
         arrays[:, :6, 0].reshape(C, 2, 3),
         arrays[:, :6, 1:].reshape(C, 2, 3, B),
         arrays[:, 6, 0],
         arrays[:, 6, 1:],
-        _pairs(body, joints),
+        _pairs(body, tuple(fitted)),
     )
-    return _without_overlaps(made, betas)
 
 
-def _pairs(body: SkinnedBody, joints: list[int]) -> Index:
-    """Pairs that are not neighbours on the tree of the joints that have capsules."""
-    above = {}
-    for k in joints:
-        parent = body.parents[k]
-        while parent not in joints and parent >= 0:
-            parent = body.parents[parent]
-        above[k] = parent
+def _pairs(body: SkinnedBody, names: tuple[str, ...]) -> Index:
+    joints = part_joints(body)
+    parts = [BONES[body.joint_names[k]] for k in joints]
+    apart = {frozenset((parts[i], parts[j])) for i, j in separate(body, joints)}
     found = [
         (i, j)
-        for j in range(len(joints))
+        for j in range(len(names))
         for i in range(j)
-        if (
-            above[joints[j]] != joints[i]
-            and above[joints[i]] != joints[j]
-            and above[joints[i]] != above[joints[j]]
+        if frozenset((part_of(names[i]), part_of(names[j]))) in apart
+        or any(
+            one.endswith(BESIDE) and other in TRUNK
+            for one, other in ((names[i], names[j]), (names[j], names[i]))
         )
-        or _across(body, joints[i], joints[j])
     ]
     return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-
-def _across(body: SkinnedBody, i: int, j: int) -> bool:
-    """Whether two joints are each other's mirror image."""
-    return i != j and opposite(body.joint_names[i]) == body.joint_names[j]
 
 
 def _without_overlaps(made: Capsules, betas: Array) -> Capsules:

@@ -111,8 +111,26 @@ class Capsules:
         return Capsules(names, *(arrays[key] for key in KEYS[1:]))
 
 
+def capsule_distances(points: Array, ends: Array, radii: Array) -> Array:
+    """How far points (N, 3) m are from each of C capsules, (C, N) m; negative inside.
+
+    `ends` (C, 2, 3) m and `radii` (C,) m.
+    """
+    a, u = ends[:, :1], ends[:, 1:] - ends[:, :1]  # (C, 1, 3)
+    off = points - a
+    length = np.maximum((u * u).sum(axis=-1), 1e-18)
+    along = np.clip((off * u).sum(axis=-1) / length, 0, 1)
+    return np.asarray(np.linalg.norm(off - along[..., None] * u, axis=-1) - radii[:, None])
+
+
 def segment_distances(starts: Array, ends: Array, pairs: Index) -> Array:
-    """The distances (..., P) m of segments (..., C, 3) to (..., C, 3), pair by pair.
+    """The distances (..., P) m of segments (..., C, 3) to (..., C, 3), pair by pair."""
+    places = closest_places(starts, ends, pairs)
+    return np.asarray(np.linalg.norm(places[..., 1, :] - places[..., 0, :], axis=-1))
+
+
+def closest_places(starts: Array, ends: Array, pairs: Index) -> Array:
+    """The places (..., P, 2, 3) m of two segments that are closest to each other, pair by pair.
 
     The squared distance of two points is a convex quadratic on the square of both positions: its
     minimum is inside of the square, or on an edge, where it is the distance of an end from the
@@ -140,5 +158,8 @@ def segment_distances(starts: Array, ends: Array, pairs: Index) -> Array:
         (np.clip(-d / safe_a, 0, 1), zero),
         (np.clip((b - d) / safe_a, 0, 1), one),
     ]
-    gaps = [w + s[..., None] * u - t[..., None] * v for s, t in places]
-    return np.asarray(np.sqrt(np.min([dot(g, g) for g in gaps], axis=0)))
+    on_one = np.stack([p + s[..., None] * u for s, _ in places])
+    on_other = np.stack([q + t[..., None] * v for _, t in places])
+    least = dot(on_other - on_one, on_other - on_one).argmin(axis=0)[None, ..., None]
+    one, other = (np.take_along_axis(x, least, axis=0)[0] for x in (on_one, on_other))
+    return np.stack([one, other], axis=-2)

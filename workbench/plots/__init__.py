@@ -9,6 +9,7 @@ from workbench.plots.basins import (
     plot_basins,
 )
 from workbench.plots.body import caption_body, caption_shape_gallery, plot_body, plot_shape_gallery
+from workbench.plots.capsules import caption_capsules, plot_capsules
 from workbench.plots.convergence import ITERATIONS, SECONDS, caption_convergence, plot_convergence
 from workbench.plots.direction import caption_direction, plot_direction
 from workbench.plots.distances import (
@@ -65,6 +66,7 @@ __all__ = [
     "caption_basins",
     "caption_beside_laplace",
     "caption_body",
+    "caption_capsules",
     "caption_convergence",
     "caption_corner",
     "caption_data_share",
@@ -90,6 +92,7 @@ __all__ = [
     "plot_basins",
     "plot_beside_laplace",
     "plot_body",
+    "plot_capsules",
     "plot_convergence",
     "plot_corner",
     "plot_data_share",

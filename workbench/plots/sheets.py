@@ -8,8 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.arrays import Array, Index
+from workbench.bodies.posed_capsules import PosedCapsules
 from workbench.diagnostics import Diagnosis
 from workbench.plots.body import plot_body, plot_shape_gallery
+from workbench.plots.capsules import plot_capsules
 from workbench.plots.convergence import ITERATIONS, SECONDS, plot_convergence
 from workbench.plots.direction import plot_direction
 from workbench.plots.distances import plot_distances
@@ -56,6 +58,11 @@ def direction_sheet(moved: Mapping[str, Array], faces: Index) -> Figure:
 def body_sheet(vertices: Array, faces: Index) -> Figure:
     """A body from the front and from the side."""
     return _to_scale(partial(plot_body, vertices, faces), 5.6)
+
+
+def capsules_sheet(vertices: Array, faces: Index, posed: PosedCapsules) -> Figure:
+    """A body with its capsules from the front and from the side."""
+    return _to_scale(partial(plot_capsules, vertices, faces, posed), 5.6)
 
 
 def shape_gallery_sheet(shapes: Mapping[str, Array], faces: Index) -> Figure:

@@ -9,6 +9,9 @@ import numpy as np
 
 from workbench import plots
 from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward.arguments import arguments_from_values
+from workbench.bodies.posed_capsules import posed_capsules
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
@@ -94,6 +97,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         moving=moving_figures(outcome.setup, outcome.values),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
+        capsules=capsule_figure(outcome),
         convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
         solvers=tables.solvers_table(outcome),
         minima=minima_figure(solution),
@@ -157,6 +161,21 @@ def distance_figure(outcome: Outcome) -> Shown | None:
     called = truth_called(outcome)
     figure = sheets.distances_sheet(surface, distances, body.faces, called)
     return shown(figure, plots.caption_distances(distances, called))
+
+
+def capsule_figure(outcome: Outcome) -> Shown | None:
+    """The fitted body with its capsules, or None if the problem reads none of them."""
+    body, surface, problem = outcome.setup.body, outcome.surface, outcome.setup.problem
+    if surface is None or not isinstance(body, SkinnedBody) or body.capsules is None:
+        return None
+    points = [*problem.points, *(p for c in problem.constraints for p in c.points)]
+    read = any(p.source.labels == body.capsules.end_names for p in points)
+    arguments = arguments_from_values(body, points, outcome.values)
+    if not read or arguments is None:
+        return None
+    posed = posed_capsules(body, *arguments)
+    figure = sheets.capsules_sheet(surface, body.faces, posed)
+    return shown(figure, plots.caption_capsules(posed))
 
 
 def truth_called(outcome: Outcome) -> str:

@@ -30,10 +30,10 @@ def gaps(ends: Points | cs.MX, radii: cs.MX | ArrayLike, pairs: ArrayLike) -> cs
     """
     points, r, chosen = _capsules("gaps", ends, radii, pairs)
     i, j = chosen.T
-    near = _segment_distance().map(len(chosen))(
-        *(points[:, (2 * of + end).tolist()] for of in (i, j) for end in (0, 1))
-    )
-    return near.T - r[i.tolist()] - r[j.tolist()]
+    at, distance = cs.horzsplit(points), _segment_distance()
+    # pair by pair, not by `map`: derivatives then skip the ends that a pair does not read
+    near = [distance(*(at[2 * of + end] for of in (a, b) for end in (0, 1))) for a, b in chosen]
+    return cs.vertcat(*near) - r[i.tolist()] - r[j.tolist()]
 
 
 def apart(

@@ -1,0 +1,361 @@
+"""The command `python -m benchmarks.images.contact RECORDING`: bodies kept out of themselves.
+
+Poses of the prior in which `default` penetrates itself are fitted to their joints, without anything
+and with each term for self-contact; and the capsules' alarms are compared with penetrations on the
+mesh (`workbench.bodies.penetrations`), in poses of the prior and of a recording's held-out clips.
+Numbers go to `results/contact.json`, and the tables of IMAGES.md are written from them. With
+`--tuning` other poses are taken and nothing is kept: settings were chosen there.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import machine
+from benchmarks.keeping import keep, write_between
+from workbench import SOLVERS, Block, Constraint, Problem, load_body
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import BodySolids, SkinnedBody, capsule_gaps, capsule_points, capsules_of
+from workbench.bodies.capsule_fitting import part_of, parts_of_capsules
+from workbench.bodies.capsules import capsule_distances
+from workbench.bodies.parts import solid_of
+from workbench.comparison.statistics import rate
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.priors.mocap import held_out_poses, read_mocap
+from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.reading.archive import shipped
+from workbench.reading.expected import read_expected, reals
+from workbench.residuals import apart, gaps, landmarks, spheres
+from workbench.solvers import DEFAULT, Ipopt, Solver, Sqp
+
+HERE = Path(__file__).parent.parent
+RESULTS, PAGE = HERE / "results" / "contact.json", HERE / "IMAGES.md"
+BEGIN = "<!-- from here on written by `python -m benchmarks.images.contact` -->"
+END = "<!-- contact: up to here -->"
+NOISE = 0.01  # m, of each joint's coordinates
+FITS, LEAST, MOST = 10, 0.02, 0.1  # fits, and how deep their poses penetrate the body, m
+POSES = 60  # of the prior, and as many of the recording
+DEEP = 0.01  # m: penetrations that must not be missed
+SLACK = 1e-3  # m, the sigma of the hinge
+SPHERES = 0.01  # sigma of SMPLify's term, the best of 1, 0.3, 0.1, 0.03 and 0.01 for the depth
+LIMIT = 1e-4  # m, the tolerance of the constraint
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """The problems that are compared: the same data and priors, and a term for self-contact."""
+
+    body: SkinnedBody
+    problems: dict[str, Problem]
+
+    @staticmethod
+    def of(body: SkinnedBody) -> "Terms":
+        """Those of a body, by name."""
+        symbols = [block.symbol for block in body.blocks()]
+        free = [block.name for block in body.blocks()]
+        observed = (Block("observed", (body.n_joints, 3), "m", body.joint_names),)
+        joints = body.joint_points(*symbols)
+        data = landmarks(joints, observed[0].symbol, sigma=NOISE, name="joints")
+        base = (data, pose_prior(body), shape_prior(body))
+        ends, capsules = capsule_points(body, *symbols), capsules_of(body)
+        pairs, radii = capsules.pairs, capsules.radii_in(symbols[1])
+        contact = {
+            "nothing": (),
+            "spheres": (spheres(ends, radii, pairs, sigma=SPHERES),),
+            "hinge": (apart(ends, radii, pairs, sigma=SLACK),),
+            "stiff": (apart(ends, radii, pairs, sigma=SLACK / 10),),
+        }
+        found = {
+            name: Problem((*base, *one), free, blocks=observed) for name, one in contact.items()
+        }
+        limit = Constraint(
+            "apart", gaps(ends, radii, pairs), 0.0, unit="m", points=(ends,), tolerance=LIMIT
+        )
+        found["limit"] = Problem(base, free, blocks=observed, constraints=(limit,))
+        return Terms(body, found)
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How a fit goes on where the fit without anything, or another one, ended.
+
+    Attributes:
+        problem: the name of the problem.
+        solver: what solves it.
+        after: the way that it begins after; empty for the start.
+    """
+
+    problem: str
+    solver: Solver
+    after: str
+
+
+WAYS = {
+    "nothing": Way("nothing", SOLVERS[DEFAULT], ""),
+    "SMPLify's spheres": Way("spheres", SOLVERS[DEFAULT], "nothing"),
+    "hinge": Way("hinge", SOLVERS[DEFAULT], "nothing"),
+    "hinge, Levenberg-Marquardt": Way("hinge", SOLVERS["levenberg-marquardt"], "nothing"),
+    "hinge, sigma 0.1 mm": Way("stiff", SOLVERS[DEFAULT], "hinge"),
+    "SQP after the hinge": Way("limit", Sqp(max_seconds=30), "hinge"),
+    "IPOPT after the hinge": Way("limit", Ipopt(max_iterations=1_000, max_seconds=30), "hinge"),
+    "SQP": Way("limit", Sqp(max_seconds=30), "nothing"),
+    "IPOPT": Way("limit", Ipopt(max_iterations=1_000, max_seconds=30), "nothing"),
+}
+
+
+def penetrating_poses(body: SkinnedBody, count: int, seed: int) -> list[Array]:
+    """So many draws of the prior in which the body penetrates itself by 20 to 100 mm."""
+    solids, found = BodySolids.of(body), []
+    for pose in draw_poses(shipped_mixture(), 50 * count, np.random.default_rng(seed)):
+        if capsule_gaps(body, pose).min() > 0:
+            continue
+        deep = solids.penetrations(body.vertices(pose))
+        if deep and LEAST < deep[0].depth < MOST:
+            found.append(pose)
+        if len(found) == count:
+            break
+    return found
+
+
+def fits(body: SkinnedBody, poses: list[Array]) -> dict[str, dict[str, list[float]]]:
+    """For each way and pose: depth on the mesh (mm), worst gap (mm), costs, and CPU seconds.
+
+    `seconds` are those of the way itself, after the one that it begins after. Every problem is
+    solved once before, so that no time contains what problems share.
+    """
+    terms, solids = Terms.of(body), BodySolids.of(body)
+    base = terms.problems["nothing"]
+    found: dict[str, dict[str, list[float]]] = {}
+    for k, pose in enumerate([poses[0], *poses]):
+        joints = body.joints(pose)
+        noise = NOISE * np.random.default_rng(k).standard_normal(joints.shape)
+        ends: dict[str, Values] = {"": body.start() | {"observed": joints + noise}}
+        for name, way in WAYS.items():
+            problem, start = terms.problems[way.problem], ends[way.after]
+            began = time.process_time()
+            solution = way.solver.solve(problem, start)
+            took = time.process_time() - began
+            ends[name] = at = start | solution.values
+            if k == 0:
+                continue
+            shape = [at[block.name] for block in body.blocks()]
+            deep = solids.penetrations(body.vertices(*shape))
+            residual = base.residual(*base.split(at))
+            said = {
+                "depth": 1e3 * deep[0].depth if deep else 0.0,
+                "gap": 1e3 * float(capsule_gaps(body, *shape).min()),
+                "cost": 0.5 * float(residual @ residual),
+                "own": solution.cost,
+                "seconds": took,
+                "converged": float(solution.converged),
+            }
+            for key, value in said.items():
+                found.setdefault(name, {}).setdefault(key, []).append(value)
+            print(
+                f"{k:3} {name:28}",
+                *(f"{v:9.3f}" for v in said.values()),
+                solution.status.name,
+                *(f"{p.part}>{p.within} {1e3 * p.depth:.0f}" for p in deep[:2]),
+                flush=True,
+            )
+    return found
+
+
+def alarms(body: SkinnedBody, poses: Array) -> dict[str, list[list[float]]]:
+    """For each pose and each two solids that may meet: the depth on the mesh and the gap, in mm.
+
+    Solids are those of `penetrations`. Pairs that are neither within each other nor overlap are
+    left out; the gap of those that no capsules stand for is infinite.
+    """
+    solids, capsules = BodySolids.of(body), capsules_of(body)
+    of_pair = [_pair(capsules.names[i], capsules.names[j]) for i, j in capsules.pairs]
+    rows = []
+    for number, (pose, gap) in enumerate(zip(poses, capsule_gaps(body, poses), strict=True)):
+        least: dict[tuple[str, str], float] = {}
+        for pair, value in zip(of_pair, gap, strict=True):
+            least[pair] = min(value, least.get(pair, np.inf))
+        deepest: dict[tuple[str, str], float] = {}
+        for one in solids.penetrations(body.vertices(pose)):
+            pair = _pair(one.part, one.within)
+            deepest[pair] = max(one.depth, deepest.get(pair, 0.0))
+        for pair in {*deepest, *(p for p, g in least.items() if g < 0)}:
+            if pair[0] != pair[1]:
+                mm = 1e3 * np.array([deepest.get(pair, 0.0), least.get(pair, 1e6)])
+                rows.append([float(number), *mm.tolist()])
+    return {"rows": rows}
+
+
+def _pair(one: str, other: str) -> tuple[str, str]:
+    """The solids of two parts, in one order."""
+    first, second = sorted(solid_of(part_of(name)) for name in (one, other))
+    return first, second
+
+
+def nearness(body: SkinnedBody, people: Array, betas: Array) -> float:
+    """How far the vertices of people at rest (M, N, 3) m, of betas (M, B), are from their capsules,
+    in mm rms.
+    """
+    capsules = capsules_of(body)
+    parts = parts_of_capsules(body)
+    squares = []
+    for vertices, shape in zip(people, betas, strict=True):
+        found = capsule_distances(vertices, capsules.ends_of(shape), capsules.radii_of(shape))
+        for name, distances in zip(capsules.names, found, strict=True):
+            squares.append(distances[parts[name]] ** 2)
+    return 1e3 * float(np.sqrt(np.concatenate(squares).mean()))
+
+
+def draws(body: SkinnedBody, seed: int) -> float:
+    """The same of 100 people drawn from the shape space."""
+    betas = np.random.default_rng(seed).standard_normal((100, body.n_betas))
+    people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
+    return nearness(body, people, betas)
+
+
+def others(body: SkinnedBody, name: str) -> float | None:
+    """The same of people from whom the shape space was not learned; None if there are none."""
+    with shipped("bodies/held_out_people.npz", "file of held-out people") as archive:
+        if name not in archive.headers:
+            return None
+        people = read_expected(archive, {name: reals("people", body.n_vertices, 3)})[name]
+    directions = body.shapedirs.reshape(-1, body.n_betas)
+    flat = (people - body.template).reshape(len(people), -1).T
+    return nearness(body, people, np.linalg.lstsq(directions, flat, rcond=None)[0].T)
+
+
+def linearizations(body: SkinnedBody) -> dict[str, float]:
+    """CPU milliseconds (median) of a linearization of each problem, and of the limit's Hessian."""
+    terms, rng = Terms.of(body), np.random.default_rng(0)
+    at = body.start() | {"observed": body.joints(0.2 * rng.standard_normal((body.n_joints, 3)))}
+    found = {}
+    for name in ("nothing", "spheres", "hinge", "limit"):
+        problem = terms.problems[name]
+        x, fixed = problem.split(at)
+        places = [x + 1e-3 * rng.standard_normal(len(x)) for _ in range(50)]
+        found[name] = _median_ms(partial(problem.linearize_at, fixed=fixed), places)
+        if there := problem.stacked_constraints:
+            ones = np.ones(there.size)
+            hessian = partial(there.hessian, fixed=fixed, multipliers=ones)
+            found["the limit's Hessian"] = _median_ms(hessian, places[:10])
+    return found
+
+
+def _median_ms(call: Callable[[Array], object], places: list[Array]) -> float:
+    call(places[0])
+    times = []
+    for place in places:
+        began = time.process_time()
+        call(place)
+        times.append(1e3 * (time.process_time() - began))
+    return float(np.median(times))
+
+
+BODIES = "small", "default", "default-male", "default-female"
+
+
+def run(recording: Path, tuning: bool) -> dict[str, Any]:
+    """All numbers."""
+    body = load_body("default")
+    assert isinstance(body, SkinnedBody)
+    seed = 100 if tuning else 200
+    clips = read_mocap(recording).split()[0].poses if tuning else held_out_poses(recording)
+    rng = np.random.default_rng(seed)
+    found: dict[str, Any] = {"machine": machine.description()}
+    found["linearizations"] = linearizations(body)
+    found["capsules"] = {}
+    for name in BODIES:
+        model = load_body(name)
+        assert isinstance(model, SkinnedBody)
+        found["capsules"][name] = {"draws": draws(model, seed), "others": others(model, name)}
+    print(found, flush=True)
+    found["alarms"] = {
+        "prior": alarms(body, draw_poses(shipped_mixture(), POSES, rng)),
+        "recording": alarms(body, clips[rng.choice(len(clips), POSES, replace=False)]),
+    }
+    for name, each in found["alarms"].items():
+        print(name, counted(each["rows"]), flush=True)
+    found["fits"] = fits(body, penetrating_poses(body, FITS, seed))
+    return found
+
+
+def counted(rows: list[list[float]]) -> dict[str, int]:
+    """How often two solids are within each other, and how often their capsules say so."""
+    depth, gap = np.array(rows)[:, 1:].T
+    alarmed = gap < 0
+    return {
+        "deep": int((depth > 1e3 * DEEP).sum()),
+        "missed": int(((depth > 1e3 * DEEP) & ~alarmed).sum()),
+        "alarms": int(alarmed.sum()),
+        "false": int((alarmed & (depth == 0)).sum()),
+        "false by more than 10 mm": int(((gap < -10) & (depth == 0)).sum()),
+    }
+
+
+def line(found: dict[str, list[float]]) -> str:
+    """The cells of a row of the table of fits."""
+    depth = found["depth"]
+    cells = [f"{np.mean(depth):.1f}", f"{np.max(depth):.1f}", f"{np.min(found['gap']):.1f}"]
+    cells += [f"{np.mean(found['cost']):.1f}"]
+    cells += [f"{np.mean(found['seconds']):.3f}", f"{np.max(found['seconds']):.2f}"]
+    cells.append(f"{sum(found['converged']):.0f}")
+    return " | ".join(cells)
+
+
+def tables(found: dict[str, Any]) -> str:
+    """The tables of the page."""
+    n = len(found["fits"]["nothing"]["depth"])
+    head = (
+        "mean depth, mm | largest, mm | worst gap, mm | cost of the rest | CPU s | most | converged"
+    )
+    lines = ["", f"{n} poses that penetrate themselves:", "", f"| fit | {head} |"]
+    lines += ["| --- | --: | --: | --: | --: | --: | --: | --: |"]
+    lines += [f"| {name} | {line(each)} |" for name, each in found["fits"].items()]
+    head = "above 10 mm on the mesh | missed (95 %) | alarms | false (95 %)"
+    lines += ["", f"{POSES} poses each, `default`:", "", f"| poses | {head} |"]
+    lines += ["| --- | --: | --: | --: | --: |"]
+    for name, each in found["alarms"].items():
+        k = counted(each["rows"])
+        cells = [k["deep"], _share(k["missed"], k["deep"]), k["alarms"]]
+        cells.append(_share(k["false"], k["alarms"]))
+        lines.append(f"| {name} | {' | '.join(map(str, cells))} |")
+    lines += [
+        "",
+        "| body | drawn people, mm rms | held-out people, mm rms |",
+        "| --- | --: | --: |",
+    ]
+    for name, each in found["capsules"].items():
+        held = "" if each["others"] is None else f"{each['others']:.1f}"
+        lines.append(f"| {name} | {each['draws']:.1f} | {held} |")
+    lines += ["", "| a linearization | ms |", "| --- | --: |"]
+    lines += [f"| {name} | {ms:.2f} |" for name, ms in found["linearizations"].items()]
+    return "\n".join(lines) + "\n"
+
+
+def _share(part: int, whole: int) -> str:
+    share = rate(part, whole)
+    return f"{part} ({100 * share.low:.0f} to {100 * share.high:.0f} %)"
+
+
+def main() -> None:
+    """Run, keep the numbers, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("recording", type=Path, help="motion capture (.npz)")
+    parser.add_argument("--tuning", action="store_true", help="other poses; keep nothing")
+    options = parser.parse_args()
+    found = run(options.recording, options.tuning)
+    print(tables(found))
+    if not options.tuning:
+        keep(RESULTS, found, 4)
+        write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))
+
+
+if __name__ == "__main__":
+    main()

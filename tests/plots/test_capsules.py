@@ -1,0 +1,55 @@
+"""A body with its capsules, on paper and in words."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.patches import Polygon
+
+from workbench import load_body
+from workbench.bodies.posed_capsules import posed_capsules
+from workbench.plots import caption_capsules, plot_capsules, sheet
+
+
+def test_every_capsule_is_drawn_twice_and_the_deepest_pair_is_marked() -> None:
+    body = load_body("small")
+    pose = np.zeros((24, 3))
+    pose[body.joint_names.index("left_shoulder"), 2] = -1.75  # into the side
+    posed, vertices = posed_capsules(body, pose), body.vertices(pose)
+    one, other = (posed.names[k] for k in posed.pairs[posed.deepest])
+    assert posed.gaps[posed.deepest] == posed.gaps.min() < 0
+    assert posed.gaps.min() == pytest.approx(
+        np.linalg.norm(posed.places[1] - posed.places[0])
+        - posed.radii[posed.names.index(one)]
+        - posed.radii[posed.names.index(other)]
+    )
+    _, (ax,) = sheet(8, 6)
+    assert plot_capsules(vertices, body.faces, posed, ax=ax) is ax
+    outlines = [p for p in ax.patches if isinstance(p, Polygon)]
+    assert sum(patch.get_fill() for patch in outlines) == 4  # two capsules, two views
+    assert len(outlines) == 2 * 2 * len(posed.names)
+    (ring, _) = ax.lines
+    assert ring.get_ydata()[0] == pytest.approx(posed.places[:, 1].mean())
+    words = caption_capsules(posed)
+    assert one.replace("_", " ") in words
+    assert f"overlap most, by {-1e3 * posed.gaps.min():.1f} mm" in words
+    tall = np.concatenate([np.asarray(patch.get_xy()) for patch in outlines])
+    top = (posed.ends[..., 1] + posed.radii[:, None]).max()
+    assert tall[:, 1].max() == pytest.approx(top, abs=1e-3)
+
+
+def test_bodies_apart_and_bodies_without_pairs_say_so() -> None:
+    body = load_body("small")
+    pose = np.zeros((24, 3))
+    pose[body.joint_names.index("left_hip"), 2] = 0.3
+    pose[body.joint_names.index("right_hip"), 2] = -0.3
+    posed = posed_capsules(body, pose)
+    near = posed.gaps.min()
+    assert ("overlap" if near < 0 else "are nearest") in caption_capsules(posed)
+    none = replace(body, capsules=replace(body.capsules, pairs=np.zeros((0, 2), dtype=np.int64)))
+    posed = posed_capsules(none)
+    assert posed.deepest is None
+    assert "No pair" in caption_capsules(posed)
+    _, (ax,) = sheet(8, 6)
+    plot_capsules(none.template, none.faces, posed, ax=ax)
+    assert not ax.lines

@@ -1,0 +1,141 @@
+"""How deep parts of a posed body are within each other, measured on its mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array, Index
+from workbench.bodies.parts import BONES, owners, part_joints, solid_of
+from workbench.bodies.skinned import SkinnedBody
+from workbench.errors import BadBody
+from workbench.geometry.penetration import Patch, Solid, deepest
+from workbench.geometry.surface_tree import SurfaceTree
+
+FOLDS = 0.1  # m around a joint in which skin folds into itself
+
+
+@dataclass(frozen=True, eq=False)
+class Penetration:
+    """A part of a body that is within another part.
+
+    Attributes:
+        part: the part whose skin is inside, such as left_hand.
+        within: the part that it is inside of, such as chest.
+        depth: m, the distance of the deepest place from the skin that it went through.
+        place: (3,) m, that place.
+    """
+
+    part: str
+    within: str
+    depth: float
+    place: Array
+
+
+def penetrations(
+    body: SkinnedBody, vertices: Array, tolerance: float = 5e-4
+) -> tuple[Penetration, ...]:
+    """What is inside of what in a posed body with vertices (N, 3) m, the deepest first.
+
+    The mesh is cut into parts (`parts.BONES`). The torso, each hand with its fingers, and every
+    other part is closed to a solid, and a place is inside if its winding number there is above one
+    half. For each part and each other solid the deepest place is found, to `tolerance` m. Skin
+    folds into itself around every joint. Two limbs that are joined, such as a thigh and its shin,
+    are therefore not compared, and of limbs that are joined to the torso only the triangles that
+    are at least 10 cm from it in the template, and the torso's triangles as far from the limb.
+
+    Raises BadBody for a body without SMPL's joints, and for vertices of another shape. To measure
+    many poses, make `BodySolids.of(body)` once.
+    """
+    return BodySolids.of(body).penetrations(vertices, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class BodySolids:
+    """The solids that the mesh of a body is cut into, and which triangles may go into which.
+
+    Attributes:
+        shape: of the body's vertices, (N, 3).
+        parts: the name of each part.
+        faces: (F, 3) all triangles.
+        part_of: (F,) the number of each triangle's part.
+        patches: each solid's skin and openings.
+        skins: for each solid, the numbers of its triangles.
+        looked: for each solid and each part that may go into it, the part's triangles that count.
+    """
+
+    shape: tuple[int, ...]
+    parts: tuple[str, ...]
+    faces: Index
+    part_of: Index
+    patches: tuple[Patch, ...]
+    skins: tuple[Index, ...]
+    looked: tuple[dict[int, Index], ...]
+
+    @staticmethod
+    def of(body: SkinnedBody) -> BodySolids:
+        """Those of a body. Raises BadBody for one without SMPL's joints."""
+        joints = part_joints(body)
+        parts = tuple(BONES[body.joint_names[k]] for k in joints)
+        part_of = np.searchsorted(joints, _of_faces(body))
+        solids = np.array([solid_of(part) for part in parts])
+        patches, skins, looked = [], [], []
+        for solid in dict.fromkeys(solids[np.unique(part_of)].tolist()):
+            skin = np.flatnonzero(solids[part_of] == solid)
+            patches.append(Patch.of(body.faces[skin]))
+            skins.append(skin)
+            outside = np.flatnonzero(solids[part_of] != solid)
+            looked.append(_looked_at(body, outside, skin, part_of, solids))
+        return BodySolids(
+            body.template.shape,
+            parts,
+            body.faces,
+            part_of,
+            tuple(patches),
+            tuple(skins),
+            tuple(looked),
+        )
+
+    def penetrations(self, vertices: Array, tolerance: float = 5e-4) -> tuple[Penetration, ...]:
+        """What is inside of what, the deepest first; see the function `penetrations`."""
+        if np.shape(vertices) != self.shape:
+            raise BadBody(f"vertices have shape {np.shape(vertices)}, but must be {self.shape}")
+        found = []
+        for patch, skin, looked in zip(self.patches, self.skins, self.looked, strict=True):
+            solid = patch.solid(vertices)
+            for part, chosen in looked.items():
+                triangles = vertices[self.faces[chosen]]
+                if not _near(triangles, solid):
+                    continue
+                at = deepest(triangles, solid, tolerance)
+                if at.face >= 0:
+                    within = self.parts[self.part_of[skin[at.face]]]
+                    found.append(Penetration(self.parts[part], within, at.depth, at.place))
+        return tuple(sorted(found, key=lambda one: -one.depth))
+
+
+def _looked_at(
+    body: SkinnedBody, outside: Index, skin: Index, part_of: Index, solids: Array
+) -> dict[int, Index]:
+    """For each part the triangles that may go into a solid with this skin."""
+    corners = body.faces[skin]
+    middles = body.template[body.faces[outside]].mean(axis=1)
+    far = abs(SurfaceTree(body.template, corners).closest(middles).distances) > FOLDS
+    shared = np.isin(body.faces[outside], corners).any(axis=1)
+    joined = np.isin(solids[part_of[outside]], np.unique(solids[part_of[outside[shared]]]))
+    near_torso = (solids[part_of[outside]] == "torso") | (solids[part_of[skin[0]]] == "torso")
+    chosen = outside[(far & near_torso) | ~joined]
+    return {int(part): chosen[part_of[chosen] == part] for part in np.unique(part_of[chosen])}
+
+
+def _near(triangles: Array, solid: Solid) -> bool:
+    low, high = solid.box
+    lowest, highest = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    return bool((lowest <= high).all() and (highest >= low).all())
+
+
+def _of_faces(body: SkinnedBody) -> Index:
+    """The joint (F,) of the part that each face belongs to: that of two or three of its corners."""
+    a, b, c = owners(body)[body.faces].T
+    return np.asarray(np.where(b == c, b, a), dtype=np.int64)
