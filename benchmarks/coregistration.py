@@ -2,7 +2,6 @@
 
 python -m benchmarks.coregistration             # the reported sets: clean, holes, holes and clutter
 python -m benchmarks.coregistration --tuning    # variants, on people that are not reported
-python -m benchmarks.coregistration --whole     # 200 scans from files, by the command, with times
 
 60 scans of 6 people, made of a body that is not the one coregistration starts from, each with a
 shape of its own. Numbers go to `results/coregistration.json`, and COREGISTRATION.md is written
@@ -19,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.keeping import keep
+from benchmarks.keeping import keep, write_between
 from benchmarks.machine import description
 from workbench import load_body
 from workbench.arrays import Array
@@ -251,14 +250,14 @@ def compared(given: World, execution: Execution, variants: bool) -> dict[str, An
     for name, vertices in V.items():
         estimate = trained_on(given, first.estimate, vertices, by)
         found[name] = off(given, vertices) | of_model(given, estimate, by)
-        _tell(name, found[name])
+        _print(name, found[name])
     for name, one in (VARIANTS if variants else METHODS).items():
         began = time.perf_counter()
         state = Coregistration(by.body, given.scans, one).run(fits, execution=execution)
         found[name] = off(given, state.vertices) | of_model(given, state.estimate, by)
         found[name]["costs"] = [sum(entry.after.values()) for entry in state.log]
         found[name]["seconds"] = time.perf_counter() - began
-        _tell(name, found[name])
+        _print(name, found[name])
     found["seconds"] = time.perf_counter() - begun
     return found
 
@@ -286,7 +285,7 @@ VARIANTS = {
 }
 
 
-def _tell(name: str, one: dict[str, Any]) -> None:
+def _print(name: str, one: dict[str, Any]) -> None:
     told = {k: round(float(np.mean(v)), 2) for k, v in one.items() if k not in ("costs", "seconds")}
     print(
         f"{name:45}",
@@ -294,6 +293,45 @@ def _tell(name: str, one: dict[str, Any]) -> None:
         {k: round(float(np.median(v)), 2) for k, v in one.items() if k in ("seen", "hidden")},
         flush=True,
     )
+
+
+def share(rows: dict[str, Any], name: str, of: str, what: str = "hidden") -> tuple[float, ...]:
+    """An error of one method over that of another, with its 90 % interval over people."""
+    people = np.arange(len(rows[of][what])) % PEOPLE
+    sums = np.array(
+        [[np.sum(np.array(rows[n][what])[people == s]) for s in range(PEOPLE)] for n in (name, of)]
+    )
+    drawn = np.random.default_rng(0).integers(PEOPLE, size=(10_000, PEOPLE))
+    ratios = sums[0][drawn].sum(axis=1) / sums[1][drawn].sum(axis=1)
+    return float(sums[0].sum() / sums[1].sum()), *map(float, np.percentile(ratios, [5, 95]))
+
+
+def page(found: dict[str, Any]) -> str:
+    """The tables, as Markdown."""
+    text = ""
+    for kind, rows in found["sets"].items():
+        text += (
+            f"\n## {kind.capitalize()}\n\nErrors in mm, means over {SCANS} scans of {PEOPLE} "
+            "people; the third column has its 90 % interval over people.\n\n"
+            "| | seen | hidden | hidden, of the control | along the skin | across it | "
+            "model: same people, new poses | model: other people |\n"
+            "| --- | --: | --: | --: | --: | --: | --: | --: |\n"
+        )
+        for name, one in rows.items():
+            if name == "seconds":
+                continue
+            means = {k: float(np.mean(v)) for k, v in one.items() if k not in ("costs", "seconds")}
+            ratio = "" if means["hidden"] == 0 else _told(share(rows, name, CONTROL))
+            text += (
+                f"| {name} | {means['seen']:.2f} | {means['hidden']:.2f} | {ratio} | "
+                f"{means['tangential']:.2f} | {means['normal']:.2f} | {means['same people']:.2f} | "
+                f"{means['other people']:.2f} |\n"
+            )
+    return text
+
+
+def _told(ratio: tuple[float, ...]) -> str:
+    return "{:.2f} ({:.2f} to {:.2f})".format(*ratio)
 
 
 def main() -> None:
@@ -315,6 +353,7 @@ def main() -> None:
             known.setdefault("sets", {})[kind] = found
             known["machine"] = description()
             keep(RESULTS, known, 5)
+            write_between(PAGE, BEGIN, END, page(known))
 
 
 if __name__ == "__main__":
