@@ -796,8 +796,8 @@ Picture(
 )
 
 # %% [markdown]
-# Spheres leave an overlap of centimetres, and capsules leave none; the image is met as well as before. A
-# sphere has no slope where it coincides with another one, and next to none where the surfaces begin to
+# Spheres leave an overlap of centimetres, and capsules leave none, at the price of less than a pixel in the
+# image. A sphere has no slope where it coincides with another one, and next to none where the surfaces begin to
 # touch. A capsule pushes the harder the deeper it is. (Where two axes cross, it does not know a direction
 # either.) The mixture has never heard of skin: our made-up people go through themselves. So the term makes
 # bodies possible, but it cannot bring these nearer to their truth, which is impossible itself.

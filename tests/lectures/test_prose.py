@@ -23,23 +23,18 @@ EACH = pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name
 
 
 @EACH
-def test_what_prose_says_of_the_run_is_so(lecture: Lecture) -> None:
+def test_what_prose_says_of_the_run_is_so_and_every_number_is_held(lecture: Lecture) -> None:
+    """One test, so that each lecture runs once, and not in every process of a test run."""
     run, claims = run_of(lecture.number), claims_of(lecture)
     assert not disagreements(run, claims)
-
-
-@EACH
-def test_every_number_of_the_prose_is_held_or_given(lecture: Lecture) -> None:
-    run, claims = run_of(lecture.number), claims_of(lecture)
     assert not loose_numbers(run, claims)
     assert not absent(run, claims.given), "a phrase of GIVEN does not stand in the prose"
     assert len(claims.says) >= 10, "enter at least ten sentences that speak of the run into SAYS"
+    changed_numbers_are_noticed(run, claims)
 
 
-@EACH
-def test_every_number_that_is_changed_is_noticed(lecture: Lecture) -> None:
+def changed_numbers_are_noticed(run: Run, claims: Claims) -> None:
     """Two units of the last digit are enough, in the prose alone or in the table as well."""
-    run, claims = run_of(lecture.number), claims_of(lecture)
     for phrase, of in claims.says.items():
         begin = run.prose.index(phrase)
         for k, one in enumerate(quoted(run.prose, phrase)):
