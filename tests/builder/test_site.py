@@ -45,7 +45,15 @@ def stand_in(script: Path, figure: Path) -> Example:
     return Example(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
 
 
-def test_every_public_name_has_a_page_with_an_example(site: Path) -> None:
+def test_a_site_has_all_its_pages_and_no_dead_link(site: Path) -> None:
+    """One test, so that the site is written once, and not by every process of a test run."""
+    every_public_name_has_a_page_with_an_example(site)
+    no_link_is_dead_and_nothing_is_fetched(site)
+    all_parts_are_there(site)
+    names_are_links_and_types_are_short(site)
+
+
+def every_public_name_has_a_page_with_an_example(site: Path) -> None:
     entries = {entry.name: entry for entry in inventory() if entry.public}
     assert entries.keys() == set(wb.__all__)
     for name, entry in entries.items():
@@ -53,14 +61,14 @@ def test_every_public_name_has_a_page_with_an_example(site: Path) -> None:
         assert PRINTED in page.read_text(encoding="utf-8"), f"{name} has no example"
 
 
-def test_no_link_is_dead_and_nothing_is_fetched(site: Path) -> None:
+def no_link_is_dead_and_nothing_is_fetched(site: Path) -> None:
     assert troubles(site) == []
     for path in site.rglob("*.css"):
         fetched = re.findall(r"url\(\s*['\"]?(https?:[^)]*)", path.read_text(encoding="utf-8"))
         assert not fetched, path
 
 
-def test_all_parts_are_there(site: Path) -> None:
+def all_parts_are_there(site: Path) -> None:
     pages = {path.relative_to(site).as_posix() for path in pages_of(site)}
     documents = {"COMMANDS", "ARCHITECTURE", "CHANGELOG", "CONTRIBUTING", "benchmarks/README"}
     assert {f"{name}.html" for name in documents} | {"index.html"} <= pages
@@ -72,7 +80,7 @@ def test_all_parts_are_there(site: Path) -> None:
     assert (site / "LICENSE").is_file()
 
 
-def test_names_are_links_and_types_are_short(site: Path) -> None:
+def names_are_links_and_types_are_short(site: Path) -> None:
     solve = (site / "reference" / "solvers" / "solve.html").read_text(encoding="utf-8")
     assert '<a href="../problem/Problem.html">Problem</a>' in solve
     assert "numpy.ndarray" not in solve
