@@ -9,7 +9,12 @@ import pytest
 EXAMPLES = sorted(p.stem for p in (Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+LONG = ("15_how_well_a_person_is_known", "17_posterior_of_scape")  # held by tests below, as long
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in EXAMPLES]
+)
 def test_it_runs(name: str) -> None:
     import_module(f"examples.{name}")
 
