@@ -16,6 +16,7 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import Scan
+from workbench.geometry.solids import area
 from workbench.registration import ScanTerm
 from workbench.registration.coregistration import (
     Coregistration,
@@ -134,7 +135,7 @@ def test_the_problem_has_the_same_cost_term_by_term(term: str) -> None:
 
 def test_what_a_scan_says_bounds_its_cost_from_above() -> None:
     """The surrogate touches E_S at the registration, and lies above it elsewhere."""
-    pull = Pull(START.faces, PLAN.sigmas.data, TERM)
+    pull = Pull(START.faces, area(START.template, START.faces), PLAN.sigmas.data, TERM)
     estimate, subject = state().estimate, joint().scans.subject
     here = [
         one

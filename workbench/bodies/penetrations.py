@@ -10,7 +10,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies.parts import BONES, owners, part_joints, solid_of
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
-from workbench.geometry.penetration import Patch, Solid, deepest
+from workbench.geometry.penetration import Patch, deepest
 from workbench.geometry.surface_tree import SurfaceTree
 
 FOLDS = 0.1  # m around a joint in which skin folds into itself
@@ -105,10 +105,7 @@ class BodySolids:
         for patch, skin, looked in zip(self.patches, self.skins, self.looked, strict=True):
             solid = patch.solid(vertices)
             for part, chosen in looked.items():
-                triangles = vertices[self.faces[chosen]]
-                if not _near(triangles, solid):
-                    continue
-                at = deepest(triangles, solid, tolerance)
+                at = deepest(vertices[self.faces[chosen]], solid, tolerance)
                 if at.face >= 0:
                     within = self.parts[self.part_of[skin[at.face]]]
                     found.append(Penetration(self.parts[part], within, at.depth, at.place))
@@ -127,12 +124,6 @@ def _looked_at(
     near_torso = (solids[part_of[outside]] == "torso") | (solids[part_of[skin[0]]] == "torso")
     chosen = outside[(far & near_torso) | ~joined]
     return {int(part): chosen[part_of[chosen] == part] for part in np.unique(part_of[chosen])}
-
-
-def _near(triangles: Array, solid: Solid) -> bool:
-    low, high = solid.box
-    lowest, highest = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
-    return bool((lowest <= high).all() and (highest >= low).all())
 
 
 def _of_faces(body: SkinnedBody) -> Index:

@@ -17,6 +17,7 @@ from workbench.homes import expanded
 from workbench.interrupts import caused_by
 from workbench.registration.coregistration import Coregistration, CoregistrationPlan
 from workbench.registration.coregistration.folder import open_registered
+from workbench.registration.coregistration.plan import EDGES
 from workbench.registration.coregistration.state import FILE
 from workbench.reports.coregistration_page import Coregistered, begin_folder, write_coregistration
 from workbench.reports.folder import own_folder
@@ -41,7 +42,7 @@ def coregister(
             help="Sigma of the edges of a person's template beyond what betas explain, in m: a "
             "larger one learns more detail and slides more."
         ),
-    ] = CoregistrationPlan.edges or 0.0,
+    ] = EDGES,
     betas: Annotated[
         int, typer.Option(help="Number of shape directions; at most one fewer than people.")
     ] = 10,
@@ -96,6 +97,8 @@ def coregister(
         raise Interrupted(
             f"interrupted; what was found until the last block is in {place}, and the same command "
             "continues from there"
+            if (place / FILE).exists()
+            else f"interrupted before the first block ended; there is nothing in {place} yet"
         ) from error
     learned = problem.learned(state, betas)
     page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)

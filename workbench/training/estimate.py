@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.posing import Posing
 
@@ -47,6 +47,21 @@ class Estimate:
     def subtree_weights(self) -> Array:
         """Each vertex's weight at or below each joint, (N, K)."""
         return self.weights @ ancestors(self.parents)
+
+    def of_rows(self, rows: Index | slice, subject: Index) -> "tuple[Estimate, Index]":
+        """Some registrations with only the subjects that they show, and how these are numbered.
+
+        `subject` (c,) are the subjects of the rows. The regressor is left out.
+        """
+        own, numbered = np.unique(subject, return_inverse=True)
+        theirs = replace(
+            self,
+            templates=self.templates[own],
+            joints=self.joints[own],
+            poses=self.poses[rows],
+            regressor=None,
+        )
+        return theirs, numbered
 
     def moved(self, change: Change, share: float = 1.0) -> "Estimate":
         """The estimate after a share of a step; poses are turned, everything else is added."""

@@ -263,15 +263,8 @@ def fitted_poses(
 
     def job(rows: slice) -> tuple[Estimate, Batch]:
         batch = registrations.read(rows)
-        own, subject = np.unique(batch.subject, return_inverse=True)
-        theirs = replace(
-            estimate,
-            templates=estimate.templates[own],
-            joints=estimate.joints[own],
-            poses=estimate.poses[rows],
-            regressor=None,
-        )
-        return theirs, replace(batch, subject=subject)
+        theirs, numbered = estimate.of_rows(rows, batch.subject)
+        return theirs, replace(batch, subject=numbered)
 
     poses = estimate.poses.copy()
     jobs = rows_of_jobs(len(poses), JOB_SIZE)

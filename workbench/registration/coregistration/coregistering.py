@@ -22,6 +22,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
+from workbench.geometry.solids import area
 from workbench.interrupts import Interrupts
 from workbench.registration.coregistration.plan import CoregistrationPlan
 from workbench.registration.coregistration.scan_block import (
@@ -39,10 +40,10 @@ from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
-from workbench.training.objective import Objective, centred
+from workbench.training.objective import Objective, centred, trusted
 from workbench.training.pose_training import ROUNDING, NotLowered, PoseModel
 from workbench.training.progress import LogEntry, Progress
-from workbench.training.registrations import Batch, InMemory
+from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
 from workbench.training.template_prior import smooth_prior
 from workbench.writing import Keeping
@@ -226,12 +227,13 @@ class Coregistration:
         posed = _posed(objective, estimate)
         _, trans = centred(batch, batch.vertices - posed)
         there = posed + trans[:, None]
-        vertices = state.vertices if batch.confidence.ndim == 2 else _between_both(batch, there)
+        vertices = there + trusted(batch, batch.vertices - there)  # what E_S and E_C want together
         return replace(state, estimate=estimate, trans=trans, vertices=vertices)
 
     def _on_scans(self, work: Work, state: State, execution: Execution) -> list[OnScan]:
         plan = self.plan
-        pull = Pull(self.body.faces, plan.sigmas.data, plan.term)
+        whole = area(self.body.template, self.body.faces)
+        pull = Pull(self.body.faces, whole, plan.sigmas.data, plan.term)
         todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
         found: list[OnScan] = []
         for some in execution.executor(partial(work, pull, self.scans), todo):
@@ -260,23 +262,10 @@ def _posed(objective: Objective, estimate: Estimate) -> Array:
     return np.concatenate([passed.points for passed, _, _ in objective.residuals(estimate)])
 
 
-def _between_both(batch: Batch, models: Array) -> Array:
-    """The registrations (J, N, 3) m between targets and models that E_S and E_C together want."""
-    pulled = np.einsum("jnab,jnb->jna", batch.confidence, batch.vertices - models)
-    return np.asarray(models + pulled)
-
-
 def _between(before: Estimate, after: Estimate, share: float) -> Estimate:
-    """A share of the way from one model to another, with the same poses."""
-    names = ("templates", "joints", "posedirs", "weights")
-    part = {
-        n: (1 - share) * getattr(before, n) + share * getattr(after, n)
-        for n in names
-        if getattr(after, n) is not getattr(before, n)
-    }
-    if share == 1.0:
-        part = {n: getattr(after, n) for n in names}
-    regressor = after.regressor
-    if share < 1 and after.regressor is not None and before.regressor is not None:
-        regressor = (1 - share) * before.regressor + share * after.regressor
-    return replace(after, **part, regressor=regressor)
+    """A share of the way from one model to another; poses are those of the latter."""
+    if share == 1:
+        return after
+    names = ("templates", "joints", "posedirs", "weights", "regressor")
+    ends = {name: (getattr(before, name), getattr(after, name)) for name in names}
+    return replace(after, **{n: (1 - share) * a + share * b for n, (a, b) in ends.items()})

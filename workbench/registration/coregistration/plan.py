@@ -12,6 +12,7 @@ from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
 from workbench.training.registrations import InMemory
 
+EDGES = 0.01  # m
 SETTINGS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
 
 Observe = Callable[[State, Index], InMemory]
@@ -48,7 +49,7 @@ class CoregistrationPlan:
 
     rounds: int = 4
     sigmas: Sigmas = SETTINGS
-    edges: float | None = 0.01
+    edges: float | None = EDGES
     blocks: tuple[str, ...] = ("surfaces", "regressor")
     observe: Observe = soft
     term: ScanTerm = CLOSE

@@ -7,7 +7,7 @@ so that an executor may take them in any number of processes.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +16,6 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
 from workbench.fitting.body_priors import pose_prior
 from workbench.fitting.scan import Scan
-from workbench.geometry.solids import area
 from workbench.problem import Problem
 from workbench.registration.coregistration.softness import Pulled, pulled
 from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, Settled
@@ -63,6 +62,7 @@ class Pull:
 
     Attributes:
         faces: (F, 3) of the template.
+        area: m^2, of the starting body's surface, which points without areas share evenly.
         coupling: sigma_C in m, of each coordinate of a vertex from the model's.
         term: how the scan pulls.
         solver: what finds vertices, pose and translation.
@@ -70,6 +70,7 @@ class Pull:
     """
 
     faces: Index
+    area: float
     coupling: float
     term: ScanTerm = CLOSE
     solver: Solver = TOGETHER
@@ -120,25 +121,18 @@ def jobs(estimate: Estimate, subject: Index, vertices: Array, trans: Array) -> I
     """All scans in jobs of a few."""
     for first in range(0, len(subject), JOB_SIZE):
         rows = np.arange(first, min(first + JOB_SIZE, len(subject)))
-        own, numbered = np.unique(subject[rows], return_inverse=True)
-        theirs = replace(
-            estimate,
-            templates=estimate.templates[own],
-            joints=estimate.joints[own],
-            poses=estimate.poses[rows],
-            regressor=None,
-        )
+        theirs, numbered = estimate.of_rows(rows, subject[rows])
         yield Job(theirs, tuple(rows.tolist()), numbered, vertices[rows], trans[rows])
 
 
 def registered(pull: Pull, scans: Scans, job: Job) -> list[OnScan]:
     """Vertices, pose and translation of every scan of a job; no cost is higher afterwards."""
-    return [_on_scan(pull, one, True) for one in _each(pull, scans, job)]
+    return [_on_scan(pull, one, _solved(pull, one)) for one in _each(pull, scans, job)]
 
 
 def measured(pull: Pull, scans: Scans, job: Job) -> list[OnScan]:
     """The costs of every scan of a job where its vertices, pose and translation are."""
-    return [_on_scan(pull, one, False) for one in _each(pull, scans, job)]
+    return [_on_scan(pull, one, one.values) for one in _each(pull, scans, job)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +151,9 @@ def _each(pull: Pull, scans: Scans, job: Job) -> Iterator[_One]:
     points = body.points(pose, betas, trans, vertices=range(N))
     block = Block(VERTICES, (N, 3), "m")
     coupling = vertices(points, block.symbol, sigma=pull.coupling, name="coupling")
-    prior, whole = pose_prior(body), area(estimate.templates[0], pull.faces)
+    prior = pose_prior(body)
     for i, row in enumerate(job.rows):
-        scan = pull.term.residual(block.symbol, pull.faces, scans.read(row), whole)
+        scan = pull.term.residual(block.symbol, pull.faces, scans.read(row), pull.area)
         problem = Problem((scan, coupling, prior), ("pose", "trans", VERTICES), blocks=(block,))
         values = {
             "pose": estimate.poses[i],
@@ -170,11 +164,12 @@ def _each(pull: Pull, scans: Scans, job: Job) -> Iterator[_One]:
         yield _One(problem, scan, prior, values)
 
 
-def _on_scan(pull: Pull, one: _One, solve: bool) -> OnScan:
-    values = one.values
-    if solve:
-        ends = Settled(pull.settled) if pull.settled > 0 else None
-        values = values | pull.solver.solve(one.problem, values, callback=ends).values
+def _solved(pull: Pull, one: _One) -> Values:
+    ends = Settled(pull.settled) if pull.settled > 0 else None
+    return one.values | pull.solver.solve(one.problem, one.values, callback=ends).values
+
+
+def _on_scan(pull: Pull, one: _One, values: Values) -> OnScan:
     return OnScan(
         values[VERTICES],
         values["pose"],
