@@ -39,7 +39,7 @@ from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate
 from workbench.training.evaluation import errors_of, evaluate_held_out
 from workbench.training.executor import Execution, Executor, Processes
-from workbench.training.poses import VertexTerm, fitted_poses
+from workbench.training.poses import VertexTerm, fitted_poses, poses_of_segments
 from workbench.training.registrations import InMemory
 
 HERE = Path(__file__).parent
@@ -198,8 +198,7 @@ def trained_on(given: World, first: Estimate, vertices: Array, by: Coregistratio
 def of_model(given: World, estimate: Estimate, by: Coregistration) -> dict[str, Any]:
     """Errors of a model in mm: of the same people in new poses, by scan, and of other people."""
     body, data = by.body, given.same
-    known = replace(estimate, poses=np.zeros((len(data.subject), *estimate.poses.shape[1:])))
-    start = replace(known, poses=_rough_poses(body, data))
+    start = replace(estimate, poses=_rough_poses(body, data))
     found = fitted_poses(start, data, body.faces, VertexTerm(), 0.002, 30)
     errors = errors_of(by.objective(data), found)
     learned = replace(
@@ -217,8 +216,6 @@ def of_model(given: World, estimate: Estimate, by: Coregistration) -> dict[str, 
 
 
 def _rough_poses(body: SkinnedBody, data: InMemory) -> Array:
-    from workbench.training.poses import poses_of_segments
-
     return np.stack(
         [
             poses_of_segments(body.template, body.weights, body.parents, V, np.ones(len(V)))

@@ -26,6 +26,7 @@ from workbench.registration.coregistration import (
     State,
     hard,
 )
+from workbench.registration.coregistration.measures import beyond_betas
 from workbench.registration.coregistration.plan import SETTINGS
 from workbench.registration.coregistration.scan_block import Pull, jobs, measured, registered
 from workbench.registration.coregistration.softness import kernel_weights
@@ -35,7 +36,7 @@ from workbench.registration.coregistration.symbolic_form import (
     OF_SCANS,
     SymbolicCoregistration,
 )
-from workbench.residuals import geman_mcclure, scaled
+from workbench.residuals import geman_mcclure, offset, scaled
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.executor import Execution, Processes
 
@@ -173,6 +174,21 @@ def test_what_was_not_scanned_has_no_confidence() -> None:
     assert trust.max() < 2.9  # nor does a surface say where it is along itself
     unseen = trust == 0
     np.testing.assert_array_equal(state().targets[unseen], state().vertices[unseen])
+
+
+def test_three_rows_for_a_contact_are_refused() -> None:
+    scans, fits, *_ = made()
+    three = replace(PLAN, term=replace(TERM, form=offset))
+    with pytest.raises(BadArgument, match="one distance for each"):
+        Coregistration(body(), scans, three).run(fits)
+
+
+def test_shapes_that_betas_reach_are_not_beyond_them() -> None:
+    there = body().vertices(betas=np.array([[0.7, -1.2]])) + [0.1, 0.0, 0.2]
+    assert beyond_betas(body(), there).max() < 1e-12
+    bump = there.copy()
+    bump[0, 3] += [0.01, 0.0, 0.0]
+    assert 0.005 < beyond_betas(body(), bump)[0, 3] < 0.01
 
 
 def test_weights_of_a_kernel_are_the_slope_of_its_cost() -> None:

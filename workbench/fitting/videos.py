@@ -81,7 +81,8 @@ def video_fit(
     weights of poses relative to data stay what they are in one frame, and so do the likeliest poses
     given the shape; the shape is found, and its uncertainty told, as from n frames. The
     uncertainty of a single frame's pose is that of one frame only if smoothness joins about T / n
-    frames; with less smoothness, it is overstated.
+    frames; with less smoothness, it is overstated. The prior on poses has
+    that weight too because it repeats itself while a person holds a pose (lecture 17).
 
     Raises BadArgument for a worth outside of 1 to T, BadObservation if the keypoints cannot place
     the body in any frame, and what Setup raises.

@@ -11,13 +11,13 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
-from workbench.geometry.surface_tree import SurfaceTree
 from workbench.plots.body import Figurine, front
 from workbench.plots.distances import line_up_coloured
 from workbench.plots.figure import drawn as figure_of
 from workbench.plots.joint_cost import caption_joint_cost, plot_joint_cost
 from workbench.registration.coregistration import Coregistration, State
 from workbench.registration.coregistration.folder import BODY, RegisteredScans
+from workbench.registration.coregistration.measures import beyond_betas, distances
 from workbench.reports.figures import Shown, plotted, shown
 from workbench.reports.folder import MAKER, SUMMARY
 from workbench.reports.page import as_json, page, versions
@@ -36,7 +36,6 @@ FILES = {
     SUMMARY: "the numbers of this page, for programs",
 }
 MM = 1e3
-WITHIN, FACING = 0.05, 0.5  # m, and the cosine of the normals: points that are compared
 DRAWN = 6  # people in the figure
 
 
@@ -62,6 +61,7 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
     registrations = place / REGISTRATIONS
     registrations.mkdir(exist_ok=True)
     names, start = found.scans.names, found.problem.body
+    # about 1 where a surface was scanned: a scan is sure across its surface, and not along it
     trust = np.trace(found.state.confidence, axis1=2, axis2=3)
     for name, vertices, seen in zip(names, found.state.vertices, trust, strict=True):
         arrays = {"vertices": vertices, "faces": start.faces, "confidence": seen.clip(0, 1)}
@@ -75,7 +75,8 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
     for path, body in ((registrations / BODY, start), (place / LEARNED, found.body)):
         with replacing(path) as temporary:
             save_body(body, temporary)
-    measured = distances(found)
+    scans, state = found.scans, found.state
+    measured = distances(scans, start, state.vertices)
     for name, text in (
         ("index.html", coregistration_page(found, measured, str(place))),
         (SUMMARY, as_json(summary(found, measured, source))),
@@ -92,39 +93,12 @@ def begin_folder(place: Path, source: str) -> None:
         temporary.write_text(as_json({**about, "versions": versions(), "files": list(FILES)}))
 
 
-def distances(found: Coregistered) -> dict[str, Array]:
-    """For each scan (J,) the median distance in m of its points, apart and together, and the mean
-    distance between both registrations.
-    """
-    faces, rows = found.problem.body.faces, []
-    for j, together in enumerate(found.state.vertices):
-        scan = found.scans.read(j)
-        apart = found.scans.registration(j, found.problem.body)
-        near = []
-        for vertices in (apart, together):
-            at = SurfaceTree(vertices, faces).closest(scan.points, WITHIN, scan.normals, FACING)
-            near.append(float(np.median(np.abs(at.distances[at.faces >= 0]))))
-        rows.append([*near, float(np.linalg.norm(together - apart, axis=1).mean())])
-    apart_m, together_m, moved = np.array(rows).T
-    return {"apart": apart_m, "together": together_m, "moved": moved}
-
-
-def beyond_betas(found: Coregistered) -> Array:
-    """(S, N) m, how far each person's template is from the nearest one that betas reach."""
-    start, templates = found.problem.body, found.state.estimate.templates
-    reached = np.concatenate(
-        [start.shapedirs.reshape(-1, start.n_betas), np.tile(np.eye(3), (start.n_vertices, 1))],
-        axis=1,
-    )  # a template may also stand elsewhere
-    away = (templates - start.template).reshape(len(templates), -1)
-    known, *_ = np.linalg.lstsq(reached, away.T, rcond=None)
-    left = away - (reached @ known).T
-    return np.asarray(np.linalg.norm(left.reshape(templates.shape), axis=2))
-
-
 def coregistration_page(found: Coregistered, measured: Mapping[str, Array], place: str) -> str:
     """The page of a coregistration."""
-    log, away = found.state.log, MM * beyond_betas(found)
+    log, away = (
+        found.state.log,
+        MM * beyond_betas(found.problem.body, found.state.estimate.templates),
+    )
     subjects, counts = found.scans.subjects, np.bincount(found.scans.subject)
     return page(
         "coregistration.html",
@@ -189,7 +163,9 @@ def summary(found: Coregistered, measured: Mapping[str, Array], source: str) -> 
         "blocks": [entry.block for entry in log],
         "seconds": sum(entry.seconds for entry in log),
         "median_m": {name: each.tolist() for name, each in measured.items()},
-        "beyond_betas_m": beyond_betas(found).mean(axis=1).tolist(),
+        "beyond_betas_m": beyond_betas(found.problem.body, found.state.estimate.templates)
+        .mean(axis=1)
+        .tolist(),
         "versions": versions(),
         "files": list(FILES),
     }
