@@ -16,13 +16,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import casadi as cs
 import numpy as np
 
 from benchmarks.keeping import keep, write_between
 from benchmarks.machine import description
 from workbench import load_body
 from workbench.arrays import Array
+from workbench.blocks import Points
 from workbench.bodies import SkinnedBody
+from workbench.fitting import Scan
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration import FreeVertices
 from workbench.registration.coregistration import (
@@ -32,7 +35,9 @@ from workbench.registration.coregistration import (
     ScansInMemory,
     hard,
 )
-from workbench.registration.free_vertices import MODEL_STAGES, VERTEX_STAGES
+from workbench.registration.free_vertices import CLOSE, MODEL_STAGES, VERTEX_STAGES
+from workbench.registration.scan_term import PATCH
+from workbench.residuals import Residual, geman_mcclure, model_to_scan, plane, scaled
 from workbench.synthetic import Clutter, Holes, Joining, Noise, people, scan, scanners
 from workbench.synthetic.scan_effects import vertex_normals
 from workbench.training.blocks import BLOCKS, BlockInput
@@ -53,6 +58,7 @@ SETS = {"clean": (0, 0.0), "holes": (12, 0.0), "holes and clutter": (12, 0.1)}
 REPORTED, TUNED_ON = 1, 100  # seeds
 MM = 1e3
 ROUNDS = 4
+MARKS, MARK_SIGMA = 12, 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +254,8 @@ def compared(given: World, execution: Execution, variants: bool) -> dict[str, An
         estimate = trained_on(given, first.estimate, vertices, by)
         found[name] = off(given, vertices) | of_model(given, estimate, by)
         _print(name, found[name])
-    for name, one in (VARIANTS if variants else METHODS).items():
+    marks = {f"{MARKS} landmarks": replace(BASE, terms=(*BASE.terms, marked(given)))}
+    for name, one in (VARIANTS | marks if variants else METHODS).items():
         began = time.perf_counter()
         state = Coregistration(by.body, given.scans, one).run(fits, execution=execution)
         found[name] = off(given, state.vertices) | of_model(given, state.estimate, by)
@@ -257,6 +264,69 @@ def compared(given: World, execution: Execution, variants: bool) -> dict[str, An
         _print(name, found[name])
     found["seconds"] = time.perf_counter() - begun
     return found
+
+
+@dataclass(frozen=True)
+class Backwards:
+    """The other side of a two-sided distance: from the vertices to the scan's own mesh.
+
+    Attributes:
+        sigma: m, the noise.
+        outlier: m, where outliers begin; vertices that the scan does not show are some.
+        within: m, the gate.
+    """
+
+    sigma: float = 0.003
+    outlier: float = 0.006
+    within: float = 0.02
+
+    def residual(self, points: Points | cs.MX, faces: Array, scan: Scan, area: float) -> Residual:
+        """In m, of all vertices, which share the surface's area evenly."""
+        assert isinstance(points, cs.MX), "the symbol of free vertices"
+        return model_to_scan(
+            points,
+            scan.points,
+            scan.faces,
+            sigma=self.sigma,
+            kernel=scaled(geman_mcclure, self.outlier / self.sigma),
+            weights=np.full(points.shape[1], area / points.shape[1] / PATCH),
+            within=self.within,
+            name="backwards",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Marked:
+    """Some vertices whose places somebody marked on each scan, hidden or not.
+
+    Attributes:
+        places: (J, L, 3) m, by the first coordinate of each scan.
+        vertices: (L,) which.
+        sigma: m, of each coordinate.
+    """
+
+    places: dict[float, Array]
+    vertices: Array
+    sigma: float = MARK_SIGMA
+
+    def residual(self, points: Points | cs.MX, faces: Array, scan: Scan, area: float) -> Residual:
+        """In m, three rows for each landmark."""
+        assert isinstance(points, cs.MX), "the symbol of free vertices"
+        there = self.places[float(scan.points[0, 0])]
+        off = cs.vec(points[:, self.vertices.tolist()] - there.T)
+        return Residual("marks", off, self.sigma, "m", rows_per_point=3)
+
+
+def marked(given: World) -> Marked:
+    """MARKS vertices, spread by farthest points, each marked with noise."""
+    rest, chosen = load_body(TRUTH).template, [0]
+    while len(chosen) < MARKS:
+        away = np.linalg.norm(rest[:, None] - rest[chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(away)))
+    rng, which = np.random.default_rng(11), np.array(chosen)
+    places = given.meshes[:, which] + MARK_SIGMA * rng.standard_normal((SCANS, MARKS, 3))
+    firsts = [float(given.scans.read(j).points[0, 0]) for j in range(SCANS)]
+    return Marked(dict(zip(firsts, places, strict=True)), which)
 
 
 CONTROL = "equal rounds, model unchanged"
@@ -268,6 +338,12 @@ METHODS = {
 }
 VARIANTS = {
     "coregistration": BASE,
+    "two-sided": replace(BASE, terms=(*BASE.terms, Backwards())),
+    "plane": replace(BASE, terms=(replace(CLOSE, form=plane),)),
+    "bends 2 mm": replace(BASE, bends=0.002),
+    "bends 0.5 mm": replace(BASE, bends=0.0005),
+    "bends 2 mm, edges 30 mm": replace(BASE, bends=0.002, edges=0.03),
+    "facing 0.8": replace(BASE, terms=(replace(CLOSE, facing=0.8),)),
     **{
         f"sigma_C {MM * s:g} mm": replace(BASE, sigmas=replace(BASE.sigmas, data=s))
         for s in (0.002, 0.005)

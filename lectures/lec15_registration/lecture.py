@@ -15,6 +15,7 @@
 # %%
 from dataclasses import replace
 
+import casadi as cs
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -48,8 +49,8 @@ from workbench.registration import (
     scan_starts,
     support,
 )
-from workbench.residuals import distance, geman_mcclure, offset, scaled, scan_to_model
-from workbench.solvers import TrustRegion
+from workbench.residuals import Residual, distance, geman_mcclure, offset, scaled, scan_to_model
+from workbench.solvers import GaussNewton, TrustRegion
 from workbench.synthetic import Clutter, HalfSpace, Holes, Noise, people, scan, scanners
 
 SEED, NOISE, OWN = 2, 0.002, 0.01  # NOISE and OWN in m
@@ -803,6 +804,147 @@ Picture(
 # and so is its error. `doubts` turns this into a sentence without the truth. Note that where the scan *does*
 # support the body, the error is larger than its standard deviation: the posterior takes the shape space
 # for complete, and knows nothing of bumps that are not in it.
+
+# %% [markdown]
+# ## Many scans of the same people
+#
+# No scan shows everything, but another scan of the same person may show what this one hides. To use that, do not
+# register scans one after the other: let the person's template be unknown too. For scans $j$ of a person with the
+# template $T$, free vertices $V_j$, and the pose held for a moment, the joint cost is
+#
+# $$ E(V_1, \dots, V_J, T) = \sum_j \Big[ E_S(V_j) + \frac{1}{\sigma_C^2} \| V_j - T \|^2 \Big] + E_T(T) . $$
+#
+# To find all of them together is called **coregistration** (Hirshberg, Loper, Rachlin and Black, *Coregistration:
+# Simultaneous alignment and modeling of articulated 3D shape*, 2012). `workbench coregister` does it with poses,
+# joints and pose blend shapes. Here we take the least that shows what happens: the outline of a trunk, seen from
+# above, 40 vertices in a plane. The person is wider than the first template, and forward and to the side of it. Each of
+# five scans sees nearly half of the outline, and of a vertex that it sees it knows one number, the distance across the skin.
+
+# %%
+N, SCANS, COUPLING, EDGES = 40, 5, 0.003, 0.004  # COUPLING and EDGES in m
+angle = 2 * np.pi * np.arange(N) / N
+first = np.stack([0.16 * np.cos(angle), 0.11 * np.sin(angle)], axis=1)  # (40, 2) m
+trunk = first + np.stack([0.010 + 0.006 * np.cos(angle), 0.008 + 0.003 * np.sin(3 * angle)], axis=1)
+along = np.roll(trunk, -1, axis=0) - np.roll(trunk, 1, axis=0)
+across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+across /= np.linalg.norm(across, axis=1, keepdims=True)  # unit normals
+
+template = wb.Block("template", (N, 2), "m")
+surfaces = [wb.Block(f"scan {j}", (N, 2), "m") for j in range(SCANS)]
+looks = 2 * np.pi * (np.arange(SCANS) + 0.25) / SCANS
+facing_it = np.stack(
+    [across @ [np.cos(a), np.sin(a)] > 0.1 for a in looks]
+)  # (5, 40) who sees what
+draw = np.random.default_rng(3)
+pulls, couplings = [], []
+for j, V in enumerate(surfaces):
+    rows = np.flatnonzero(facing_it[j])
+    off = cs.sum1(across[rows].T * (V.symbol[:, rows.tolist()] - trunk[rows].T)).T
+    noise = NOISE * draw.standard_normal(len(rows))
+    pulls.append(Residual(f"E_S of scan {j}", off - noise, NOISE, "m"))
+    gap = cs.vec(V.symbol - template.symbol)
+    couplings.append(Residual(f"E_C of scan {j}", gap, COUPLING, "m"))
+
+data = (*pulls, *couplings)
+scans = tuple(V.name for V in surfaces)
+all_names = (*scans, "template")
+nothing_known = wb.Problem(data, all_names).linearize(dict.fromkeys(all_names, trunk))
+print(f"{nothing_known.shape[1]} unknowns, rank {nothing_known.rank} without E_T")
+
+# %% [markdown]
+# The data leave 40 directions open, one for each vertex: the template and all registrations together can slide
+# along the skin, and nothing notices. So $E_T$ decides how they do. Two ways come to mind: hold every vertex near its place
+# in the first template, or hold the *edges*, as above. And there are two ways to go down. Since a problem is a
+# choice of which names are free, the alternation of the sources is two problems in turn: all scans with the
+# template held, then the template with the scans held. Or let everything be free.
+
+# %%
+beyond = template.symbol - first.T
+next_one = np.roll(np.arange(N), -1).tolist()
+PRIORS = {
+    "vertices held": Residual("E_T", cs.vec(beyond), 0.01, "m"),
+    "edges held": Residual(
+        "E_T", cs.vec(cs.horzcat(beyond[:, next_one] - beyond, 0.01 * beyond)), EDGES, "m"
+    ),  # the second part, with a sigma of 0.4 m, says where the template is as a whole
+}
+one_step = GaussNewton()  # every residual is linear
+begun_at = dict.fromkeys(all_names, first)
+by_itself = begun_at | one_step.solve(wb.Problem(data, scans), begun_at).values
+
+
+def off_by(values):
+    """How far vertices of the registrations are off on average, mm: seen ones, and hidden ones."""
+    away = 1e3 * np.linalg.norm(np.stack([values[name] for name in scans]) - trunk, axis=2)
+    return away[facing_it].mean(), away[~facing_it].mean()
+
+
+def in_turn(residuals, rounds):
+    """The values after each round: the scans, then the template."""
+    values = [begun_at]
+    by_turns = [wb.Problem(residuals, scans), wb.Problem(residuals, ("template",))]
+    for _ in range(rounds):
+        found = values[-1]
+        for problem in by_turns:
+            found = found | one_step.solve(problem, found).values
+        values.append(found)
+    return values
+
+
+ROUNDS, turns, at_last = 12, {}, {}
+print("apart:                        seen {:.1f} mm, hidden {:.1f} mm".format(*off_by(by_itself)))
+for name, prior in PRIORS.items():
+    joint = wb.Problem((*data, prior), all_names)
+    turns[name] = in_turn((*data, prior), ROUNDS)
+    at_last[name] = one_step.solve(joint, begun_at).values
+    for how, values in ((f"{ROUNDS} rounds", turns[name][-1]), ("together", at_last[name])):
+        print(
+            f"{name + ', ' + how + ':':29} seen {off_by(values)[0]:.1f} mm, "
+            f"hidden {off_by(values)[1]:.1f} mm; cost {joint.linearize(values).cost:.1f}"
+        )
+
+with house_style():
+    figure, axes = sheet(10.5, 4.4, columns=2)
+    axes[0].plot(*(100 * first[[*range(N), 0]]).T, "k:", lw=1, label="first template")
+    axes[0].plot(*(100 * trunk).T, "k.", ms=4, label="the person")
+    for values, name, colour in (
+        (turns["edges held"][-1], "edges held, in turn", "C1"),
+        (at_last["edges held"], "edges held, together", "C0"),
+    ):
+        ends = 100 * np.stack([trunk, values["template"]])
+        axes[0].plot(*np.moveaxis(ends, 2, 0), color=colour, lw=2)
+        axes[0].plot(*ends[1].T, "o", color=colour, ms=4, mfc="none", label=name)
+    axes[0].set(xlabel="x (cm)", ylabel="y (cm)", aspect="equal")
+    axes[0].legend(loc="center", fontsize="small")
+    for (name, values), mark in zip(turns.items(), ("^-", "s-"), strict=True):
+        hidden_by = [off_by(one)[1] for one in values[1:]]
+        (line,) = axes[1].plot(range(1, ROUNDS + 1), hidden_by, mark, label=f"{name}, in turn")
+        axes[1].axhline(off_by(at_last[name])[1], color=line.get_color(), ls="--")
+    axes[1].set(xlabel="round", ylabel="hidden vertices off by (mm, mean)", ylim=(0, None))
+    axes[1].legend()
+Picture(
+    figure,
+    "Left: the outline, and lines from the person's vertices to those of two templates. In turn (orange, after "
+    "12 rounds) the outline is right, and vertices have slid along it. Right: the error of hidden vertices after each "
+    "round, and (dashed) where it ends with everything free.",
+)
+
+# %% [markdown]
+# Apart, a hidden vertex stays on the first template, a centimetre off. The alternation brings hidden vertices across the
+# skin to where other scans saw them. Then it hardly moves any more, whatever holds the template, and what is left is
+# nearly all along the skin. With vertices held, this is the minimum: nothing speaks for sliding. With edges held,
+# the minimum is several times nearer to the truth. (Front, back and sides look into different directions, and a template
+# that may not stretch has to move as a whole.) But twelve rounds have not got there. In each of them, the scans keep
+# what the template says along the skin, and then the template keeps what the scans repeat.
+#
+# So a registration is no observation: the part of it that the scan did not see is an echo of the model. What a scan does
+# say of a vertex is left when the vertex is eliminated. If the scan alone would put it at $t$ with the precision $L$
+# (zero along the skin, and everywhere if it is hidden), then the best $V$ for a given $T$ leaves
+#
+# $$ \min_V \; L\,(V - t)^2 + \frac{(V - T)^2}{\sigma_C^2} = \frac{C\,(T - t)^2}{\sigma_C^2} ,
+# \qquad C = \frac{L}{L + \sigma_C^{-2}} , $$
+#
+# a cost of the template alone, whose weight is $C$ and not 1. `workbench coregister` gives these weights to the
+# training of lecture 13, as matrices (3, 3) for each vertex, and holds templates by their edges.
 #
 # ## What to remember
 #
@@ -813,5 +955,7 @@ Picture(
 # - There are many basins. Begin more than once, and keep the lowest cost.
 # - Clutter needs a loss that levels off. Keep its scale apart from sigma.
 # - First fit the model; then free the vertices, coupled to it by edges.
+# - Scans of the same people fill in what each of them hides, if the template is free too. A registration repeats
+#   the model where nothing was seen: weigh it by what the scan says, and hold templates by their edges.
 # - The distance from the scan is not the error. What was not seen rests on the prior: ask for its standard
 #   deviation.

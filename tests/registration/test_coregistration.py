@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from workbench.arrays import Array
+from workbench.blocks import Block
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import Scan
@@ -29,21 +30,21 @@ from workbench.registration.coregistration import (
 from workbench.registration.coregistration.measures import beyond_betas
 from workbench.registration.coregistration.plan import SETTINGS
 from workbench.registration.coregistration.scan_block import Pull, jobs, measured, registered
-from workbench.registration.coregistration.softness import kernel_weights
+from workbench.registration.coregistration.softness import kernel_weights, pulled
 from workbench.registration.coregistration.state import FILE
 from workbench.registration.coregistration.symbolic_form import (
     OF_MODEL,
     OF_SCANS,
     SymbolicCoregistration,
 )
-from workbench.residuals import geman_mcclure, offset, scaled
+from workbench.residuals import Residual, geman_mcclure, of_norms, offset, scaled
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.executor import Execution, Processes
 
 START = jointed_tube(7, 5)
 PEOPLE, EACH = 2, 3
 TERM = ScanTerm(sigma=0.002, outlier=0.01, within=0.1)
-PLAN = CoregistrationPlan(rounds=2, term=TERM, sigmas=replace(SETTINGS, data=0.002))
+PLAN = CoregistrationPlan(rounds=2, terms=(TERM,), sigmas=replace(SETTINGS, data=0.002))
 
 
 @cache
@@ -136,7 +137,7 @@ def test_the_problem_has_the_same_cost_term_by_term(term: str) -> None:
 
 def test_what_a_scan_says_bounds_its_cost_from_above() -> None:
     """The surrogate touches E_S at the registration, and lies above it elsewhere."""
-    pull = Pull(START.faces, area(START.template, START.faces), PLAN.sigmas.data, TERM)
+    pull = Pull(START.faces, area(START.template, START.faces), PLAN.sigmas.data, (TERM,))
     estimate, subject = state().estimate, joint().scans.subject
     here = [
         one
@@ -176,11 +177,27 @@ def test_what_was_not_scanned_has_no_confidence() -> None:
     np.testing.assert_array_equal(state().targets[unseen], state().vertices[unseen])
 
 
-def test_three_rows_for_a_contact_are_refused() -> None:
-    scans, fits, *_ = made()
-    three = replace(PLAN, term=replace(TERM, form=offset))
-    with pytest.raises(BadArgument, match="one distance for each"):
-        Coregistration(body(), scans, three).run(fits)
+def test_a_kernel_of_norms_is_refused() -> None:
+    V = made()[2][0]
+    block = Block("vertices", V.shape, "m")
+    three = replace(TERM, form=offset)
+    scan = three.residual(block.symbol, body().faces, made()[0].read(0), 1.0)
+    norms = replace(scan, kernel=of_norms(geman_mcclure))
+    with pytest.raises(BadArgument, match="kernel of single numbers"):
+        pulled([norms], V, 0.002)
+
+
+def test_what_landmarks_say_of_vertices_is_their_place() -> None:
+    """Three rows for a vertex and no kernel: the target is the landmark, whatever the vertices."""
+    V = made()[2][0]
+    block, there = Block("vertices", V.shape, "m"), V[4] + [0.01, -0.02, 0.03]
+    place = Residual("mark", block.symbol[:, 4] - there, 0.004, "m", rows_per_point=3)
+    found = pulled([place], V, 0.002)
+    np.testing.assert_allclose(found.targets[4], there, atol=1e-12)
+    np.testing.assert_allclose(found.confidence[4], np.eye(3) / 5, atol=1e-12)
+    np.testing.assert_array_equal(np.delete(found.targets, 4, axis=0), np.delete(V, 4, axis=0))
+    twice = pulled([place, replace(place, name="again")], V, 0.002)
+    np.testing.assert_allclose(twice.confidence[4], np.eye(3) / 3, atol=1e-12)
 
 
 def test_shapes_that_betas_reach_are_not_beyond_them() -> None:

@@ -37,6 +37,14 @@ def lost(run: Run) -> np.ndarray:
     return np.concatenate([one.turned[~one.found] for one in run["maps"]])
 
 
+def trunk_errors(run: Run, values: dict[str, np.ndarray]) -> tuple[float, float]:
+    """How far the template's vertices are off across and along the skin, mm."""
+    away = 1e3 * (values["template"] - run["trunk"])
+    off = np.abs(np.sum(away * run["across"], axis=1))
+    along = np.sqrt(np.maximum(np.sum(away**2, axis=1) - off**2, 0))
+    return float(off.mean()), float(along.mean())
+
+
 SAYS = {
     "A statue was scanned, 1000 points with a noise of 2 mm": lambda run: (
         len(run["points"]),
@@ -236,6 +244,41 @@ SAYS = {
     "edges.": lambda run: (
         run.lines("vertices, 10 mm")[0][0],
         run["table"]["vertices, 10 mm"][1] > run["table"]["edges, 10 mm"][1],
+    ),
+    "the outline of a trunk, seen from above, 40 vertices in a plane": lambda run: run["N"],
+    "Each of five scans sees nearly half of the outline": lambda run: (
+        run["SCANS"] == 5,
+        0.4 < run["facing_it"].mean() < 0.5,
+        run["facing_it"].any(axis=0).all(),
+    ),
+    "The data leave 40 directions open, one for each vertex": lambda run: (
+        run.line("without E_T")[0] - run.line("without E_T")[1]
+    ),
+    "Apart, a hidden vertex stays on the first template, a centimetre off.": lambda run: (
+        bool(
+            np.allclose(
+                run["by_itself"]["scan 2"][~run["facing_it"][2]], run["first"][~run["facing_it"][2]]
+            )
+        ),
+        10 < run["off_by"](run["by_itself"])[1] < 15,
+    ),
+    "Then it hardly moves any more, whatever holds the template, and what is left is nearly all along the "
+    "skin": lambda run: all(
+        trunk_errors(run, values[-1])[0] < 0.2 * trunk_errors(run, values[-1])[1]
+        and 0.9 < run["off_by"](values[-1])[1] / run["off_by"](values[-5])[1] < 1
+        for values in run["turns"].values()
+    ),
+    "With vertices held, this is the minimum: nothing speaks for sliding. With edges held, the minimum is several "
+    "times nearer to the truth.": lambda run: (
+        run["off_by"](run["at_last"]["vertices held"])[1]
+        > 0.99 * run["off_by"](run["turns"]["vertices held"][-1])[1],
+        run["off_by"](run["at_last"]["edges held"])[1]
+        < run["off_by"](run["turns"]["edges held"][-1])[1] / 4,
+    ),
+    "But twelve rounds have not got there.": lambda run: run["ROUNDS"],
+    "In turn (orange, after 12 rounds) the outline is right": lambda run: (
+        run["ROUNDS"],
+        trunk_errors(run, run["turns"]["edges held"][-1])[0] < 1.5,
     ),
     "the standard deviation of what the scan does not support is more than five times as large, and so is its "
     "error": lambda run: (

@@ -45,7 +45,7 @@ from workbench.training.pose_training import ROUNDING, NotLowered, PoseModel
 from workbench.training.progress import LogEntry, Progress
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
-from workbench.training.template_prior import smooth_prior
+from workbench.training.template_prior import TemplatePrior, smooth_prior
 from workbench.writing import Keeping
 
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
@@ -105,9 +105,12 @@ class Coregistration:
             None,
             self.plan.sigmas,
             body.template,
-            freedom=None if edges is None else smooth_prior(body.faces, body.shapedirs, edges),
+            freedom=None if edges is None else self._smooth(edges),
             first_posedirs=body.posedirs,
         )
+
+    def _smooth(self, edges: float) -> TemplatePrior:
+        return smooth_prior(self.body.faces, self.body.shapedirs, edges, self.plan.bends)
 
     def costs(self, state: State) -> dict[str, float]:
         """The joint cost of a state, by term."""
@@ -233,7 +236,7 @@ class Coregistration:
     def _on_scans(self, work: Work, state: State, execution: Execution) -> list[OnScan]:
         plan = self.plan
         whole = area(self.body.template, self.body.faces)
-        pull = Pull(self.body.faces, whole, plan.sigmas.data, plan.term)
+        pull = Pull(self.body.faces, whole, plan.sigmas.data, plan.terms)
         todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
         found: list[OnScan] = []
         for some in execution.executor(partial(work, pull, self.scans), todo):

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 
 from workbench.arrays import Index
 from workbench.errors import BadArgument
+from workbench.registration.coregistration.scan_block import ScanPull
 from workbench.registration.coregistration.state import State
 from workbench.registration.free_vertices import CLOSE
-from workbench.registration.scan_term import ScanTerm
+from workbench.residuals import Form
 from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
 from workbench.training.registrations import InMemory
@@ -43,16 +45,17 @@ class CoregistrationPlan:
             every vertex of a template for itself, by `sigmas.subjects`.
         blocks: those of training that make up the step of the model; none holds it.
         observe: how scans are seen by the model's blocks, `soft` or `hard`.
-        term: how a scan pulls.
+        terms: how a scan pulls, together E_S.
         options: when the inner iterations of the model's blocks stop.
     """
 
     rounds: int = 4
     sigmas: Sigmas = SETTINGS
     edges: float | None = EDGES
+    bends: float = inf
     blocks: tuple[str, ...] = ("surfaces", "regressor")
     observe: Observe = soft
-    term: ScanTerm = CLOSE
+    terms: tuple[ScanPull, ...] = (CLOSE,)
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
 
     def __post_init__(self) -> None:
@@ -61,8 +64,15 @@ class CoregistrationPlan:
 
     def written(self) -> str:
         """The plan in letters, the same in every process, by which checkpoints are known."""
-        term = self.term
-        lengths = (term.sigma, term.outlier, term.within, term.facing, term.patch)
-        observed = getattr(self.observe, "__qualname__", repr(self.observe))
-        rest = (self.rounds, self.sigmas, self.edges, self.blocks, self.options)
-        return repr((*rest, observed, *lengths, term.form.numbers))
+        pulls = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
+        rest = (self.rounds, self.sigmas, self.edges, self.bends, self.blocks, self.options)
+        return repr((*rest, _named(self.observe), _named(pulls)))
+
+
+def _named(value: object) -> object:
+    """A value without addresses in memory: functions by their names, and forms by their sizes."""
+    if isinstance(value, tuple | list):
+        return tuple(_named(one) for one in value)
+    if isinstance(value, Form):
+        return value.numbers
+    return getattr(value, "__qualname__", value)

@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
+import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Values
+from workbench.blocks import Block, Points, Values
 from workbench.fitting.body_priors import pose_prior
 from workbench.fitting.scan import Scan
 from workbench.problem import Problem
 from workbench.registration.coregistration.softness import Pulled, pulled
 from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, Settled
-from workbench.registration.scan_term import ScanTerm
 from workbench.residuals import Residual, vertices
 from workbench.solvers import Solver
 from workbench.training.estimate import Estimate
@@ -37,6 +37,13 @@ class Scans(Protocol):
 
     def read(self, row: int) -> Scan:
         """The scan of a row."""
+
+
+class ScanPull(Protocol):
+    """How a scan pulls at a surface."""
+
+    def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
+        """In m, for vertices (N, 3) of triangles (F, 3); `area` in m^2 is the template's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +71,7 @@ class Pull:
         faces: (F, 3) of the template.
         area: m^2, of the starting body's surface, which points without areas share evenly.
         coupling: sigma_C in m, of each coordinate of a vertex from the model's.
-        term: how the scan pulls.
+        terms: how the scan pulls.
         solver: what finds vertices, pose and translation.
         settled: a scan is done after a step that lowers its cost by less than this share of it.
     """
@@ -72,7 +79,7 @@ class Pull:
     faces: Index
     area: float
     coupling: float
-    term: ScanTerm = CLOSE
+    terms: tuple[ScanPull, ...] = (CLOSE,)
     solver: Solver = TOGETHER
     settled: float = 1e-3
 
@@ -138,7 +145,7 @@ def measured(pull: Pull, scans: Scans, job: Job) -> list[OnScan]:
 @dataclass(frozen=True, eq=False)
 class _One:
     problem: Problem
-    scan: Residual
+    scan: tuple[Residual, ...]
     pose: Residual
     values: Values
 
@@ -153,8 +160,9 @@ def _each(pull: Pull, scans: Scans, job: Job) -> Iterator[_One]:
     coupling = vertices(points, block.symbol, sigma=pull.coupling, name="coupling")
     prior = pose_prior(body)
     for i, row in enumerate(job.rows):
-        scan = pull.term.residual(block.symbol, pull.faces, scans.read(row), pull.area)
-        problem = Problem((scan, coupling, prior), ("pose", "trans", VERTICES), blocks=(block,))
+        there = scans.read(row)
+        scan = tuple(t.residual(block.symbol, pull.faces, there, pull.area) for t in pull.terms)
+        problem = Problem((*scan, coupling, prior), ("pose", "trans", VERTICES), blocks=(block,))
         values = {
             "pose": estimate.poses[i],
             "betas": np.eye(len(estimate.templates))[job.subject[i]],
@@ -174,9 +182,9 @@ def _on_scan(pull: Pull, one: _One, values: Values) -> OnScan:
         values[VERTICES],
         values["pose"],
         values["trans"],
-        _cost(one.scan, VERTICES, values),
+        sum(_cost(residual, VERTICES, values) for residual in one.scan),
         _cost(one.pose, "pose", values),
-        pulled(one.scan, pull.term, values, values[VERTICES], pull.coupling),
+        pulled(one.scan, values[VERTICES], pull.coupling),
     )
 
 

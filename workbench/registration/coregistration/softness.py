@@ -19,20 +19,23 @@ was seen and along the surface, and near 1 across it. The vertex of the registra
 to a model's is then C_i target_i + (1 - C_i) M_i.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import casadi as cs
 import numpy as np
+from scipy.sparse import csr_array
 
-from workbench.arrays import Array
-from workbench.blocks import Values
+from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
-from workbench.registration.scan_term import ScanTerm
-from workbench.residuals import Residual
-from workbench.residuals.contacts import MovingContacts
-from workbench.residuals.kernels import Kernel
+from workbench.problem import Problem
+from workbench.problem.block_matrix import BlockMatrix
+from workbench.registration.free_vertices import VERTICES
+from workbench.residuals import Residual, quadratic
+from workbench.residuals.kernels import Kernel, OfNorms
 
+TINY = 1e-12  # a derivative's length, below which it has no direction
 UNSEEN = 1e-3  # of 1 / sigma_C^2: what is known less of, a scan does not see
 
 
@@ -50,35 +53,54 @@ class Pulled:
 
 
 def pulled(
-    scan: Residual, term: ScanTerm, values: Values, vertices: Array, coupling: float
+    pulls: Sequence[Residual], vertices: Array, coupling: float, name: str = VERTICES
 ) -> Pulled:
-    """What the residual of a scan says of vertices (N, 3) m, coupled by a sigma in m.
+    """What residuals of vertices (N, 3) m alone, a block `name`, say of each of them.
 
-    Raises BadArgument for a residual that chooses no contacts, or has more than one row for each.
+    `coupling` is sigma in m. A row that reads several vertices, or several coordinates, is bounded
+    as above, with the lengths of its derivatives as shares. Raises BadArgument for a kernel of
+    norms.
     """
-    source = scan.points[0].source if scan.points else None
-    if not isinstance(source, MovingContacts) or scan.rows_per_point != 1:
-        raise BadArgument(f"residual {scan.name!r} has no contacts with one distance for each")
-    found = source.contacts(values)
-    touched = np.flatnonzero(found.found)
-    r = found.numbers.ravel()[touched]
-    at = (found.slopes.data.reshape(-1, 3, 3), found.slopes.indices.reshape(-1, 3, 3)[:, :, 0] // 3)
-    slopes, corners = at  # (m, corner, coordinate) - b u, and (m, corner)
-    outside = np.broadcast_to(np.asarray(scan.weights, dtype=float), len(found.found))[touched]
-    w = outside / term.sigma**2 * kernel_weights(scan.kernel, (r / term.sigma) ** 2)
-    shares = np.linalg.norm(slopes, axis=2)
-    along = slopes / np.maximum(shares, 1e-12)[..., None]
     N = len(vertices)
     L, pull = np.zeros((N, 3, 3)), np.zeros((N, 3))
-    outer = np.einsum("m,mc,mca,mcb->mcab", w, shares, along, along)
-    np.add.at(L, corners, outer)
-    np.add.at(pull, corners, -(w * r)[:, None, None] * slopes)
+    for residual in pulls:
+        if isinstance(residual.kernel, OfNorms):
+            raise BadArgument(
+                f"the kernel of residual {residual.name!r} is one of norms, and scans are bounded "
+                "row by row; give a kernel of single numbers"
+            )
+        here = Problem((replace(residual, kernel=quadratic),), (name,)).linearize({name: vertices})
+        whole = here.jacobian
+        J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
+        r = here.residual
+        outside = 1.0 if residual.weights is None else np.asarray(residual.weights, dtype=float)
+        counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
+        counts = np.repeat(counts, residual.rows_per_point)
+        w = kernel_weights(residual.kernel, np.divide(r**2, counts, where=counts > 0, out=0 * r))
+        rows, corners, slopes = _by_vertex(J)
+        lengths = np.linalg.norm(slopes, axis=1)
+        total = np.bincount(rows, lengths, len(r))
+        along = slopes / np.maximum(lengths, TINY)[:, None]
+        scale = (w * total)[rows] * lengths
+        np.add.at(L, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
+        np.add.at(pull, corners, -(w * r)[rows, None] * slopes)
     e, Q = np.linalg.eigh(L)
     seen = e > UNSEEN / coupling**2
     inverse = np.where(seen, 1 / np.where(seen, e, 1.0), 0.0)
     shrunk = np.where(seen, e / (e + coupling**-2), 0.0)
     moved = np.einsum("nab,nb,ncb,nc->na", Q, inverse, Q, pull)
     return Pulled(vertices + moved, np.einsum("nab,nb,ncb->nac", Q, shrunk, Q))
+
+
+def _by_vertex(J: csr_array) -> tuple[Index, Index, Array]:
+    """The rows, vertices and derivatives (n, 3) of all pairs of a row and a vertex in J."""
+    entries = J.tocoo()
+    pairs, where = np.unique(
+        entries.row.astype(np.int64) * (J.shape[1] // 3) + entries.col // 3, return_inverse=True
+    )
+    slopes = np.zeros((len(pairs), 3))
+    np.add.at(slopes, (where, entries.col % 3), entries.data)
+    return pairs // (J.shape[1] // 3), pairs % (J.shape[1] // 3), slopes
 
 
 @cache
