@@ -943,8 +943,8 @@ Picture(
 # $$ \min_V \; L\,(V - t)^2 + \frac{(V - T)^2}{\sigma_C^2} = \frac{C\,(T - t)^2}{\sigma_C^2} ,
 # \qquad C = \frac{L}{L + \sigma_C^{-2}} , $$
 #
-# a cost of the template alone, whose weight is $C$ and not 1. `workbench coregister` gives these weights to the
-# training of lecture 13, as matrices (3, 3) for each vertex, and holds templates by their edges.
+# a cost of the template alone, with the weight $C$ that was missing. `workbench coregister` gives such weights, a
+# matrix for each vertex, to the training of the model (lecture 13), and holds templates by their edges.
 #
 # ## What to remember
 #
