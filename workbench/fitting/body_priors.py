@@ -1,7 +1,9 @@
 """The priors on a body's pose and shape that decide what observations leave open."""
 
 import casadi as cs
+import numpy as np
 
+from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
@@ -17,13 +19,16 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
     `pose` (3, K) rad is the symbol of one of several poses; without it, that of the body's blocks.
     """
     pose = body.blocks()[0].symbol if pose is None else pose
+    mean, covariance = pose_gaussian(body)
+    return gaussian(pose[:, 1:], mean=mean, covariance=covariance, unit="rad", name="pose prior")
+
+
+def pose_gaussian(body: Body) -> tuple[Array, Array]:
+    """The mean (K - 1, 3) rad of `pose_prior`, and a variance or covariance in rad^2."""
     if body.n_joints != SMPL_JOINTS:
-        rest = body.bind_pose[1:]
-        return gaussian(pose[:, 1:], mean=rest, covariance=0.25, unit="rad", name="pose prior")
+        return body.bind_pose[1:], np.array(0.25)
     learned = shipped_gaussian()
-    return gaussian(
-        pose[:, 1:], mean=learned.mean, covariance=learned.covariance, name="pose prior"
-    )
+    return learned.mean, learned.covariance
 
 
 def shape_prior(body: Body) -> Residual:

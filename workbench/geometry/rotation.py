@@ -91,6 +91,25 @@ def vector_from_matrix(R: ArrayLike) -> Array:
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
 
 
+def slopes_by_turns(w: ArrayLike) -> Array:
+    r"""How rotation vectors (..., 3) rad move with a small turn u before them: (..., 3, 3).
+
+    log(exp(u) exp(w)) = w + S u + ..., where S is the inverse of the left Jacobian of SO(3),
+
+        S = I - [w]x / 2 + (1 / t^2 - cot(t / 2) / (2 t)) [w]x^2,   t = |w|
+
+    (Sola, Deray and Atchuthan, A micro Lie theory for state estimation in robotics, 2018, eq. 146).
+    Near a full turn it grows without bound: there log is not unique.
+    """
+    w = np.asarray(w, dtype=float)
+    t = np.linalg.norm(w, axis=-1)[..., None, None]
+    x = np.cross(w[..., None, :], np.eye(3)).swapaxes(-1, -2)  # [w]x
+    far = np.maximum(t, 1e-2)
+    closed = (1 - far / (2 * np.tan(far / 2))) / far**2
+    share = np.where(t > 1e-2, closed, 1 / 12 + t**2 / 720)  # below, the next term is under 1e-12
+    return np.asarray(np.eye(3) - x / 2 + share * (x @ x))
+
+
 def nearest_rotation(M: ArrayLike) -> Array:
     """The rotation nearest to each 3 x 3 matrix in the Frobenius norm: (..., 3, 3).
 

@@ -257,7 +257,10 @@ class NormalEquations:
                     blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
 
         over_halves(fill, pieces(self.objective.registrations))
-        return _inverses(blocks / self.objective.sigmas.data**2)
+        blocks /= self.objective.sigmas.data**2
+        if self.objective.pose_prior is not None:
+            blocks += self.objective.pose_prior.blocks(self.estimate.poses)
+        return _inverses(blocks)
 
     @cached_property
     def _weight_blocks(self) -> Array:

@@ -17,6 +17,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Mask
 from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.training.estimate import Change, Estimate, Sigmas
+from workbench.training.pose_prior import PosePrior
 from workbench.training.registrations import Batch, Registrations, over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.template_prior import TemplatePrior
@@ -37,6 +38,7 @@ class Objective:
         freedom: how a template may differ from the first one; None holds every vertex for itself,
             by `sigmas.subjects`.
         first_posedirs: (N, 3, F) what E_P compares posedirs with; None compares them with zero.
+        pose_prior: of every registration's pose, E_pose; None for none, as training on meshes has.
     """
 
     registrations: Registrations
@@ -48,6 +50,7 @@ class Objective:
     locality: Mask | None = None
     freedom: TemplatePrior | None = None
     first_posedirs: Array | None = None
+    pose_prior: PosePrior | None = None
 
     @property
     def active_mirror(self) -> Mirror | None:
@@ -59,7 +62,10 @@ class Objective:
         return sum(self.costs(estimate).values())
 
     def costs(self, estimate: Estimate) -> dict[str, float]:
-        """The terms E_D, E_Y, E_J, E_P, E_W and E_T, each half a sum of whitened squares."""
+        """The terms E_D, E_Y, E_J, E_P, E_W and E_T, each half a sum of whitened squares.
+
+        With a prior on poses there is E_pose too.
+        """
         s = self.sigmas
         found = {"E_D": float(self.by_registration(estimate).sum())}
         found["E_Y"] = 0.0
@@ -77,6 +83,8 @@ class Objective:
         if self.template is not None:
             away = estimate.templates - self.template
             found["E_T"] = 0.5 * float(np.vdot(away, self._held(away)))
+        if self.pose_prior is not None:
+            found["E_pose"] = float(self.pose_prior.costs(estimate.poses).sum())
         return found
 
     def rms(self, estimate: Estimate) -> float:
@@ -124,6 +132,8 @@ class Objective:
             first = np.broadcast_to(self.template, estimate.templates.shape)
             curved["templates"] = curved["templates"] - self._held(first)
         zero = estimate.zero_change(names)
+        if "poses" in names and self.pose_prior is not None:
+            zero["poses"] = self.pose_prior.slope(estimate.poses)
         return {name: -curved[name] if name in away else zero[name] for name in names}
 
     def prior_curvature(self, estimate: Estimate, change: Change) -> Change:
@@ -151,6 +161,8 @@ class Objective:
             found["posedirs"] += change["posedirs"] / s.posedirs**2
         if "weights" in change:
             found["weights"] += change["weights"] / s.weights**2
+        if "poses" in change and self.pose_prior is not None:
+            found["poses"] += self.pose_prior.curved(estimate.poses, change["poses"])
         return found
 
     def _held(self, displacements: Array) -> Array:

@@ -22,6 +22,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_gaussian
 from workbench.geometry.solids import area
 from workbench.interrupts import Interrupts
 from workbench.registration.coregistration.plan import CoregistrationPlan
@@ -41,6 +42,7 @@ from workbench.training.estimate import Estimate
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective, centred, trusted
+from workbench.training.pose_prior import PosePrior
 from workbench.training.pose_training import ROUNDING, NotLowered, PoseModel
 from workbench.training.progress import LogEntry, Progress
 from workbench.training.registrations import InMemory
@@ -107,6 +109,7 @@ class Coregistration:
             body.template,
             freedom=None if edges is None else self._smooth(edges),
             first_posedirs=body.posedirs,
+            pose_prior=PosePrior.of(*pose_gaussian(body)),
         )
 
     def _smooth(self, edges: float) -> TemplatePrior:
@@ -116,8 +119,7 @@ class Coregistration:
         """The joint cost of a state, by term."""
         data = InMemory(state.vertices, self.scans.subject)
         found = self.objective(data).costs(state.estimate)
-        sums = {"E_S": float(state.scan_costs.sum()), "E_C": found.pop("E_D")}
-        return sums | {"E_pose": float(state.pose_costs.sum())} | found
+        return {"E_S": float(state.scan_costs.sum()), "E_C": found.pop("E_D")} | found
 
     def first(self, fits: Sequence[Fitted]) -> State:
         """The state that begins: every subject has the median of the betas of its scans."""
@@ -138,9 +140,8 @@ class Coregistration:
         trans = np.stack([fit.trans for fit in fits])
         nothing = InMemory(np.zeros((J, N, 3)), subject)
         vertices = _posed(self.objective(nothing), estimate) + trans[:, None]
-        zero = np.zeros(J)
         confidence = np.zeros((J, N, 3, 3))
-        return State(estimate, vertices, trans, vertices, confidence, zero, zero)
+        return State(estimate, vertices, trans, vertices, confidence, np.zeros(J))
 
     def learned(self, state: State, n_betas: int) -> SkinnedBody:
         """The body of a state, whose shape directions are those of its subjects."""
@@ -256,7 +257,6 @@ class Coregistration:
             targets=np.stack([one.pulled.targets for one in each]),
             confidence=np.stack([one.pulled.confidence for one in each]),
             scan_costs=np.array([one.scan_cost for one in each]),
-            pose_costs=np.array([one.pose_cost for one in each]),
         )
 
 

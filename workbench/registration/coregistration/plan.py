@@ -53,7 +53,7 @@ class CoregistrationPlan:
     sigmas: Sigmas = SETTINGS
     edges: float | None = EDGES
     bends: float = inf
-    blocks: tuple[str, ...] = ("surfaces", "regressor")
+    blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
     observe: Observe = soft
     terms: tuple[ScanPull, ...] = (CLOSE,)
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))

@@ -93,7 +93,6 @@ class OnScan:
         pose: (K, 3) rad.
         trans: (3,) m.
         scan_cost: E_S of the vertices.
-        pose_cost: the cost of the pose by its prior.
         pulled: where the scan alone would put the vertices, and how surely.
     """
 
@@ -101,7 +100,6 @@ class OnScan:
     pose: Array
     trans: Array
     scan_cost: float
-    pose_cost: float
     pulled: Pulled
 
 
@@ -146,7 +144,6 @@ def measured(pull: Pull, scans: Scans, job: Job) -> list[OnScan]:
 class _One:
     problem: Problem
     scan: tuple[Residual, ...]
-    pose: Residual
     values: Values
 
 
@@ -169,7 +166,7 @@ def _each(pull: Pull, scans: Scans, job: Job) -> Iterator[_One]:
             "trans": job.trans[i],
             VERTICES: job.vertices[i],
         }
-        yield _One(problem, scan, prior, values)
+        yield _One(problem, scan, values)
 
 
 def _solved(pull: Pull, one: _One) -> Values:
@@ -182,15 +179,14 @@ def _on_scan(pull: Pull, one: _One, values: Values) -> OnScan:
         values[VERTICES],
         values["pose"],
         values["trans"],
-        sum(_cost(residual, VERTICES, values) for residual in one.scan),
-        _cost(one.pose, "pose", values),
+        sum(_cost(residual, values) for residual in one.scan),
         pulled(one.scan, values[VERTICES], pull.coupling),
     )
 
 
-def _cost(residual: Residual, name: str, values: Values) -> float:
-    """The cost of a residual that reads one block."""
-    return Problem((residual,), (name,)).linearize({name: values[name]}).cost
+def _cost(residual: Residual, values: Values) -> float:
+    """The cost of a residual of vertices alone."""
+    return Problem((residual,), (VERTICES,)).linearize({VERTICES: values[VERTICES]}).cost
 
 
 Work = Callable[[Pull, Scans, Job], list[OnScan]]

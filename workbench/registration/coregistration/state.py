@@ -20,8 +20,8 @@ from workbench.training.estimate import Estimate
 from workbench.training.progress import LogEntry
 from workbench.writing import replacing
 
-FILE, VERSION = "coregistration.npz", "1:"
-OWN = ("vertices", "trans", "targets", "confidence", "scan_costs", "pose_costs")
+FILE, VERSION = "coregistration.npz", "2:"
+OWN = ("vertices", "trans", "targets", "confidence", "scan_costs")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,6 @@ class State:
         targets: (J, N, 3) m, where the scans alone would put the vertices.
         confidence: (J, N, 3, 3), how surely; see `softness`.
         scan_costs: (J,) E_S of each registration.
-        pose_costs: (J,) the cost of each pose by its prior.
         log: the blocks that have run, in order.
     """
 
@@ -45,7 +44,6 @@ class State:
     targets: Array
     confidence: Array
     scan_costs: Array
-    pose_costs: Array
     log: tuple[LogEntry, ...] = ()
 
     def arrays(self) -> dict[str, Array]:
