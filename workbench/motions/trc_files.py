@@ -1,0 +1,101 @@
+"""Markers in .trc files (Motion Analysis; OpenSim and Pose2Sim write them too): tables in text."""
+
+from array import array
+from pathlib import Path
+
+import numpy as np
+
+from workbench.errors import BadFile, shown
+from workbench.geometry.polygons import text_lines
+from workbench.motions.trajectories import (
+    MOST_NUMBERS,
+    Trajectories,
+    checked_places,
+    different_labels,
+    unit_named,
+)
+from workbench.reading.damage import taken_for
+from workbench.reading.facts import bounded
+
+MOST_BYTES = 2**29
+OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
+
+
+def read_trc(path: str | Path) -> Trajectories:
+    """Read the markers of a .trc file. Empty cells and NaN are markers that were not seen.
+
+    Raises BadFile for a file whose header and rows do not fit together.
+    """
+    with taken_for(path, "TRC file of markers", "export it again"):
+        try:
+            return parse_trc(bytes(bounded(path, MOST_BYTES)))
+        except (ValueError, OSError) as error:
+            raise BadFile(str(getattr(error, "strerror", None) or error)) from error
+
+
+def parse_trc(content: bytes) -> Trajectories:
+    """The markers in the text of a .trc file. Raises ValueError with what is wrong."""
+    lines = text_lines(content)
+    head = [line.rstrip("\r\n") for _, line in zip(range(5), lines, strict=False)]
+    if len(head) < 5 or not head[0].startswith("PathFileType"):
+        raise ValueError(f"it begins with {shown(head[0] if head else '')}, and not PathFileType")
+    said = dict(zip(head[1].split(), head[2].split(), strict=False))
+    names = [cell.strip() for cell in _cells(head[3])[2:] if cell.strip()]
+    M, T, wide = len(names), _whole(said, "NumFrames"), 3 * len(names) + 2
+    if _whole(said, "NumMarkers") != M or not M:
+        raise ValueError(f"it names {M} markers, and says {said.get('NumMarkers', 'nothing')}")
+    if not T >= 1 or 3 * T * M > MOST_NUMBERS:
+        raise ValueError(f"{T} frames of {M} markers are none, or too many to be read")
+    numbers, times = array("d"), array("d")
+    rows = (line.rstrip("\r\n") for line in lines)
+    for n, row in enumerate(rows, start=6):
+        if not row.strip():
+            continue
+        cells = _cells(row)
+        if len(times) == T or len([c for c in cells[wide:] if c.strip()]):
+            raise ValueError(f"line {n} follows {T} frames, or has more than {M} markers")
+        try:
+            found = [float(cell) if cell.strip() else np.nan for cell in cells[:wide]]
+        except ValueError as error:
+            raise ValueError(f"line {n}: {shown(str(error))}") from error
+        found += [np.nan] * (wide - len(found))
+        times.append(found[1])
+        numbers.extend(found[2:])
+    if len(times) < T:
+        raise ValueError(f"it has {len(times)} frames, and says {T}")
+    fps = _rate(said)
+    notes = _off_times(np.array(times), fps)
+    labels, renamed = different_labels(names)
+    places = checked_places(np.array(numbers).reshape(T, M, 3))
+    return Trajectories(places, labels, fps, unit_named(said.get("Units", "")), notes + renamed)
+
+
+def _cells(line: str) -> list[str]:
+    return line.split("\t") if "\t" in line else line.split()
+
+
+def _whole(said: dict[str, str], name: str) -> int:
+    text = said.get(name, "")
+    if not text.isdecimal() or len(text) > 12:
+        raise ValueError(f"its {name} is {shown(text)}, which is no number")
+    return int(text)
+
+
+def _rate(said: dict[str, str]) -> float:
+    text = said.get("DataRate", "")
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < 1e6:
+        raise ValueError(f"its DataRate is {shown(text)}, which is no number of frames a second")
+    return rate
+
+
+def _off_times(times: np.ndarray, fps: float) -> tuple[str, ...]:
+    """A note if the column of times says another rate."""
+    with np.errstate(all="ignore"):
+        took = (times[-1] - times[0]) / max(1, len(times) - 1)
+        if len(times) < 2 or not np.isfinite(took) or abs(took * fps - 1) <= OFF:
+            return ()
+    return (f"its frames are {took:.6g} s apart by their times, and {1 / fps:.6g} s by DataRate",)
