@@ -18,6 +18,7 @@ import numpy as np
 from scipy.sparse import csr_array, issparse
 
 from tests.bodies.random_bodies import decorated, entries
+from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.skinned import Landmarks
@@ -28,7 +29,9 @@ from workbench.comparison.store import Folder
 from workbench.errors import BadFile
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.marker_files import read_markers
 from workbench.geometry.meshes import read_mesh, write_mesh
+from workbench.motions import read_motion
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import Checkpoint, read_checkpoint
@@ -367,6 +370,36 @@ def _cameras(name: str) -> Callable[[Path], object]:
     return read
 
 
+def _motion_file(name: str) -> Format:
+    def make(folder: Path) -> None:
+        MOTION_FILES[name](folder / name)
+
+    def read(folder: Path) -> object:
+        motion = read_motion(folder / name)
+        assert len(motion) == len(motion.pose) == len(motion.trans) > 0
+        assert len(motion.joint_names) == motion.pose.shape[1]
+        played = motion.resampled(motion.fps / 2) if len(motion) < 10_000 else motion
+        joints = None if motion.bones is None else motion.joints()
+        return motion.pose, motion.trans, motion.betas, motion.fps, played.pose, joints
+
+    return Format(make, read)
+
+
+def _marker_file(name: str) -> Format:
+    def make(folder: Path) -> None:
+        MARKER_FILES[name](folder / name)
+
+    def read(folder: Path) -> object:
+        found = read_markers(folder / name)
+        T, M, _ = found.markers.shape
+        assert T > 0
+        assert len({*found.labels}) == M
+        assert found.fps is None or 0 < found.fps < 1e6
+        return np.nan_to_num(found.markers, nan=0.0, posinf=np.inf, neginf=-np.inf)
+
+    return Format(make, read)
+
+
 FORMATS: dict[str, Format] = {
     "body.npz": Format(_npz_body, _body("body.npz")),
     "triangles.npz": Format(_triangle_body, _read_triangle_body),
@@ -389,4 +422,6 @@ FORMATS: dict[str, Format] = {
     "coco.json": Format(_annotations, _read_annotations),
     "cameras.json": Format(_calibration, _cameras("cameras.json")),
     "cameras.toml": Format(_tables, _cameras("cameras.toml")),
+    **{name: _motion_file(name) for name in MOTION_FILES},
+    **{name: _marker_file(name) for name in MARKER_FILES},
 }

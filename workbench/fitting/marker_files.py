@@ -16,10 +16,11 @@ from workbench.geometry.upright import TURNS
 from workbench.motions.c3d_files import read_c3d
 from workbench.motions.guesses import check_given, unit_of, up_of
 from workbench.motions.trajectories import Trajectories, checked_places
-from workbench.motions.trc_files import read_trc
+from workbench.motions.trc_files import read_trc, write_trc
 from workbench.reading.archive import opened
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import any_reals, optional, read_expected, texts
+from workbench.writing import replacing, write_arrays
 
 RECORDED = {
     "markers": any_reals("T", "M", 3),
@@ -106,6 +107,33 @@ def _frames_a_second(given: NDArray[np.float64] | None) -> float | None:
     if not 0 < float(given) < np.inf:
         raise BadFile(f"fps is {float(given):g}, but must be above zero")
     return float(given)
+
+
+def holds_markers(path: str | Path) -> bool:
+    """Whether a file is one of markers, by its suffix, or in an .npz by its entries."""
+    suffix = Path(path).suffix.lower()
+    if suffix != ".npz":
+        return suffix in READERS
+    with opened(path, "file of a motion or of markers", "give another .npz") as archive:
+        return "markers" in archive.headers and "trans" not in archive.headers
+
+
+def write_markers(path: str | Path, recording: MarkerRecording) -> None:
+    """Write markers, in metres, y up, as .trc or as .npz. Whole or not at all.
+
+    Raises BadFile for another suffix, and what `write_trc` raises.
+    """
+    match Path(path).suffix.lower():
+        case ".trc":
+            write_trc(path, Trajectories(recording.markers, recording.labels, recording.fps, "m"))
+        case ".npz":
+            arrays = {"markers": recording.markers, "labels": np.array(recording.labels)}
+            if recording.fps is not None:
+                arrays["fps"] = np.array(recording.fps)
+            with replacing(path) as temporary:
+                write_arrays(temporary, arrays)
+        case _:
+            raise BadFile(f"markers are written as .trc or .npz, and {path} ends otherwise")
 
 
 READERS: dict[str, Callable[[str | Path], Trajectories]] = {

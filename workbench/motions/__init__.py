@@ -18,7 +18,7 @@ from workbench.motions.c3d_files import read_c3d
 from workbench.motions.files import read_motion
 from workbench.motions.motion import Motion
 from workbench.motions.trajectories import Trajectories
-from workbench.motions.trc_files import read_trc
+from workbench.motions.trc_files import read_trc, write_trc
 
 __all__ = [
     "Bones",
@@ -32,4 +32,5 @@ __all__ = [
     "read_trc",
     "save_motion",
     "write_bvh",
+    "write_trc",
 ]

@@ -71,7 +71,7 @@ class Bones:
 
         Joint k is G_parent(k) (offset_k; 1), where G are the motions of the joints (SMPL eq. 3).
         """
-        turned, K = np.asarray(pose, dtype=float), len(self.parents)
+        turned, K = np.array(pose, dtype=float), len(self.parents)
         alone = Skeleton(self.rest, np.zeros((K, 3, 0)))
         batch = JointBatch.of(alone, np.zeros((K, 3)), self.parents)
         found: Array = batch(turned, np.zeros((len(turned), 0))) + np.asarray(trans)[:, None]

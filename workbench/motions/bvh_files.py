@@ -97,7 +97,8 @@ def _turned(channels: tuple[str, ...], columns: Array) -> Array:
     found = Rotation.identity(len(columns))
     for channel, degrees in zip(channels, columns.T, strict=True):
         if channel.endswith("rotation"):
-            found = found * Rotation.from_euler(channel[0].lower(), degrees, degrees=True)
+            axis = np.eye(3)["XYZ".index(channel[0])]
+            found = found * Rotation.from_rotvec(np.radians(degrees)[:, None] * axis)
     return np.asarray(found.as_rotvec())
 
 

@@ -1,7 +1,6 @@
 """A motion: the poses of a skeleton's joints and the place of its root, frame by frame."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
-from workbench.bodies.readonly import locked
 from workbench.errors import BadArgument, some_of
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
@@ -25,7 +23,7 @@ class Motion:
     """T frames of a pose of K joints, of one person.
 
     Metres and radians, y up. As in SMPL, the body turns about its root joint, which is at its rest
-    place + trans. It keeps read-only copies of what it is given. Raises BadArgument for arrays that
+    place + trans. It keeps copies of what it is given. Raises BadArgument for arrays that
     do not fit together, and NotNumbers.
 
     Attributes:
@@ -92,7 +90,7 @@ class Motion:
             raise BadArgument(
                 f"the skeleton has {len(self.bones.parents)} joints, and {len(names)} have names"
             )
-        kept: dict[str, Any] = {n: locked(array.copy()) for n, array in given.items()}
+        kept: dict[str, Any] = {n: array.copy() for n, array in given.items()}
         notes = tuple(map(str, self.notes))
         self.__dict__.update(kept, fps=float(self.fps), joint_names=names, notes=notes)
 
@@ -226,7 +224,7 @@ class Motion:
             raise BadArgument("this motion has no bones of its own; give a body to play it on")
         return self.bones.joints(self.pose, self.trans)
 
-    @cached_property
+    @property
     def up(self) -> tuple[str, float]:
         """The axis to which the root's own y points on average, and how clearly, from 0 to 1."""
         pointing = matrix_from_vector(self.pose[:, 0])[:, :, 1].mean(axis=0)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.errors import BadFile, shown
+from workbench.errors import BadArgument, BadFile, shown
 from workbench.geometry.polygons import text_lines
 from workbench.motions.trajectories import (
     MOST_NUMBERS,
@@ -16,6 +16,7 @@ from workbench.motions.trajectories import (
 )
 from workbench.reading.damage import taken_for
 from workbench.reading.facts import bounded
+from workbench.writing import replacing
 
 MOST_BYTES = 2**29
 OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
@@ -99,3 +100,36 @@ def _off_times(times: np.ndarray, fps: float) -> tuple[str, ...]:
         if len(times) < 2 or not np.isfinite(took) or abs(took * fps - 1) <= OFF:
             return ()
     return (f"its frames are {took:.6g} s apart by their times, and {1 / fps:.6g} s by DataRate",)
+
+
+def write_trc(path: str | Path, markers: Trajectories) -> None:
+    """Write markers as .trc, a place that was not seen as empty cells. Whole or not at all.
+
+    Raises BadArgument for a recording of unknown rate or unit, which the header states, and for
+    labels with tabs or line breaks, and BadFile.
+    """
+    if markers.fps is None or markers.unit is None:
+        raise BadArgument(
+            "a .trc states its rate and its unit, and this recording lacks one; say it"
+        )
+    if any({"\t", "\n", "\r"} & {*label} or not label.strip() for label in markers.labels):
+        raise BadArgument("a label of a .trc is a text without tabs and line breaks; rename it")
+    T, M = markers.places.shape[:2]
+    said = {"DataRate": markers.fps, "CameraRate": markers.fps, "NumFrames": T, "NumMarkers": M}
+    said |= {"Units": markers.unit, "OrigDataRate": markers.fps}
+    said |= {"OrigDataStartFrame": 1, "OrigNumFrames": T}
+    rates = {key: f"{v:.10g}" if isinstance(v, float) else str(v) for key, v in said.items()}
+    axes = [f"{axis}{m}" for m in range(1, M + 1) for axis in "XYZ"]
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
+        "\t".join(rates),
+        "\t".join(rates.values()),
+        "Frame#\tTime\t" + "\t".join(f"{label}\t\t" for label in markers.labels),
+        "\t\t" + "\t".join(axes),
+        "",
+    ]
+    for t, frame in enumerate(markers.places):
+        cells = [f"{x:.9g}" if np.isfinite(x) else "" for x in frame.ravel()]
+        lines.append("\t".join([str(t + 1), f"{t / markers.fps:.6f}", *cells]))
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
