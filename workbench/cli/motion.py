@@ -161,8 +161,7 @@ def _markers(
     say(console, escape(f"labels: {some_of(found.labels)}"))
     _say_notes(console, found.notes)
     if strip is not None:
-        whole: Mask = np.isfinite(found.markers).all(axis=2)
-        seen: Mask = whole.any(axis=1)
+        seen: Mask = np.asarray(np.isfinite(found.markers[..., 0]).any(axis=1))
         _draw(strip, found.markers[seen], NO_PAIRS, found.fps if seen.all() else None)
         say(console, f"strip: {escape(str(strip))}")
     if out is not None:
