@@ -163,6 +163,7 @@ def c3d_bytes(
     body += parameter("USED", 2, (), word(M)) + parameter("FRAMES", 2, (), word(frames))
     body += parameter("SCALE", 4, (), real(scale)) + parameter("RATE", 4, (), real(100.0))
     body += parameter("UNITS", -1, (4,), b"mm  ")
+    body += parameter("DATA_START", 2, (), word(3))
     body += parameter("LABELS", -1, (wide, len(labels)), text) + b"\0\0"
     blocks = -(-(len(body) + 4) // 512)
     number = {"<": 84, "dec": 85, ">": 86}[kind]

@@ -31,7 +31,7 @@ def by_hand(row: Array) -> Array:
     a = iter(row[3:])
     R = [np.linalg.multi_dot([about(x, next(a)) for x in order]) for order in ("ZYX", "XYZ", "YZX")]
     chest = about("Z", next(a)) @ about("X", next(a))
-    hips = np.array([1.0, 2, 3]) + row[:3]
+    hips = row[:3]  # whatever its OFFSET
     leg = hips + R[0] @ [10, -5, 0]
     foot = leg + R[0] @ R[1] @ [0, -85, 1]
     spine = hips + R[0] @ [0, 55, 0]
@@ -62,6 +62,7 @@ def test_joints_and_ends_are_where_the_description_says(tmp_path: Path) -> None:
     np.testing.assert_allclose(places(found), expected, atol=1e-8)
     assert found.fps == 30
     assert "the frame time 0.0333333 s is taken for 30 frames a second" in found.notes
+    assert "positions of the root take the place of its OFFSET, which is not zero" in found.notes
 
 
 def test_a_body_s_motion_comes_back_on_its_bones_and_on_the_body(tmp_path: Path) -> None:
@@ -89,6 +90,17 @@ def test_bvhio_says_the_same(tmp_path: Path) -> None:
         for joint, _, _ in root.layout():
             found[t, SMALL.joint_names.index(joint.Name)] = np.array(joint.PositionWorld)
     np.testing.assert_allclose(found / 100, motion.joints(SMALL), atol=1e-5)
+
+
+def test_bvhio_takes_the_root_and_all_orders_of_channels_in_the_same_way(tmp_path: Path) -> None:
+    bvhio = pytest.importorskip("bvhio", reason="another reader of BVH; pip install bvhio")
+    text = bvh_text(bvh_rows()).replace("Left Leg", "LeftLeg").replace("Chest {", "Chest\n\t{")
+    root = bvhio.readAsHierarchy(str(saved(tmp_path, text)))
+    ours = read_bvh(tmp_path / "walk.bvh").joints()
+    for t in range(len(ours)):
+        root.loadPose(t)
+        theirs = [np.array(joint.PositionWorld) / 100 for joint, _, _ in root.layout()]
+        np.testing.assert_allclose(ours[t], theirs, atol=1e-5)
 
 
 def test_bvhsdk_says_the_same(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from workbench.reading.damage import taken_for
 from workbench.reading.expected import any_reals, optional, read_expected, texts
 from workbench.writing import replacing, write_arrays
 
+FASTEST = 1e6  # frames a second
 RECORDED = {
     "markers": any_reals("T", "M", 3),
     "labels": texts("M"),
@@ -104,8 +105,8 @@ def read_marker_arrays(path: str | Path) -> Trajectories:
 def _frames_a_second(given: NDArray[np.float64] | None) -> float | None:
     if given is None:
         return None
-    if not 0 < float(given) < np.inf:
-        raise BadFile(f"fps is {float(given):g}, but must be above zero")
+    if not 0 < float(given) < FASTEST:
+        raise BadFile(f"fps is {float(given):g}, but must be above zero and below {FASTEST:g}")
     return float(given)
 
 

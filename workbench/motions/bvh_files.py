@@ -32,13 +32,13 @@ def read_bvh(
 ) -> Motion:
     """Read a BVH file: its rotations, its root, and its skeleton with the ends of bones.
 
-    A joint's rotations are multiplied in the order of its channels, and its place at its parent is
-    OFFSET plus its positions; where joints below the root have positions that repeat OFFSET, they
-    take its place. The unit (m, cm, mm, in, cmu) and the axis that points up are guessed from the
-    size and the form of the skeleton unless they are given; `fps` takes the place of the file's
-    rate. `notes` of the motion say all of this. Raises BadFile for a file that is damaged, has
-    several skeletons, or has bones that change their length by more than a centimetre; UnknownName
-    for a unit or an axis.
+    A joint's rotations are multiplied in the order of its channels. Positions of the root are its
+    place, as in Blender, whatever its OFFSET. Those of other joints are added to their offsets, or
+    take their place, whichever changes the skeleton less. The unit (m, cm, mm, in, cmu) and the
+    axis that points up are guessed from the size and the form of the skeleton unless they are
+    given; `fps` takes the place of the file's rate. `notes` of the motion say all of this. Raises
+    BadFile for a file that is damaged, has several skeletons, or has bones that change their length
+    by more than a centimetre; UnknownName for a unit or an axis.
     """
     check_given(unit, up)
     with taken_for(path, "BVH file of one skeleton", "export it again, or give what is missing"):
@@ -62,7 +62,8 @@ def _motion_of(
         pose[:, k] = _turned(channels, columns)
         if any(channel.endswith("position") for channel in channels):
             moved[k] = _places(channels, columns)
-    offsets, trans = np.array(text.offsets), moved.pop(0, np.zeros((len(pose), 3)))
+    offsets = np.array(text.offsets)
+    trans = moved.pop(0, offsets[0]) - np.tile(offsets[0], (len(pose), 1))
     offsets, stretch, replaced = _bones(offsets, moved)
     ends = np.array(text.end_offsets).reshape(-1, 3)
     bones = Bones(tuple(text.parents), offsets, tuple(text.end_parents), ends)
@@ -78,6 +79,8 @@ def _motion_of(
             "frame, and a skeleton here has bones of one length"
         )
     notes = [why, pointing, *([said] if said else []), *renamed]
+    if offsets[0].any() and trans.any():
+        notes.append("positions of the root take the place of its OFFSET, which is not zero")
     if moved:
         way = "take the place of their offsets" if replaced else "are added to their offsets"
         notes.append(

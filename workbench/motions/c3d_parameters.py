@@ -122,6 +122,8 @@ def _parameters(content: bytes, at: int, numbers: Numbers) -> dict[str, Paramete
 
 def _value(content: bytes, at: int, numbers: Numbers, name: str) -> Parameter:
     """A parameter: numbers in one row, or texts, whose first dimension is their length."""
+    if len(content) < at + 2:
+        raise ValueError("it ends within its parameters")
     kind, dims = int(np.frombuffer(content[at : at + 1], np.int8)[0]), content[at + 1]
     shape = tuple(content[at + 2 : at + 2 + dims])
     width, count = abs(kind), prod(shape)
