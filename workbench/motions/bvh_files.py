@@ -25,6 +25,7 @@ STRETCH = 0.01  # m, by which the place of a joint at its parent may change from
 CENTIMETRES = 1 / UNITS["cm"]  # the unit that is written
 ROTATIONS: Literal["ZXY"] = "ZXY"  # as written; each turns about the axes turned so far
 JOINTS = "joints"
+SAID = 1e-6  # frames a second: a rate that is rounded by more is said
 
 
 def read_bvh(
@@ -141,7 +142,8 @@ def _rate(written: str) -> tuple[float, str]:
     rate, digits = 1 / seconds, len(written.strip().partition(".")[2])
     near = round(rate)
     if near and rate != near and abs(1 / near - seconds) <= 10.0 ** -min(digits, 300):
-        return float(near), f"the frame time {seconds:g} s is taken for {near} frames a second"
+        told = f"the frame time {seconds:g} s is taken for {near} frames a second"
+        return float(near), told if abs(rate - near) > SAID else ""
     return rate, ""
 
 
