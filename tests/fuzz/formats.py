@@ -370,34 +370,40 @@ def _cameras(name: str) -> Callable[[Path], object]:
     return read
 
 
-def _motion_file(name: str) -> Format:
-    def make(folder: Path) -> None:
-        MOTION_FILES[name](folder / name)
+def _motions(folder: Path) -> None:
+    for name, make in MOTION_FILES.items():
+        make(folder / name)
 
-    def read(folder: Path) -> object:
+
+def _read_motions(folder: Path) -> object:
+    found: list[object] = []
+    for name in MOTION_FILES:
         motion = read_motion(folder / name)
         assert len(motion) == len(motion.pose) == len(motion.trans) > 0
         assert len(motion.joint_names) == motion.pose.shape[1]
-        played = motion.resampled(motion.fps / 2) if len(motion) < 10_000 else motion
-        joints = None if motion.bones is None else motion.joints()
-        return motion.pose, motion.trans, motion.betas, motion.fps, played.pose, joints
+        found.append((motion.pose, motion.trans, motion.betas, motion.fps))
+        if len(motion) < 10_000:
+            found.append(motion.resampled(motion.fps / 2).pose)
+        if motion.bones is not None:
+            found.append(motion.joints())
+    return found
 
-    return Format(make, read)
+
+def _markers(folder: Path) -> None:
+    for name, make in MARKER_FILES.items():
+        make(folder / name)
 
 
-def _marker_file(name: str) -> Format:
-    def make(folder: Path) -> None:
-        MARKER_FILES[name](folder / name)
-
-    def read(folder: Path) -> object:
-        found = read_markers(folder / name)
-        T, M, _ = found.markers.shape
+def _read_markers(folder: Path) -> object:
+    found: list[object] = []
+    for name in MARKER_FILES:
+        recording = read_markers(folder / name)
+        T, M, _ = recording.markers.shape
         assert T > 0
-        assert len({*found.labels}) == M
-        assert found.fps is None or 0 < found.fps < 1e6
-        return np.nan_to_num(found.markers, nan=0.0, posinf=np.inf, neginf=-np.inf)
-
-    return Format(make, read)
+        assert len({*recording.labels}) == M
+        assert recording.fps is None or 0 < recording.fps < 1e6
+        found.append(recording.markers[~np.isnan(recording.markers)])
+    return found
 
 
 FORMATS: dict[str, Format] = {
@@ -422,6 +428,6 @@ FORMATS: dict[str, Format] = {
     "coco.json": Format(_annotations, _read_annotations),
     "cameras.json": Format(_calibration, _cameras("cameras.json")),
     "cameras.toml": Format(_tables, _cameras("cameras.toml")),
-    **{name: _motion_file(name) for name in MOTION_FILES},
-    **{name: _marker_file(name) for name in MARKER_FILES},
+    "motion-files": Format(_motions, _read_motions),
+    "marker-files": Format(_markers, _read_markers),
 }
