@@ -66,6 +66,18 @@ def test_ezc3d_says_the_same(tmp_path: Path, scale: float) -> None:
     assert tuple(file["parameters"]["POINT"]["LABELS"]["value"]) == ours.labels
 
 
+def test_trc_data_reader_says_the_same(tmp_path: Path) -> None:
+    trc = pytest.importorskip("trc", reason="another reader of TRC; pip install trc-data-reader")
+    whole = np.where(np.isnan(PLACES), 1.0, PLACES)  # it takes the next cell for an empty one
+    (tmp_path / "walk.trc").write_text(trc_text(whole, LABELS))
+    theirs = trc.TRCData()
+    theirs.load(str(tmp_path / "walk.trc"))
+    ours = read_trc(tmp_path / "walk.trc")
+    assert tuple(theirs["Markers"]) == ours.labels
+    for m, label in enumerate(ours.labels):
+        np.testing.assert_allclose(theirs[label], ours.places[:, m], atol=1e-9)
+
+
 def c3d_with(tmp_path: Path, content: bytes) -> Path:
     path = tmp_path / "walk.c3d"
     path.write_bytes(content)
@@ -137,21 +149,28 @@ TEXT = trc_text(PLACES, LABELS)
     [
         ("", "begins with '', and not PathFileType"),
         (TEXT.replace("\t8\tmm", "\t9\tmm"), "names 8 markers, and says 9"),
-        (TEXT.replace("\t6\t8", "\t5\t8"), "follows 5 frames"),
-        (TEXT.replace("\t6\t8", "\t7\t8"), "has 6 frames, and says 7"),
+        (TEXT.partition("\n1\t0.000")[0], "it has no frames"),
+        (TEXT.replace("\n2\t0.010\t", "\n2\t0.010\t1\t"), "line 8 has more than 8 markers"),
         (TEXT.replace("\t6\t8", "\tsix\t8"), "NumFrames is 'six', which is no number"),
-        (TEXT.replace("\t6\t8", "\t999999999\t8"), "too many to be read"),
         (TEXT.replace("100.00", "0"), "DataRate is '0'"),
         (TEXT.replace("\n2\t0.010\t", "\n2\t0.010\tx"), "could not convert string to float"),
         (TEXT.replace("\n2\t0.010\t", "\n2\t0.010\t1e300"), "which is no place|could not convert"),
     ],
-    ids=range(9),
+    ids=range(8),
 )
 def test_a_damaged_trc_is_refused(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "walk.trc").write_text(text)
     with pytest.raises(BadFile, match=said) as refused:
         read_markers(tmp_path / "walk.trc")
     assert "walk.trc is no TRC file of markers (" in str(refused.value)
+
+
+def test_a_header_that_says_another_number_of_frames_is_mentioned(tmp_path: Path) -> None:
+    """As in a file that comes with Pose2Sim, which says 50 and has 25."""
+    (tmp_path / "walk.trc").write_text(TEXT.replace("\t6\t8", "\t50\t8"))
+    found = read_trc(tmp_path / "walk.trc")
+    assert len(found.places) == 6
+    assert found.notes == ("its header says 50 frames, and it has 6, which are read",)
 
 
 def test_times_that_say_another_rate_are_mentioned(tmp_path: Path) -> None:

@@ -42,19 +42,19 @@ def parse_trc(content: bytes) -> Trajectories:
         raise ValueError(f"it begins with {shown(head[0] if head else '')}, and not PathFileType")
     said = dict(zip(head[1].split(), head[2].split(), strict=False))
     names = [cell.strip() for cell in _cells(head[3])[2:] if cell.strip()]
-    M, T, wide = len(names), _whole(said, "NumFrames"), 3 * len(names) + 2
+    M, wide = len(names), 3 * len(names) + 2
     if _whole(said, "NumMarkers") != M or not M:
         raise ValueError(f"it names {M} markers, and says {said.get('NumMarkers', 'nothing')}")
-    if not T >= 1 or 3 * T * M > MOST_NUMBERS:
-        raise ValueError(f"{T} frames of {M} markers are none, or too many to be read")
     numbers, times = array("d"), array("d")
-    rows = (line.rstrip("\r\n") for line in lines)
-    for n, row in enumerate(rows, start=6):
+    for n, line in enumerate(lines, start=6):
+        row = line.rstrip("\r\n")
         if not row.strip():
             continue
         cells = _cells(row)
-        if len(times) == T or len([c for c in cells[wide:] if c.strip()]):
-            raise ValueError(f"line {n} follows {T} frames, or has more than {M} markers")
+        if any(cell.strip() for cell in cells[wide:]):
+            raise ValueError(f"line {n} has more than {M} markers")
+        if len(numbers) > MOST_NUMBERS:
+            raise ValueError(f"it has more than {len(times):,} frames, too many to be read")
         try:
             found = [float(cell) if cell.strip() else np.nan for cell in cells[:wide]]
         except ValueError as error:
@@ -62,10 +62,12 @@ def parse_trc(content: bytes) -> Trajectories:
         found += [np.nan] * (wide - len(found))
         times.append(found[1])
         numbers.extend(found[2:])
-    if len(times) < T:
-        raise ValueError(f"it has {len(times)} frames, and says {T}")
-    fps = _rate(said)
+    T, fps = len(times), _rate(said)
+    if not T:
+        raise ValueError("it has no frames")
     notes = _off_times(np.array(times), fps)
+    if (told := _whole(said, "NumFrames")) != T:
+        notes += (f"its header says {told} frames, and it has {T}, which are read",)
     labels, renamed = different_labels(names)
     places = checked_places(np.array(numbers).reshape(T, M, 3))
     return Trajectories(places, labels, fps, unit_named(said.get("Units", "")), notes + renamed)
