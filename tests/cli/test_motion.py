@@ -46,6 +46,16 @@ def test_amass_becomes_bvh_and_back(tmp_path: Path, workbench: Run) -> None:
     np.testing.assert_allclose(after.joints()[:, order], before.joints(body), atol=1e-6)
 
 
+def test_a_rate_that_a_file_lacks_can_be_given(tmp_path: Path, workbench: Run) -> None:
+    np.savez(tmp_path / "walk.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)))
+    code, _, wrong = workbench("motion", "walk.npz")
+    assert code == 2
+    assert "give its rate (--rate)" in " ".join(wrong.split())
+    code, out, _ = workbench("motion", "walk.npz", "--rate", "25")
+    assert code == 0
+    assert "5 frames at 25 frames a second, 0.16 s" in out
+
+
 def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) -> None:
     FILES["walk.trc"](tmp_path / "walk.trc")
     code, out, _ = workbench(

@@ -126,7 +126,7 @@ OLD = amass_entries(walk())
     [
         (without("poses"), "pose_body missing; it holds betas, dmpls, gender"),
         (without("trans"), "trans missing"),
-        (without("mocap_framerate"), "no mocap_framerate, mocap_frame_rate or fps; give the rate"),
+        (without("mocap_framerate"), "no mocap_framerate, mocap_frame_rate or fps; give its rate"),
         (OLD | {"mocap_framerate": np.array(0.0)}, "rate is not one number of frames"),
         (OLD | {"fps": np.array(30.0)}, "rate is not one number of frames"),
         (OLD | {"trans": np.zeros((7, 3))}, "trans|poses"),

@@ -45,6 +45,10 @@ def motion(
     fps: Annotated[
         float | None, typer.Option(help="Frames a second to which a motion is resampled.")
     ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Frames a second of a motion whose file does not say it, or says wrong."),
+    ] = None,
     strip: Annotated[
         Path | None, typer.Option(help="Draw some frames side by side into this .png.")
     ] = None,
@@ -66,20 +70,21 @@ def motion(
 ) -> None:
     """Say what a file of a motion or of markers holds, draw it, and convert it."""
     console, path = Console(), expanded(file)
-    if fps is not None and not 0 < fps < np.inf:
-        raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
+    for option, number in (("--fps", fps), ("--rate", rate)):
+        if number is not None and not 0 < number < np.inf:
+            raise BadArgument(f"{option} takes a number above 0, not {number:g}")
     if strip is not None and strip.suffix.lower() != ".png":
         raise BadArgument(f"--strip takes a file that ends in .png, not {strip}")
     if holds_markers(path):
         _refuse(out, MARKERS, "markers")
-        for option, given in (("--fps", fps), ("--body", body)):
+        for option, given in (("--fps", fps), ("--rate", rate), ("--body", body)):
             if given is not None:
                 warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
         return
     _refuse(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
-    found = read_motion(path, unit=unit, up=up, body=model)
+    found = read_motion(path, unit=unit, up=up, fps=rate, body=model)
     if unit is not None and path.suffix.lower() == ".npz":
         warn_without_effect(console, "--unit", "a motion in an .npz is in metres")
     _say_motion(console, found, path)

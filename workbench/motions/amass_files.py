@@ -183,7 +183,7 @@ def _said_of(archive: Archive, arrays: Mapping[str, NDArray[Any]], names: Iterab
 def _rate(arrays: Mapping[str, NDArray[Any]]) -> float:
     found = [arrays[name].reshape(-1) for name in RATES if name in arrays]
     if not found:
-        raise BadFile(f"it has no {', '.join(RATES[:-1])} or {RATES[-1]}; give the rate")
+        raise BadFile(f"it has no {', '.join(RATES[:-1])} or {RATES[-1]}; give its rate (--rate)")
     if any(one.size != 1 or not 1e-6 < one[0] < 1e6 or one[0] != found[0][0] for one in found):
         raise BadFile("its rate is not one number of frames a second")
     return float(found[0][0])
