@@ -46,6 +46,21 @@ def test_amass_becomes_bvh_and_back(tmp_path: Path, workbench: Run) -> None:
     np.testing.assert_allclose(after.joints()[:, order], before.joints(body), atol=1e-6)
 
 
+def test_a_motion_becomes_a_surface_for_viewers(tmp_path: Path, workbench: Run) -> None:
+    FILES["motion.npz"](tmp_path / "motion.npz")
+    code, out, _ = workbench("motion", "motion.npz", "--out", "walk.glb", "--body", "small")
+    assert code == 0
+    assert "motion: walk.glb" in out
+    assert (tmp_path / "walk.glb").read_bytes().startswith(b"glTF")
+    code, _, wrong = workbench("motion", "motion.npz", "--out", "a.glb", "--body", "small-scape")
+    assert code == 2
+    assert "take a SkinnedBody" in " ".join(wrong.split())
+    options = "--fps", "200000", "--out", "a.glb", "--body", "small"
+    code, _, wrong = workbench("motion", "motion.npz", *options)
+    assert code == 2
+    assert "MB as .glb; resample the motion" in " ".join(wrong.split())
+
+
 def test_a_rate_that_a_file_lacks_can_be_given(tmp_path: Path, workbench: Run) -> None:
     np.savez(tmp_path / "walk.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)))
     code, _, wrong = workbench("motion", "walk.npz")
@@ -72,7 +87,10 @@ def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) 
     [
         (("walk.fbx",), "is no file of a motion, which ends in .npz or .bvh"),
         (("walk.bvh", "--fps", "0"), "--fps takes a number above 0, not 0"),
-        (("walk.bvh", "--out", "walk.c3d"), "a motion can be written as .bvh or .npz, and not as"),
+        (
+            ("walk.bvh", "--out", "walk.c3d"),
+            "a motion can be written as .bvh or .npz or .glb, and not as",
+        ),
         (("walk.c3d", "--out", "walk.bvh"), "markers can be written as .npz or .trc, and not as"),
         (("walk.bvh", "--strip", "walk.jpg"), "--strip takes a file that ends in .png"),
         (("walk.bvh", "--unit", "ell"), "no unit is called 'ell'; there are cm, cmu, in, m, mm"),

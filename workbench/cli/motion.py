@@ -9,10 +9,12 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.arrays import Array, Index, Mask
+from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
+from workbench.bodies.skinned_only import not_skinned
 from workbench.cli.output import say, warn_without_effect
-from workbench.errors import BadArgument, some_of
+from workbench.errors import BadArgument, NotSupported, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
     holds_markers,
@@ -21,13 +23,13 @@ from workbench.fitting.marker_files import (
 )
 from workbench.geometry.upright import TURNS
 from workbench.homes import expanded
-from workbench.motions import Motion, bones_of, read_motion, save_motion, write_bvh
+from workbench.motions import Motion, bones_of, read_motion, save_motion, write_bvh, write_glb
 from workbench.motions.guesses import OTHERS, UNITS
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.writing import replacing
 
-MOTIONS, MARKERS = (".bvh", ".npz"), (".npz", ".trc")  # what is written
+MOTIONS, MARKERS = (".bvh", ".npz", ".glb"), (".npz", ".trc")  # what is written
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -40,7 +42,9 @@ def motion(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="Write it to this file: .bvh or .npz a motion, .trc or .npz markers."),
+        typer.Option(
+            help="Write it to this file: .bvh, .npz or .glb a motion, .trc or .npz markers."
+        ),
     ] = None,
     fps: Annotated[
         float | None, typer.Option(help="Frames a second to which a motion is resampled.")
@@ -91,11 +95,11 @@ def motion(
     if fps is not None:
         found = found.resampled(fps)
         say(console, f"resampled to {len(found)} frames at {fps:g} frames a second")
-    if model is None and found.bones is None and (strip is not None or out is not None):
-        needed = strip is not None or (out is not None and out.suffix.lower() == ".bvh")
-        if needed:
-            model = load_body("default")
-            say(console, "the bones are those of the body default; --body takes another")
+    wanted = "" if out is None else out.suffix.lower()
+    bare = found.bones is None and (strip is not None or wanted == ".bvh")
+    if model is None and (bare or wanted == ".glb"):
+        model = load_body("default")
+        say(console, "the body is default; --body takes another")
     if model is not None:
         before = found.notes
         found = found.named(model)
@@ -105,8 +109,13 @@ def motion(
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
     if out is not None:
-        if out.suffix.lower() == ".bvh":
+        if wanted == ".bvh":
             write_bvh(out, found, model)
+        elif wanted == ".glb":
+            assert model is not None
+            if not isinstance(model, SkinnedBody):
+                raise NotSupported(not_skinned(model, "a motion as .glb", "take a SkinnedBody"))
+            write_glb(out, found, model)
         else:
             save_motion(out, found)
         say(console, f"motion: {escape(str(out))}")

@@ -16,6 +16,7 @@ from workbench.motions.bones import Bones, bones_of
 from workbench.motions.bvh_files import read_bvh, write_bvh
 from workbench.motions.c3d_files import read_c3d
 from workbench.motions.files import read_motion
+from workbench.motions.glb_files import write_glb
 from workbench.motions.motion import Motion
 from workbench.motions.trajectories import Trajectories
 from workbench.motions.trc_files import read_trc, write_trc
@@ -32,5 +33,6 @@ __all__ = [
     "read_trc",
     "save_motion",
     "write_bvh",
+    "write_glb",
     "write_trc",
 ]
