@@ -26,7 +26,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("blocks",),
     ("geometry",),  # half a floor up: a camera is made of blocks
     ("bodies", "residuals"),
-    ("problem",),
+    ("problem", "motions"),
     ("diagnostics",),
     ("solvers", "sampling"),
     ("priors",),

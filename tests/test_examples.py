@@ -238,3 +238,15 @@ def test_scans_registered_together_come_nearer_to_the_truth() -> None:
     assert example.costs == sorted(example.costs, reverse=True)
     for apart, together in zip(example.found["apart"], example.found["together"], strict=True):
         assert together < 0.97 * apart
+
+
+def test_a_motion_comes_back_from_its_files(capsys: pytest.CaptureFixture[str]) -> None:
+    example = import_module("examples.33_motions_and_their_files")
+    capsys.readouterr()
+    found, fast, body = example.found, example.fast, example.body
+    assert found.bones is not None
+    assert fast.seconds == pytest.approx(2.0)
+    turned = fast.joints(body)[-1]
+    left = turned[body.joint_names.index("left_hip")] - turned[body.joint_names.index("right_hip")]
+    assert left[0] < 0 < np.linalg.norm(left)  # half a turn: left is where right was
+    assert np.abs(found.joints()[:, example.order] - fast.joints(body)).max() < 1e-6

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from workbench.experiments import Experiment
     from workbench.fitting import KnownAnswer, Measure, Setup, View
     from workbench.geometry.camera import Camera
+    from workbench.motions import Motion, read_motion, save_motion
     from workbench.problem import Constraint, Linearization, Problem, sequence
     from workbench.residuals import Residual
     from workbench.sampling import Posterior, laplace, sample
@@ -93,6 +94,7 @@ __all__ = [
     "LevenbergMarquardt",
     "Linearization",
     "Measure",
+    "Motion",
     "Newton",
     "Nlopt",
     "Plan",
@@ -133,9 +135,11 @@ __all__ = [
     "laplace",
     "linear_blend",
     "load_body",
+    "read_motion",
     "residuals",
     "sample",
     "save_body",
+    "save_motion",
     "sequence",
     "solve",
     "train",

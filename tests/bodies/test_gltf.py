@@ -47,11 +47,14 @@ def read(path: Path) -> tuple[dict[str, Any], Any]:
 def skinned(document: dict[str, Any], array: Any, frame: int) -> np.ndarray:
     """What the standard says a viewer shows at a key frame."""
     mesh, skin = document["meshes"][0]["primitives"][0], document["skins"][0]
-    turn, weights = {}, np.zeros(0)
+    turn, weights, root = {}, np.zeros(0), None
     for channel in document["animations"][0]["channels"]:
         out = array(document["animations"][0]["samplers"][channel["sampler"]]["output"])
         if channel["target"]["path"] == "weights":
             weights = out.reshape(-1, len(mesh["targets"]))[frame]
+        elif channel["target"]["path"] == "translation":
+            assert channel["target"]["node"] == 0
+            root = out[frame]
         else:
             turn[channel["target"]["node"]] = Rotation.from_quat(out[frame]).as_matrix()
     V = array(mesh["attributes"]["POSITION"])
@@ -62,6 +65,8 @@ def skinned(document: dict[str, Any], array: Any, frame: int) -> np.ndarray:
     def walk(node: int, above: np.ndarray) -> None:
         here = np.eye(4)
         here[:3, :3], here[:3, 3] = turn[node], document["nodes"][node]["translation"]
+        if node == 0 and root is not None:
+            here[:3, 3] = root
         world[node] = above @ here
         for child in document["nodes"][node].get("children", ()):
             walk(child, world[node])
@@ -89,6 +94,28 @@ def test_a_viewer_shows_the_body(tmp_path: Path) -> None:
     assert abs(bare - SMALL.vertices(poses[0], betas)).max() > 0.1
     names = [node["name"] for node in document["nodes"]]
     assert names[:-1] == list(SMALL.joint_names)
+
+
+def test_the_root_travels(tmp_path: Path) -> None:
+    poses, betas = some()
+    trans = np.array([[0.0, 1, 0], [0.1, 1, 0.5], [0.2, 1.1, 1.0]])
+    write_gltf(tmp_path / "a.glb", SMALL, poses, betas, trans=trans)
+    document, array = read(tmp_path / "a.glb")
+    for frame, (pose, place) in enumerate(zip(poses, trans, strict=True)):
+        shown = skinned(document, array, frame)
+        np.testing.assert_allclose(shown, SMALL.vertices(pose, betas, place), atol=1e-6)
+
+
+def test_quaternions_of_neighbouring_frames_are_on_one_side(tmp_path: Path) -> None:
+    """A full turn in ten frames: rotation vectors of at most pi jump to the other side."""
+    poses = np.zeros((11, 24, 3))
+    turn = np.linspace(0, 2 * np.pi, 11)
+    poses[:, 3, 1] = np.where(turn > np.pi, turn - 2 * np.pi, turn)
+    write_gltf(tmp_path / "a.glb", SMALL, poses)
+    document, array = read(tmp_path / "a.glb")
+    for sampler in document["animations"][0]["samplers"][:24]:
+        q = array(sampler["output"])
+        assert ((q[1:] * q[:-1]).sum(axis=1) > 0.9).all()
 
 
 def test_trimesh_opens_it(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from tests.cli.conftest import Run
 from workbench.experiments.balance import NAMES, published
 from workbench.fitting.detector_layouts import OPENPOSE
+from workbench.motions import read_motion
 
 
 @pytest.fixture
@@ -40,6 +41,7 @@ def test_a_clip_becomes_a_page_and_a_motion(
         assert motion["poses"].shape == (5, 24, 3)
         assert motion["trans"].shape == (5, 3)
         assert motion["fps"] == 60
+    assert len(read_motion("runs/clip/motion.npz")) == 5
     summary = json.loads(Path("runs/clip/summary.json").read_text())
     measures = {one["name"]: one["value"] for one in summary["measures"]}
     assert summary["frames"] == 5

@@ -30,6 +30,7 @@ from workbench.fitting import (
 from workbench.fitting.marker_information import informative_frames
 from workbench.fitting.marker_sets import matched, vertex_normals
 from workbench.fitting.markers import marker_errors
+from workbench.motions import read_motion
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.solvers import TrustRegion
 
@@ -256,7 +257,11 @@ def test_the_command_writes_the_motion_of_every_frame(
         "offsets": (41, 3),
         "labels": (41,),
         "fps": (),
+        "joint_names": (24,),
+        "up_axis": (),
     }
+    motion = read_motion(tmp_path / "runs" / "take" / "motion.npz")
+    assert (len(motion), motion.fps, motion.joint_names) == (14, 30.0, BODY.joint_names)
 
 
 def test_the_experiment_is_synthetic_and_says_so() -> None:

@@ -38,6 +38,8 @@ FILES = (
     "training-folder",
     "training-start",
     "mesh.obj",
+    "motion-files",
+    "marker-files",
 )
 AT_MOST = 6 * 2**30  # bytes of address space
 PROBLEM = """

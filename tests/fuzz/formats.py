@@ -18,6 +18,7 @@ import numpy as np
 from scipy.sparse import csr_array, issparse
 
 from tests.bodies.random_bodies import decorated, entries
+from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.skinned import Landmarks
@@ -28,7 +29,9 @@ from workbench.comparison.store import Folder
 from workbench.errors import BadFile
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.marker_files import read_markers
 from workbench.geometry.meshes import read_mesh, write_mesh
+from workbench.motions import read_motion
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import Checkpoint, read_checkpoint
@@ -367,6 +370,42 @@ def _cameras(name: str) -> Callable[[Path], object]:
     return read
 
 
+def _motions(folder: Path) -> None:
+    for name, make in MOTION_FILES.items():
+        make(folder / name)
+
+
+def _read_motions(folder: Path) -> object:
+    found: list[object] = []
+    for name in MOTION_FILES:
+        motion = read_motion(folder / name)
+        assert len(motion) == len(motion.pose) == len(motion.trans) > 0
+        assert len(motion.joint_names) == motion.pose.shape[1]
+        found.append((motion.pose, motion.trans, motion.betas, motion.fps))
+        if len(motion) < 10_000:
+            found.append(motion.resampled(motion.fps / 2).pose)
+        if motion.bones is not None:
+            found.append(motion.joints())
+    return found
+
+
+def _markers(folder: Path) -> None:
+    for name, make in MARKER_FILES.items():
+        make(folder / name)
+
+
+def _read_markers(folder: Path) -> object:
+    found: list[object] = []
+    for name in MARKER_FILES:
+        recording = read_markers(folder / name)
+        T, M, _ = recording.markers.shape
+        assert T > 0
+        assert len({*recording.labels}) == M
+        assert recording.fps is None or 0 < recording.fps < 1e6
+        found.append(recording.markers[~np.isnan(recording.markers)])
+    return found
+
+
 FORMATS: dict[str, Format] = {
     "body.npz": Format(_npz_body, _body("body.npz")),
     "triangles.npz": Format(_triangle_body, _read_triangle_body),
@@ -389,4 +428,6 @@ FORMATS: dict[str, Format] = {
     "coco.json": Format(_annotations, _read_annotations),
     "cameras.json": Format(_calibration, _cameras("cameras.json")),
     "cameras.toml": Format(_tables, _cameras("cameras.toml")),
+    "motion-files": Format(_motions, _read_motions),
+    "marker-files": Format(_markers, _read_markers),
 }

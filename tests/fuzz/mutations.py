@@ -381,6 +381,6 @@ BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
     ".json": (json_changed, json_changed, *TEXT),
     ".pkl": (opcode_changed,),
     ".h5": (dataset_changed,),
-    **dict.fromkeys((".toml", ".csv", ".obj", ".off", ".ply", ".stl", ".py"), TEXT),
+    **dict.fromkeys((".toml", ".csv", ".obj", ".off", ".ply", ".stl", ".py", ".bvh", ".trc"), TEXT),
     ".glb": (*TEXT,),
 }

@@ -16,6 +16,7 @@ from workbench.cli.diagnose import diagnose
 from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
+from workbench.cli.motion import motion
 from workbench.cli.register import register
 from workbench.cli.run import run
 from workbench.cli.sample import sample
@@ -80,6 +81,7 @@ for command in (
     register,
     coregister,
     body,
+    motion,
     basins,
     sliders,
     blendshapes,

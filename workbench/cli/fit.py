@@ -26,6 +26,7 @@ from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.meshes import own_mesh
 from workbench.fitting.setup import Setup
 from workbench.fitting.stature import checked_height
@@ -34,7 +35,6 @@ from workbench.homes import expanded
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 
 FPS = 30.0  # frames per second of a clip that does not say
-MARKERS = ".npz"
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def fit(
         list[Path],
         typer.Argument(
             help="Keypoints of one moment (COCO, COCO-WholeBody or OpenPose JSON, one file per "
-            "camera); a folder of such files, of one image each; with --video a clip; an .npz of "
-            "markers: markers (T, M, 3), labels (M,); or a mesh "
+            "camera); a folder of such files, of one image each; with --video a clip; "
+            "markers: .c3d, .trc, or .npz with markers (T, M, 3) and labels (M,); or a mesh "
             f"({', '.join(REGISTERED)}) of the body's topology, in metres."
         ),
     ],
@@ -193,7 +193,7 @@ def fit(
     }
     moving = {"--fps": fps is not None}
     of_markers = {"--marker-set": marker_set is not None}
-    if len(paths) > 1 and (video or first.is_dir() or first.suffix.lower() in (*READERS, MARKERS)):
+    if len(paths) > 1 and (video or first.is_dir() or first.suffix.lower() in (*READERS, *MARKERS)):
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
         )
@@ -215,7 +215,7 @@ def fit(
         given.mind(single | moving | of_markers, "it is not for a folder of images")
         work = ImageWork(model, recipe, reading, hypotheses)
         fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
-    elif first.suffix.lower() == MARKERS:
+    elif first.suffix.lower() in MARKERS:
         given.mind(of_keypoints | one_image | {"--compare": compare}, "it is not for markers")
         fit_markers(given.console, first, model, marker_set, fps, sigma, given.named, out)
     elif first.suffix.lower() in READERS:

@@ -38,7 +38,7 @@ def fit_markers(
 
     The report's folder gets `motion.npz`: `poses` (T, K, 3) rad, `trans` (T, 3) m, `betas` (B,),
     `offsets` (M, 3) m, `labels` (M,), `frames`, from which shape and offsets were found, `errors`
-    (T, M) m, and `fps`, if it is known.
+    (T, M) m, `joint_names`, and `fps`, if it is known. `read_motion` reads it.
     """
     if not isinstance(body, SkinnedBody):
         raise NotSupported(not_skinned(body, "a fit to markers", "take a SkinnedBody"))
@@ -72,6 +72,7 @@ def fit_markers(
     arrays = {"poses": poses, "trans": trans, "errors": errors, "frames": chosen}
     betas, offsets = given.values()
     arrays |= {"betas": betas, "offsets": offsets, "labels": np.array(worn.names)}
+    arrays |= {"joint_names": np.array(body.joint_names), "up_axis": np.array("y")}
     rate = recording.fps if fps is None else fps
     if rate is not None:
         arrays["fps"] = np.array(rate)

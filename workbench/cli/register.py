@@ -19,7 +19,7 @@ from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile, listed, some_of
 from workbench.fitting.scan_contents import READERS
 from workbench.fitting.scan_units import UNITS
-from workbench.fitting.scan_up import TURNS
+from workbench.geometry.upright import TURNS
 from workbench.homes import expanded
 from workbench.interrupts import caused_by
 from workbench.registration import (

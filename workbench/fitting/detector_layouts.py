@@ -34,6 +34,25 @@ def face(count: int) -> Names:
 
 HANDS = (hand("left"), hand("right"))
 WHOLE_BODY = (*COCO, *FEET, *face(68), *HANDS[0], *HANDS[1])
+_TOES_AND_HEELS = tuple(
+    f"{side}_{part}" for part in ("big_toe", "small_toe", "heel") for side in ("left", "right")
+)
+HALPE_26 = (*COCO, "head_top", "neck", "mid_hip", *_TOES_AND_HEELS)  # AlphaPose (Fang et al. 2022)
+HALPE_136 = (*HALPE_26, *face(68), *HANDS[0], *HANDS[1])
+OPENPOSE_135 = (  # whose hands have no root, which is the wrist
+    *(*COCO, "neck", "head_top", *FEET),
+    *(*HANDS[0][1:], *HANDS[1][1:], *face(70)),
+)
+_SIDES = ("left", "right")
+MEDIAPIPE_33 = (  # BlazePose (Bazarevsky et al. 2020); its points of a hand are knuckles
+    "nose",
+    *(f"{side}_eye{place}" for side in _SIDES for place in ("_inner", "", "_outer")),
+    *(f"{side}_ear" for side in _SIDES),
+    *(f"{side}_mouth" for side in _SIDES),
+    *(f"{side}_{part}" for part in LIMBS[:3] for side in _SIDES),
+    *(f"{side}_{part}" for part in ("pinky1", "index1", "thumb2") for side in _SIDES),
+    *(f"{side}_{part}" for part in (*LIMBS[3:], "heel", "foot_index") for side in _SIDES),
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +72,7 @@ class Layout:
 
 OPENPOSE = Layout(
     "pose_keypoints_2d",
-    {25: OPENPOSE_25, 18: OPENPOSE_18},
+    {25: OPENPOSE_25, 18: OPENPOSE_18, 135: OPENPOSE_135},
     {
         "hand_left_keypoints_2d": {21: HANDS[0]},
         "hand_right_keypoints_2d": {21: HANDS[1]},
@@ -62,7 +81,14 @@ OPENPOSE = Layout(
 )
 COCO_FILES = Layout(
     "keypoints",
-    {17: COCO, 23: COCO + FEET, 133: WHOLE_BODY},
+    {
+        17: COCO,
+        23: COCO + FEET,
+        26: HALPE_26,
+        33: MEDIAPIPE_33,
+        133: WHOLE_BODY,
+        136: HALPE_136,
+    },
     {
         "foot_kpts": {6: FEET},
         "face_kpts": {68: face(68)},

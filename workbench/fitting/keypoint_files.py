@@ -45,8 +45,9 @@ def read_keypoints(
 ) -> tuple[tuple[str, ...], Array, tuple[int, int] | None]:
     """Read names, keypoints (M, 3) as u, v, confidence, and the image's size if it is given.
 
-    COCO (annotations or results; 17 keypoints, 23 with feet, or COCO-WholeBody's 133, in one list
-    or in parts) or OpenPose (BODY_25 or COCO-18, hands and face) JSON. Of several people the one
+    COCO JSON (annotations or results, as AlphaPose writes too) has 17 keypoints, 23 with feet,
+    Halpe's 26 or 136, MediaPipe's 33 in px, or COCO-WholeBody's 133, in one list or in parts;
+    OpenPose JSON has BODY_25, BODY_135 or COCO-18, hands and face. Of several people the one
     with the largest sum of confidences is taken, or number `person`, counted from 0.
 
     Raises BadFile or UnknownName.

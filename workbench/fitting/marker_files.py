@@ -1,25 +1,33 @@
-"""Recordings of markers in .npz files: `markers` (T, M, 3), `labels` (M,) and, if known, `fps`."""
+"""Recordings of markers: .trc and .c3d files, and .npz files of our own.
 
+An .npz holds `markers` (T, M, 3), `labels` (M,) and, if it is known, `fps`.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import Array
-from workbench.errors import BadFile, check_known, listed
-from workbench.fitting.scan_up import TURNS
+from workbench.arrays import Array, Mask
+from workbench.errors import BadFile, listed, some
+from workbench.geometry.upright import TURNS
+from workbench.motions.c3d_files import read_c3d
+from workbench.motions.guesses import check_given, unit_of, up_of
+from workbench.motions.trajectories import Trajectories, checked_places
+from workbench.motions.trc_files import read_trc, write_trc
 from workbench.reading.archive import opened
+from workbench.reading.damage import taken_for
 from workbench.reading.expected import any_reals, optional, read_expected, texts
+from workbench.writing import replacing, write_arrays
 
+FASTEST = 1e6  # frames a second
 RECORDED = {
     "markers": any_reals("T", "M", 3),
     "labels": texts("M"),
     "fps": optional(any_reals()),
 }
-UNITS = {"m": 1.0, "mm": 0.001}
-BODY = (0.5, 3.0)  # m, how far the markers of one frame reach, from one end to the other
-ZUP = 1.2  # how much longer a standing person is along the height than along the other sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +38,8 @@ class MarkerRecording:
         markers: (T, M, 3) m, y up, NaN where a marker was not seen.
         labels: the name of each marker.
         fps: frames a second; None if the file does not say.
-        notes: sentences on the unit and the axis that were taken, and on what was missing.
+        notes: sentences on the unit and the axis that were taken, and on what was missing or left
+            out.
     """
 
     markers: Array
@@ -40,16 +49,41 @@ class MarkerRecording:
 
 
 def read_markers(path: Path, *, unit: str | None = None, up: str | None = None) -> MarkerRecording:
-    """Read an .npz of markers: metres or millimetres, y or z up; both are guessed and said.
+    """Read markers from an .npz, .trc or .c3d file, in metres, y up.
 
+    The unit is what the file says it is; in an .npz, and where a file does not say, m, cm or mm is
+    guessed from the size of a body. So is the axis that points up, y or z; `notes` say both.
     A marker that was not seen is NaN, or zero in all coordinates, as some systems write it. `unit`
-    is `m` or `mm` and `up` an axis, such as `z`. Raises BadFile for a file of another layout, and
-    for markers that are no body's in any unit; UnknownName for a unit or an axis.
+    is `m`, `cm`, `mm` or `in`, and `up` an axis, such as `z`. Raises BadFile for a damaged file, or
+    one of another layout, and for markers that are no body's in any unit; UnknownName for a unit
+    or an axis.
     """
-    if unit is not None:
-        check_known("unit", unit, UNITS)
-    if up is not None:
-        check_known("axis", up, TURNS)
+    check_given(unit, up)
+    suffix = Path(path).suffix.lower()
+    read = READERS.get(suffix, read_marker_arrays)
+    return upright(path, read(path), unit, up)
+
+
+def upright(
+    path: str | Path, found: Trajectories, unit: str | None, up: str | None
+) -> MarkerRecording:
+    """Trajectories of a file in metres, y up. Raises BadFile."""
+    with taken_for(path, "recording of markers of a body", "see that they are those of a person"):
+        seen = np.isfinite(found.places).all(axis=2) & found.places.any(axis=2)
+        lost: Mask = np.asarray(~seen)
+        if lost.all():
+            raise BadFile("no marker was seen in any frame")
+        places = np.where(lost[..., None], np.nan, found.places)
+        metres, said = unit_of(places, unit, found.unit)
+        places = places * metres
+        axis, why = up_of(places, up)
+    share = f"{100 * lost.mean():.1f} % of the places of markers are missing"
+    notes = (said, why, share, *found.notes)
+    return MarkerRecording(places @ TURNS[axis].T, found.labels, found.fps, notes)
+
+
+def read_marker_arrays(path: str | Path) -> Trajectories:
+    """The markers of an .npz in its own unit and axes. Raises BadFile."""
     with opened(path, "recording of markers", "give an .npz with markers and labels") as archive:
         arrays = read_expected(archive, RECORDED)
         given, labels = arrays["markers"], tuple(map(str, arrays["labels"]))
@@ -59,54 +93,52 @@ def read_markers(path: Path, *, unit: str | None = None, up: str | None = None) 
             raise BadFile(f"labels has {listed(twice)} more than once; each marker needs its name")
         if np.isinf(given).any():
             raise BadFile("markers holds infinite numbers; a marker that was not seen is NaN")
-        lost = ~np.isfinite(given).all(axis=2) | ~given.any(axis=2)
-        places = np.where(lost[..., None], np.nan, given)
-        if lost.all():
-            raise BadFile("no marker was seen in any frame")
-        metres, said = _unit(places, unit)
-        places = places * metres
-        axis, why = _up(places, up)
-    share = f"{100 * lost.mean():.1f} % of the places of markers are missing"
-    return MarkerRecording(places @ TURNS[axis].T, labels, fps, (said, why, share))
+        try:
+            checked_places(given)
+        except ValueError as error:
+            raise BadFile(str(error)) from error
+        others = [*sorted({*archive.headers} - {*RECORDED}), *archive.others]
+    notes = (f"not read are {some(others)}",) if others else ()
+    return Trajectories(given, labels, fps, None, notes)
 
 
 def _frames_a_second(given: NDArray[np.float64] | None) -> float | None:
     if given is None:
         return None
-    if not 0 < float(given) < np.inf:
-        raise BadFile(f"fps is {float(given):g}, but must be above zero")
+    if not 0 < float(given) < FASTEST:
+        raise BadFile(f"fps is {float(given):g}, but must be above zero and below {FASTEST:g}")
     return float(given)
 
 
-def _reach(places: Array) -> Array:
-    """The extent (3,) of the markers of a usual frame, along each axis."""
-    there = places[np.isfinite(places).all(axis=2).sum(axis=1) > 1]
-    if not len(there):
-        raise BadFile("no frame shows two markers")
-    return np.asarray(np.median(np.nanmax(there, axis=1) - np.nanmin(there, axis=1), axis=0))
+def holds_markers(path: str | Path) -> bool:
+    """Whether a file is one of markers, by its suffix, or in an .npz by its entries."""
+    suffix = Path(path).suffix.lower()
+    if suffix != ".npz":
+        return suffix in READERS
+    with opened(path, "file of a motion or of markers", "give another .npz") as archive:
+        return "markers" in archive.headers and "trans" not in archive.headers
 
 
-def _unit(places: Array, given: str | None) -> tuple[float, str]:
-    reach = float(np.linalg.norm(_reach(places)))
-    if given is not None:
-        return UNITS[given], f"the unit {given} was given"
-    for name, metres in UNITS.items():
-        if BODY[0] <= reach * metres <= BODY[1]:
-            return metres, (
-                f"the unit is taken to be {name}, in which the markers of a frame reach "
-                f"{reach * metres:.2f} m"
-            )
-    raise BadFile(
-        f"the markers of a frame reach {reach:.3g}, which is no body in {listed(UNITS)}; "
-        "give the unit, or scale them"
-    )
+def write_markers(path: str | Path, recording: MarkerRecording) -> None:
+    """Write markers, in metres, y up, as .trc or as .npz. Whole or not at all.
+
+    Raises BadFile for another suffix, and what `write_trc` raises.
+    """
+    match Path(path).suffix.lower():
+        case ".trc":
+            write_trc(path, Trajectories(recording.markers, recording.labels, recording.fps, "m"))
+        case ".npz":
+            arrays = {"markers": recording.markers, "labels": np.array(recording.labels)}
+            if recording.fps is not None:
+                arrays["fps"] = np.array(recording.fps)
+            with replacing(path) as temporary:
+                write_arrays(temporary, arrays)
+        case _:
+            raise BadFile(f"markers are written as .trc or .npz, and {path} ends otherwise")
 
 
-def _up(places: Array, given: str | None) -> tuple[str, str]:
-    if given is not None:
-        return given, f"the axis {given} was given as up"
-    reach = _reach(places)
-    if reach[2] > ZUP * reach[:2].max():
-        return "z", f"z is taken to be up, along which the markers reach {reach[2]:.2f} m"
-    sure = "" if reach[1] > ZUP * reach[[0, 2]].max() else ", which their form does not tell"
-    return "y", f"y is taken to be up{sure}"
+READERS: dict[str, Callable[[str | Path], Trajectories]] = {
+    ".npz": read_marker_arrays,
+    ".trc": read_trc,
+    ".c3d": read_c3d,
+}

@@ -28,6 +28,8 @@ from workbench.fitting.markers import (
 )
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Setup
+from workbench.motions import Motion
+from workbench.motions.gaps import without_gaps
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers.solution import Solution, Solver
 
@@ -58,6 +60,16 @@ class MarkerFit:
     errors: Array
     shape_setup: Setup
     shape_solution: Solution
+
+    def motion(self, body: SkinnedBody, fps: float) -> Motion:
+        """The motion of the body, frames that were not found being filled from their neighbours.
+
+        `fps` is that of the recording. Raises BadArgument for another body.
+        """
+        pose, trans, _, filled = without_gaps(self.pose, self.trans)
+        return Motion(
+            pose, trans, fps, body.joint_names, self.betas, origin="markers", notes=filled
+        )
 
 
 def mosh(

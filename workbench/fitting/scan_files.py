@@ -15,7 +15,8 @@ from workbench.fitting.scan_normals import with_normals
 from workbench.fitting.scan_outline import outline
 from workbench.fitting.scan_surface import areas_of_faces, areas_of_neighbours, units
 from workbench.fitting.scan_units import UNITS, unit_of
-from workbench.fitting.scan_up import TURNS, up_axis
+from workbench.fitting.scan_up import up_axis
+from workbench.geometry.upright import TURNS
 
 FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4

@@ -5,15 +5,8 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import UnknownName
 from workbench.fitting.scan_outline import TRIM, extents
+from workbench.geometry.upright import TURNS
 
-TURNS: dict[str, Array] = {  # rotations that take the axis to y; what faces -y when z is up faces z
-    "y": np.eye(3),
-    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-    "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
-    "-y": np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]),
-    "-z": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
-    "-x": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
-}
 STANDING = (1.0, 2.3)  # m, from the floor to the head
 LONGER = 1.3  # times as tall as the thinnest side
 END = 0.06  # of the height: the feet at one end, the head at the other

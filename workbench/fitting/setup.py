@@ -13,6 +13,7 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadSetup, check_known
 from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
+from workbench.motions import Motion
 from workbench.problem import Problem
 from workbench.residuals import Residual
 from workbench.solvers import SOLVERS, Solver
@@ -89,6 +90,11 @@ class Moving:
     views: tuple[View, ...]
     fps: float
     data: tuple[str, ...] = ()
+
+    def motion(self, values: Values) -> Motion:
+        """The motion that values describe. Raises BadArgument if each frame has its own betas."""
+        pose, betas, trans = (values[block.name] for block in self.body.blocks())
+        return Motion(pose, trans, self.fps, self.body.joint_names, betas, origin="a clip")
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from workbench.plots.distances import (
 )
 from workbench.plots.figure import house_style, png, sheet, smallest, svg
 from workbench.plots.minima import caption_minima, plot_minima
+from workbench.plots.motion_strip import caption_motion, plot_motion
 from workbench.plots.overlay import (
     caption_hypothesis,
     caption_overlay,
@@ -75,6 +76,7 @@ __all__ = [
     "caption_distances",
     "caption_hypothesis",
     "caption_minima",
+    "caption_motion",
     "caption_overlay",
     "caption_shape_gallery",
     "caption_sigmas",
@@ -101,6 +103,7 @@ __all__ = [
     "plot_distances",
     "plot_hypothesis",
     "plot_minima",
+    "plot_motion",
     "plot_overlay",
     "plot_shape_gallery",
     "plot_sigmas",

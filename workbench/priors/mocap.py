@@ -72,12 +72,12 @@ def read_mocap(path: Path) -> Mocap:
             raise BadFile(f"its poses have {arrays['poses'].shape[1]} angles of {listed(names)}")
         check_numbers("clip", arrays["clip"], len(arrays["clip_name"]))
     poses = arrays["poses"].reshape(len(arrays["poses"]), -1, 3)
-    good = arrays["ok"] & _elbows_bend_forwards(poses, names)
+    good = arrays["ok"] & elbows_bend_forwards(poses, names)
     clips = tuple(map(str, arrays["clip_name"]))
     return Mocap(poses[good], arrays["clip"][good], clips, names)
 
 
-def _elbows_bend_forwards(poses: Array, names: tuple[str, ...]) -> Mask:
+def elbows_bend_forwards(poses: Array, names: tuple[str, ...]) -> Mask:
     """Which poses (F,) bend elbows forwards: the left one about -y, the right one about +y."""
     left, right = (poses[:, names.index(name), 1] for name in ELBOWS)
     forwards: Mask = (left < ELBOW_LIMIT) & (right > -ELBOW_LIMIT)

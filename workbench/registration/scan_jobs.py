@@ -11,7 +11,7 @@ from workbench.errors import BadArgument, check_known
 from workbench.fitting.file_jobs import check_names_differ, reason_of
 from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
-from workbench.fitting.scan_up import TURNS
+from workbench.geometry.upright import TURNS
 from workbench.registration.model_fit import Progress
 from workbench.registration.registering import Recipe, Registration, register
 

@@ -34,6 +34,7 @@ def write_video(
         "betas": betas,
         "fps": np.array(moving.fps),
         "joint_names": np.array(moving.body.joint_names),
+        "up_axis": np.array("y"),
     }
     measures = setup.measures(values)
     text = page(

@@ -61,12 +61,14 @@ def write_gltf(
     poses: ArrayLike,
     betas: ArrayLike | None = None,
     *,
+    trans: ArrayLike | None = None,
     seconds: float = 1.0,
 ) -> None:
     """Write one person in poses (P, K, 3) rad as a .glb with a skeleton, `seconds` from key to key.
 
-    Whole or not at all. Raises BadBody for what no skinned glTF can say: triangle bodies, other
-    skinnings than linear blending, and bodies drawn in another pose than zero.
+    `trans` (P, 3) m moves the root. Whole or not at all. Raises BadBody for what no skinned glTF
+    can say: triangle bodies, other skinnings than linear blending, and bodies drawn in another
+    pose than zero.
     """
     path = Path(path)
     if isinstance(body, TriangleBody):
@@ -83,13 +85,16 @@ def write_gltf(
         body,
         np.asarray(poses, dtype=float).reshape(-1, body.n_joints, 3),
         np.zeros(body.n_betas) if betas is None else np.asarray(betas, dtype=float),
+        None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),
         seconds,
     )
     with replacing(path) as temporary:
         temporary.write_bytes(content)
 
 
-def _glb(body: SkinnedBody, poses: Array, betas: Array, seconds: float) -> bytes:
+def _glb(
+    body: SkinnedBody, poses: Array, betas: Array, trans: Array | None, seconds: float
+) -> bytes:
     chunk, K = Chunk(), body.n_joints
     rest = body.template + body.shapedirs @ betas
     J = body.numeric.skeleton.positions(betas)
@@ -126,7 +131,7 @@ def _glb(body: SkinnedBody, poses: Array, betas: Array, seconds: float) -> bytes
                 "inverseBindMatrices": chunk.add(inverse.reshape(K, 16), "float32"),
             }
         ],
-        "animations": [_animation(poses, seconds, chunk)],
+        "animations": [_animation(poses, None if trans is None else J[0] + trans, seconds, chunk)],
         "accessors": chunk.accessors,
         "bufferViews": chunk.views,
         "buffers": [{"byteLength": len(chunk.data)}],
@@ -152,14 +157,29 @@ def _influences(weights: Array, chunk: Chunk) -> dict[str, int]:
     return found
 
 
-def _animation(poses: Array, seconds: float, chunk: Chunk) -> dict[str, Any]:
+def _animation(poses: Array, root: Array | None, seconds: float, chunk: Chunk) -> dict[str, Any]:
+    """The key frames of all joints, and of the place of the root (P, 3) m if it moves."""
     P, K = poses.shape[:2]
-    q = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4)  # xyzw, as glTF
+    q = _on_one_side(Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4))
     times = chunk.add(seconds * np.arange(P), "float32")
     outputs = [chunk.add(q[:, k], "float32") for k in range(K)]
     outputs.append(chunk.add(np.eye(P).ravel(), "float32"))  # each pose its own morph target
     where = [{"node": k, "path": "rotation"} for k in range(K)] + [{"node": K, "path": "weights"}]
+    if root is not None:
+        outputs.append(chunk.add(root, "float32"))
+        where.append({"node": 0, "path": "translation"})
     return {
         "samplers": [{"input": times, "output": out} for out in outputs],
         "channels": [{"sampler": i, "target": target} for i, target in enumerate(where)],
     }
+
+
+def _on_one_side(q: Array) -> Array:
+    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side.
+
+    q and -q are the same rotation, and a viewer may interpolate the long way round between q and
+    what is nearly -q.
+    """
+    same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
+    signs = np.concatenate([np.ones((1, q.shape[1])), np.cumprod(same, axis=0)])
+    return np.asarray(q * signs[:, :, None])

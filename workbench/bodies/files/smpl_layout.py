@@ -18,7 +18,7 @@ from workbench.errors import BadBody, BadFile, shown, some
 from workbench.reading.facts import parsed
 
 INSTEAD = (  # keys by which other kinds of files are recognized
-    ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none"),
+    ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none; read_motion reads it"),
     ({"eigvec"}, "the soft-tissue directions of DMPL, which go with a body and are none"),
     ({"vertices", "faces"}, "a plain mesh; read_mesh reads mesh files"),
     ({"means", "covars"}, "a pose prior"),

@@ -1,0 +1,110 @@
+"""`workbench motion`: what a file holds, and the same in another format."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.cli.conftest import Run
+from tests.motions.made_files import MARKER_FILES, MOTION_FILES
+from workbench.fitting import read_markers
+
+FILES = MOTION_FILES | MARKER_FILES
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("walk.bvh", "a motion of 6 frames at 30 frames a second, 0.17 s"),
+        ("amass.npz", "52 joints: pelvis, left_hip"),
+        ("floats.c3d", "8 markers in 6 frames at 100 frames a second"),
+        ("walk.trc", "labels: LFHD, RFHD, C7, STRN, LANK and 3 more"),
+        ("markers.npz", "the unit is taken to be mm"),
+    ],
+)
+def test_it_says_what_a_file_holds(tmp_path: Path, workbench: Run, name: str, said: str) -> None:
+    FILES[name](tmp_path / name)
+    code, out, _ = workbench("motion", name)
+    assert code == 0
+    assert said in out
+    assert out.startswith(f"{name} holds ")
+
+
+def test_amass_becomes_bvh_and_back(tmp_path: Path, workbench: Run) -> None:
+    FILES["motion.npz"](tmp_path / "motion.npz")
+    options = "--out", "walk.bvh", "--fps", "120", "--body", "small", "--strip", "walk.png"
+    code, out, _ = workbench("motion", "motion.npz", *options)
+    assert code == 0
+    assert "resampled to 11 frames at 120 frames a second" in out
+    assert (tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
+    code, out, _ = workbench("motion", "walk.bvh", "--out", "again.npz", "--fps", "60")
+    assert code == 0
+    body = wb.load_body("small")
+    before, after = wb.read_motion(tmp_path / "motion.npz"), wb.read_motion(tmp_path / "again.npz")
+    order = [after.joint_names.index(name) for name in body.joint_names]
+    np.testing.assert_allclose(after.joints()[:, order], before.joints(body), atol=1e-6)
+
+
+def test_a_motion_becomes_a_surface_for_viewers(tmp_path: Path, workbench: Run) -> None:
+    FILES["motion.npz"](tmp_path / "motion.npz")
+    code, out, _ = workbench("motion", "motion.npz", "--out", "walk.glb", "--body", "small")
+    assert code == 0
+    assert "motion: walk.glb" in out
+    assert (tmp_path / "walk.glb").read_bytes().startswith(b"glTF")
+    code, _, wrong = workbench("motion", "motion.npz", "--out", "a.glb", "--body", "small-scape")
+    assert code == 2
+    assert "take a SkinnedBody" in " ".join(wrong.split())
+    options = "--fps", "200000", "--out", "a.glb", "--body", "small"
+    code, _, wrong = workbench("motion", "motion.npz", *options)
+    assert code == 2
+    assert "MB as .glb; resample the motion" in " ".join(wrong.split())
+
+
+def test_a_rate_that_a_file_lacks_can_be_given(tmp_path: Path, workbench: Run) -> None:
+    np.savez(tmp_path / "walk.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)))
+    code, _, wrong = workbench("motion", "walk.npz")
+    assert code == 2
+    assert "give its rate (--rate)" in " ".join(wrong.split())
+    code, out, _ = workbench("motion", "walk.npz", "--rate", "25")
+    assert code == 0
+    assert "5 frames at 25 frames a second, 0.16 s" in out
+
+
+def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) -> None:
+    FILES["walk.trc"](tmp_path / "walk.trc")
+    code, out, _ = workbench(
+        "motion", "walk.trc", "--out", "walk.npz", "--strip", "walk.png", "--fps", "10"
+    )
+    assert code == 0
+    assert "--fps changes nothing: walk.trc holds markers" in out
+    there = read_markers(tmp_path / "walk.npz").markers
+    np.testing.assert_allclose(there, read_markers(tmp_path / "walk.trc").markers, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("walk.fbx",), "is no file of a motion, which ends in .npz or .bvh"),
+        (("walk.bvh", "--fps", "0"), "--fps takes a number above 0, not 0"),
+        (
+            ("walk.bvh", "--out", "walk.c3d"),
+            "a motion can be written as .bvh or .npz or .glb, and not as",
+        ),
+        (("walk.c3d", "--out", "walk.bvh"), "markers can be written as .npz or .trc, and not as"),
+        (("walk.bvh", "--strip", "walk.jpg"), "--strip takes a file that ends in .png"),
+        (("walk.bvh", "--unit", "ell"), "no unit is called 'ell'; there are cm, cmu, in, m, mm"),
+        (("walk.bvh", "--up", "w"), "no axis is called 'w'"),
+        (("walk.npz",), "walk.npz is no file of a motion or of markers"),
+        (("walk.bvh", "--body", "small"), "the motion none of them but Hips, Left Leg"),
+    ],
+)
+def test_mistakes_are_a_sentence(
+    tmp_path: Path, workbench: Run, arguments: tuple[str, ...], said: str
+) -> None:
+    FILES["walk.bvh"](tmp_path / "walk.bvh")
+    FILES["floats.c3d"](tmp_path / "walk.c3d")
+    (tmp_path / "walk.npz").write_bytes(b"PK nothing")
+    code, _, wrong = workbench("motion", *arguments)
+    assert code == 2
+    assert said in " ".join(wrong.split())

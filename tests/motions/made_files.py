@@ -1,0 +1,237 @@
+"""Small files of motions and of markers, made by other means than those that the workbench writes.
+
+The BVH and the C3D are put together here, byte by byte, from what their descriptions say.
+"""
+
+import struct
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.bodies.files.joint_names import BODY, HANDS
+from workbench.geometry.upright import TURNS
+from workbench.motions import Motion, save_motion
+
+RNG = np.random.default_rng(7)
+T = 6
+LABELS = ("LFHD", "RFHD", "C7", "STRN", "LANK", "RANK", "LHEE", "RHEE")
+
+# Two legs and an arm, channels in several orders, a root that rests elsewhere than at the origin.
+HIERARCHY = """HIERARCHY
+ROOT Hips
+{
+	OFFSET 1.0 2.0 3.0
+	CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
+	JOINT Left Leg
+	{
+		OFFSET 10.0 -5.0 0.0
+		CHANNELS 3 Xrotation Yrotation Zrotation
+		JOINT LeftFoot
+		{
+			OFFSET 0.0 -85.0 1.0
+			CHANNELS 3 Yrotation Zrotation Xrotation
+			End Site
+			{
+				OFFSET 0.0 0.0 12.5
+			}
+		}
+	}
+	JOINT Chest {
+		OFFSET 0.0 55.0 0.0
+		CHANNELS 2 Zrotation Xrotation
+		End Site
+		{
+			OFFSET 0.0 30.0 0.0
+		}
+	}
+}
+MOTION
+"""
+
+
+def bvh_text(rows: Array, time: str = "0.0333333") -> str:
+    """The hierarchy above with these numbers (T, 14)."""
+    lines = [" ".join(f"{x:.6f}" for x in row) for row in rows]
+    return f"{HIERARCHY}Frames: {len(rows)}\nFrame Time: {time}\n" + "\n".join(lines) + "\n"
+
+
+def bvh_rows() -> Array:
+    """Numbers (T, 14) of a person who stands at about 0.9 m and turns every joint."""
+    rows = np.random.default_rng(8).uniform(-60, 60, (T, 14))
+    rows[:, :3] = np.random.default_rng(9).uniform(-5, 5, (T, 3)) + [0, 90, 0]
+    return rows
+
+
+def _bvh(path: Path) -> None:
+    path.write_text(bvh_text(bvh_rows()))
+
+
+def random_motion(K: int, names: Sequence[str], frames: int = T) -> Motion:
+    """A motion of small turns about an upright root."""
+    rng = np.random.default_rng(10)
+    pose = rng.normal(0, 0.3, (frames, K, 3))
+    return Motion(pose, rng.normal(0, 1, (frames, 3)), 60.0, tuple(names), rng.normal(0, 1, 10))
+
+
+def amass_entries(motion: Motion) -> dict[str, np.ndarray]:
+    """The older layout, z up, with entries that are not read."""
+    there = motion.turned(TURNS["z"].T)
+    return {
+        "poses": there.pose.reshape(len(there), -1),
+        "trans": there.trans,
+        "betas": np.concatenate([motion.betas, np.zeros(6)]),
+        "mocap_framerate": np.array(motion.fps),
+        "gender": np.array("female"),
+        "dmpls": np.zeros((len(there), 8)),
+    }
+
+
+def newer_entries(motion: Motion) -> dict[str, np.ndarray]:
+    """The newer layout of SMPL-X, z up: parts beside the whole."""
+    old = amass_entries(motion)
+    flat = old["poses"]
+    return {
+        "surface_model_type": np.array("smplx"),
+        "mocap_frame_rate": np.array(motion.fps),
+        "gender": np.array(b"neutral"),
+        "num_betas": np.array(16),
+        "poses": flat,
+        "root_orient": flat[:, :3],
+        "pose_body": flat[:, 3:66],
+        "pose_jaw": flat[:, 66:69],
+        "pose_eye": flat[:, 69:75],
+        "pose_hand": flat[:, 75:],
+        "trans": old["trans"],
+        "betas": old["betas"],
+    }
+
+
+def _amass(path: Path) -> None:
+    np.savez(path, **amass_entries(random_motion(52, (*BODY, *HANDS))))
+
+
+def _newer(path: Path) -> None:
+    names = (*BODY, "jaw", "left_eye", "right_eye", *HANDS)
+    np.savez(path, **newer_entries(random_motion(55, names)))
+
+
+def _own(path: Path) -> None:
+    body = load_body("small")
+    save_motion(path, random_motion(body.n_joints, body.joint_names))
+
+
+def marker_places() -> Array:
+    """Places (T, 8, 3) mm, z up, of markers as high as a person; one of them is never seen once."""
+    heights = np.repeat([1700.0, 1500.0, 100.0, 50.0], 2)
+    across = np.random.default_rng(11).uniform(-200, 200, (len(LABELS), 2))
+    places = np.column_stack([across, heights]) + np.random.default_rng(12).normal(0, 20, (T, 8, 3))
+    places[2, 3] = np.nan
+    return places
+
+
+def c3d_bytes(
+    places: Array, labels: Sequence[str], *, kind: str = "<", scale: float = -1.0, analog: int = 0
+) -> bytes:
+    """A C3D of places (T, M, 3) in mm at 100 frames a second: floats, or whole numbers times scale.
+
+    `kind` is `<` for Intel, `>` for MIPS, and `dec`, whose floats are those of a VAX.
+    """
+    order, (frames, M, _) = ">" if kind == ">" else "<", places.shape
+
+    def word(x: int) -> bytes:
+        return struct.pack(order + "H", x % 65536)
+
+    def real(x: float) -> bytes:
+        if kind != "dec":
+            return struct.pack(order + "f", x)
+        raw = struct.pack("<f", 4 * x)
+        return raw[2:] + raw[:2]
+
+    def group(name: str, number: int) -> bytes:
+        return struct.pack("bb", len(name), -number) + name.encode() + word(3) + b"\0"
+
+    def parameter(name: str, type_: int, dims: Sequence[int], data: bytes) -> bytes:
+        rest = struct.pack("bB", type_, len(dims)) + bytes(dims) + data + b"\0"
+        return struct.pack("bb", len(name), 1) + name.encode() + word(len(rest) + 2) + rest
+
+    wide = max(map(len, labels))
+    text = "".join(label.ljust(wide) for label in labels).encode()
+    body = group("POINT", 1)
+    body += parameter("USED", 2, (), word(M)) + parameter("FRAMES", 2, (), word(frames))
+    body += parameter("SCALE", 4, (), real(scale)) + parameter("RATE", 4, (), real(100.0))
+    body += parameter("UNITS", -1, (4,), b"mm  ")
+    body += parameter("DATA_START", 2, (), word(3))
+    body += parameter("LABELS", -1, (wide, len(labels)), text) + b"\0\0"
+    blocks = -(-(len(body) + 4) // 512)
+    number = {"<": 84, "dec": 85, ">": 86}[kind]
+    parameters = (bytes((1, 80, blocks, number)) + body).ljust(512 * blocks, b"\0")
+    head = bytes((2, 80)) + word(M) + word(analog) + word(1) + word(frames) + word(10) + real(scale)
+    head += word(2 + blocks) + word(analog) + real(100.0)
+    data = b""
+    for frame in places:
+        for place in frame:
+            lost = not np.isfinite(place).all()
+            numbers = [0.0, 0.0, 0.0, -1.0] if lost else [*place, 0.0]
+            if scale < 0:
+                data += b"".join(real(x) for x in numbers)
+            else:
+                data += b"".join(word(round(x / scale)) for x in numbers[:3]) + word(
+                    int(numbers[3])
+                )
+        data += (real(0.5) if scale < 0 else word(5)) * analog
+    return head.ljust(512, b"\0") + parameters + data.ljust(-(-len(data) // 512) * 512, b"\0")
+
+
+def _c3d(scale: float, kind: str) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        content = c3d_bytes(marker_places(), LABELS, kind=kind, scale=scale, analog=2)
+        path.write_bytes(content)
+
+    return write
+
+
+def trc_text(places: Array, labels: Sequence[str]) -> str:
+    """A .trc in mm at 100 frames a second, with empty cells where a marker was not seen."""
+    rows = []
+    for t, frame in enumerate(places):
+        cells = ["" if np.isnan(x) else f"{x:.5f}" for x in frame.ravel()]
+        rows.append("\t".join([str(t + 1), f"{t / 100:.3f}", *cells]))
+    axes = "\t".join(f"X{m}\tY{m}\tZ{m}" for m in range(1, len(labels) + 1))
+    return "\n".join(
+        [
+            "PathFileType\t4\t(X/Y/Z)\twalk.trc",
+            "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate",
+            f"100.00\t100.00\t{len(places)}\t{len(labels)}\tmm\t100.00",
+            "Frame#\tTime\t" + "\t\t\t".join(labels) + "\t\t",
+            f"\t\t{axes}",
+            "",
+            *rows,
+            "",
+        ]
+    )
+
+
+def _trc(path: Path) -> None:
+    path.write_text(trc_text(marker_places(), LABELS))
+
+
+def _arrays(path: Path) -> None:
+    np.savez(path, markers=marker_places(), labels=np.array(LABELS), fps=np.array(100.0))
+
+
+MOTION_FILES: dict[str, Callable[[Path], None]] = {
+    "walk.bvh": _bvh,
+    "amass.npz": _amass,
+    "newer-amass.npz": _newer,
+    "motion.npz": _own,
+}
+MARKER_FILES: dict[str, Callable[[Path], None]] = {
+    "floats.c3d": _c3d(-1.0, "<"),
+    "integers.c3d": _c3d(0.1, ">"),
+    "vax.c3d": _c3d(-1.0, "dec"),
+    "walk.trc": _trc,
+    "markers.npz": _arrays,
+}

@@ -1,0 +1,258 @@
+"""BVH: forward kinematics written out by hand, other readers, round trips, and what is refused."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.motions.made_files import bvh_rows, bvh_text, random_motion
+from workbench.arrays import Array
+from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.geometry.upright import TURNS
+from workbench.motions import Bones, Motion, read_bvh, read_motion, write_bvh
+
+SMALL = wb.load_body("small")
+NAMES = ("Hips", "Left Leg", "LeftFoot", "Chest")
+
+
+def about(axis: str, degrees: float) -> Array:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return {
+        "X": np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
+        "Y": np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
+        "Z": np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
+    }[axis]
+
+
+def by_hand(row: Array) -> Array:
+    """The four joints and two ends of HIERARCHY in one frame, (6, 3) cm."""
+    a = iter(row[3:])
+    R = [np.linalg.multi_dot([about(x, next(a)) for x in order]) for order in ("ZYX", "XYZ", "YZX")]
+    chest = about("Z", next(a)) @ about("X", next(a))
+    hips = row[:3]  # whatever its OFFSET
+    leg = hips + R[0] @ [10, -5, 0]
+    foot = leg + R[0] @ R[1] @ [0, -85, 1]
+    spine = hips + R[0] @ [0, 55, 0]
+    toe = foot + R[0] @ R[1] @ R[2] @ [0, 0, 12.5]
+    return np.array([hips, leg, foot, spine, toe, spine + R[0] @ chest @ [0, 30, 0]])
+
+
+def saved(folder: Path, text: str) -> Path:
+    path = folder / "walk.bvh"
+    path.write_text(text)
+    return path
+
+
+def places(motion: Motion) -> Array:
+    assert motion.bones is not None
+    ends = motion.bones.ends(motion.pose, motion.trans)
+    return np.concatenate([motion.joints(), ends], axis=1)
+
+
+def walk() -> Motion:
+    return random_motion(SMALL.n_joints, SMALL.joint_names)
+
+
+def test_joints_and_ends_are_where_the_description_says(tmp_path: Path) -> None:
+    found = read_bvh(saved(tmp_path, bvh_text(bvh_rows())))
+    assert found.joint_names == NAMES
+    expected = np.array([by_hand(row) for row in bvh_rows()]) / 100
+    np.testing.assert_allclose(places(found), expected, atol=1e-8)
+    assert found.fps == 30
+    assert "the frame time 0.0333333 s is taken for 30 frames a second" in found.notes
+    assert "positions of the root take the place of its OFFSET, which is not zero" in found.notes
+
+
+def test_a_body_s_motion_comes_back_on_its_bones_and_on_the_body(tmp_path: Path) -> None:
+    motion = walk()
+    write_bvh(tmp_path / "walk.bvh", motion, SMALL)
+    found = read_motion(tmp_path / "walk.bvh")
+    order = [found.joint_names.index(name) for name in SMALL.joint_names]
+    np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=1e-6)
+    played = Motion(
+        found.pose, found.trans, found.fps, found.joint_names, motion.betas, bones=found.bones
+    )
+    np.testing.assert_allclose(played.vertices(SMALL), motion.vertices(SMALL), atol=1e-6)
+    write_bvh(tmp_path / "again.bvh", found)
+    np.testing.assert_allclose(places(read_bvh(tmp_path / "again.bvh")), places(found), atol=1e-6)
+
+
+def test_bvhio_says_the_same(tmp_path: Path) -> None:
+    bvhio = pytest.importorskip("bvhio", reason="another reader of BVH; pip install bvhio")
+    motion = walk()
+    write_bvh(tmp_path / "walk.bvh", motion, SMALL)
+    root = bvhio.readAsHierarchy(str(tmp_path / "walk.bvh"))
+    found = np.empty((len(motion), 24, 3))
+    for t in range(len(motion)):
+        root.loadPose(t)
+        for joint, _, _ in root.layout():
+            found[t, SMALL.joint_names.index(joint.Name)] = np.array(joint.PositionWorld)
+    np.testing.assert_allclose(found / 100, motion.joints(SMALL), atol=1e-5)
+
+
+def test_bvhio_takes_the_root_and_all_orders_of_channels_in_the_same_way(tmp_path: Path) -> None:
+    bvhio = pytest.importorskip("bvhio", reason="another reader of BVH; pip install bvhio")
+    text = bvh_text(bvh_rows()).replace("Left Leg", "LeftLeg").replace("Chest {", "Chest\n\t{")
+    root = bvhio.readAsHierarchy(str(saved(tmp_path, text)))
+    ours = read_bvh(tmp_path / "walk.bvh").joints()
+    for t in range(len(ours)):
+        root.loadPose(t)
+        theirs = [np.array(joint.PositionWorld) / 100 for joint, _, _ in root.layout()]
+        np.testing.assert_allclose(ours[t], theirs, atol=1e-5)
+
+
+def test_bvhsdk_says_the_same(tmp_path: Path) -> None:
+    bvhsdk = pytest.importorskip("bvhsdk", reason="another reader of BVH; pip install bvhsdk")
+    motion = walk()
+    write_bvh(tmp_path / "walk.bvh", motion, SMALL)
+    tree = bvhsdk.ReadFile(str(tmp_path / "walk.bvh"))
+    found = np.empty((len(motion), 24, 3))
+    for t in range(len(motion)):
+        for joint in tree.getlistofjoints():
+            found[t, SMALL.joint_names.index(joint.name)] = joint.getPosition(t)
+    np.testing.assert_allclose(found / 100, motion.joints(SMALL), atol=1e-5)
+
+
+def test_a_limb_at_the_pole_of_its_angles_is_written_right(tmp_path: Path) -> None:
+    """There two of the three angles turn about one axis, of which SciPy warns."""
+    pose = np.zeros((3, 24, 3))
+    pose[:, 1:, 0] = np.radians([89.9999999, 90.0, 90.1])[:, None]
+    motion = Motion(pose, np.zeros((3, 3)), 10.0, SMALL.joint_names)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_bvh(tmp_path / "walk.bvh", motion, SMALL)
+    found = read_bvh(tmp_path / "walk.bvh")
+    order = [found.joint_names.index(name) for name in SMALL.joint_names]
+    np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("scale", "name"), [(1.0, "cm"), (10.0, "mm"), (0.01, "m"), (0.45 / 2.54, "cmu")]
+)
+def test_the_unit_is_guessed_and_said(tmp_path: Path, scale: float, name: str) -> None:
+    motion = walk()
+    write_bvh(tmp_path / "walk.bvh", motion, SMALL)
+    lines = []
+    text, _, rows = (tmp_path / "walk.bvh").read_text().partition("Frame Time")
+    for line in text.splitlines():
+        key, _, rest = line.strip().partition(" ")
+        scaled = (
+            " ".join(f"{scale * float(x):.9f}" for x in rest.split()) if key == "OFFSET" else rest
+        )
+        lines.append(f"{key} {scaled}")
+    time, *frames = rows.splitlines()
+    numbers = np.array([line.split() for line in frames], dtype=float)
+    numbers[:, :3] *= scale
+    body = [" ".join(f"{x:.9f}" for x in row) for row in numbers]
+    path = saved(tmp_path, "\n".join([*lines, f"Frame Time{time}", *body]))
+    found = read_bvh(path)
+    assert f"the unit is taken to be {name}, " in found.notes[0]
+    order = [found.joint_names.index(n) for n in SMALL.joint_names]
+    np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=2e-6)
+    given = read_bvh(path, unit=name, up="y")
+    assert given.notes[:2] == (f"the unit {name} was given", "the axis y was given as up")
+    with pytest.raises(UnknownName, match="no unit is called 'ell'"):
+        read_bvh(path, unit="ell")
+
+
+def test_a_file_with_z_up_is_turned(tmp_path: Path) -> None:
+    text = bvh_text(bvh_rows())
+    found, plain = (read_bvh(saved(tmp_path, text), up=up) for up in ("z", "y"))
+    np.testing.assert_allclose(places(found), places(plain) @ TURNS["z"].T, atol=1e-12)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_places_of_joints_below_the_root_add_to_or_replace_their_offsets(
+    tmp_path: Path, whole: bool
+) -> None:
+    text = bvh_text(bvh_rows()).replace(
+        "CHANNELS 3 Xrotation Yrotation Zrotation",
+        "CHANNELS 6 Xrotation Yposition Xposition Zposition Yrotation Zrotation",
+    )
+    head, _, rows = text.partition("0.0333333\n")
+    numbers = np.array([line.split() for line in rows.splitlines()], dtype=float)
+    bone = np.array([-5.0, 10.0, 0.0]) if whole else np.array([0.01, 0.02, 0.0])  # y, x, z
+    between = np.insert(numbers, [7, 7, 7], bone, axis=1)
+    body = "\n".join(" ".join(map(str, row)) for row in between)
+    found = read_bvh(saved(tmp_path, f"{head}0.0333333\n{body}\n"))
+    expected = np.array([by_hand(row) for row in bvh_rows()]) / 100
+    np.testing.assert_allclose(places(found), expected, atol=1e-8 if whole else 3e-4)
+    assert ("take the place of" if whole else "are added to") in found.notes[-1]
+    between[0, 7] += 5.0  # cm
+    body = "\n".join(" ".join(map(str, row)) for row in between)
+    with pytest.raises(BadFile, match="bones change their length by up to 0"):
+        read_bvh(saved(tmp_path, f"{head}0.0333333\n{body}\n"))
+
+
+WHOLE = bvh_text(bvh_rows())
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "begins with '', and not with HIERARCHY"),
+        (WHOLE.replace("HIERARCHY", "HIERARCHIES", 1), "begins with 'HIERARCHIES'"),
+        (WHOLE.replace("JOINT Chest {", "ROOT Chest {"), "is 'ROOT Chest'"),
+        (WHOLE.replace("\nMOTION", "\nROOT B\n{\nMOTION", 1), "begins a second skeleton"),
+        (WHOLE.replace("\n}\nMOTION", "\nMOTION"), "is 'MOTION', which is not expected"),
+        (WHOLE.replace("OFFSET 0.0 55.0 0.0", "", 1), "'Chest' has no OFFSET or no CHANNELS"),
+        (WHOLE.replace("OFFSET 0.0 55.0 0.0", "OFFSET 0 55"), "has 2 numbers, and must have 3"),
+        (
+            WHOLE.replace("OFFSET 0.0 55.0 0.0", "OFFSET 0 1e99 0"),
+            "holds 1e.99, which is no length",
+        ),
+        (
+            WHOLE.replace("OFFSET 0.0 0.0 12.5", ""),
+            "the end site that ends at line 17 has no OFFSET",
+        ),
+        (WHOLE.replace("2 Zrotation", "3 Zrotation"), "has the channels '3 Zrotation Xrotation'"),
+        (WHOLE.replace("2 Zrotation Xrotation", "2 Zrotation Wrotation"), "Wrotation"),
+        (WHOLE.replace("2 Zrotation Xrotation", "2 Zrotation Zrotation"), "same channel twice"),
+        (WHOLE.replace("Frames: 6", "Frames: 7"), "has 6 frames, and says 7"),
+        (WHOLE.replace("Frames: 6", "Frames: 5"), "follows the last of 5 frames"),
+        (WHOLE.replace("Frames: 6", "Frames: 0"), "0 frames of 14 channels"),
+        (
+            WHOLE.replace("Frames: 6", "Frames: 99999999"),
+            "99,999,999 frames of 14 channels are too",
+        ),
+        (WHOLE.replace("Frames: 6", "Frames: six"), "and not the number of Frames"),
+        (WHOLE.replace("Time: 0.0333333", "Time: 0"), "frame time is '0', which is no time"),
+        (WHOLE + "nan " * 14, "follows the last of 6 frames"),
+        (WHOLE.replace(".", "x"), "has the channels|could not convert|OFFSET|line 4"),
+        (
+            WHOLE.replace("55.0", "0.0").replace("85.0", "0.0").replace("30.0", "0.0"),
+            "which is no body in m, cm and mm",
+        ),
+    ],
+    ids=range(21),
+)
+def test_a_damaged_file_is_refused_in_a_sentence(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(BadFile, match=said) as refused:
+        read_bvh(saved(tmp_path, text))
+    assert "walk.bvh is no BVH file of one skeleton (" in str(refused.value)
+
+
+def test_equal_names_get_numbers(tmp_path: Path) -> None:
+    found = read_bvh(saved(tmp_path, WHOLE.replace("Left Leg", "Bone").replace("Chest", "Bone")))
+    assert found.joint_names == ("Hips", "Bone", "LeftFoot", "Bone_2")
+    assert any("1 joints have the name of another" in note for note in found.notes)
+
+
+def test_a_motion_without_bones_needs_a_body(tmp_path: Path) -> None:
+    with pytest.raises(BadArgument, match="give the body that has them"):
+        write_bvh(tmp_path / "walk.bvh", walk())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_chain_of_a_thousand_joints_is_written_and_read(tmp_path: Path) -> None:
+    """No recursion: Python allows a thousand calls within each other."""
+    K = 1500
+    bones = Bones((-1, *range(K - 1)), np.full((K, 3), 1e-3))
+    motion = Motion(
+        np.zeros((1, K, 3)), np.zeros((1, 3)), 10.0, tuple(map(str, range(K))), bones=bones
+    )
+    write_bvh(tmp_path / "walk.bvh", motion)
+    found = read_bvh(tmp_path / "walk.bvh", unit="cm")
+    np.testing.assert_allclose(found.joints(), motion.joints(), atol=1e-5)

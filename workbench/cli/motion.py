@@ -1,0 +1,189 @@
+"""`workbench motion`: what a file of a motion or of markers holds; and another file of the same."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.arrays import Array, Index, Mask
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.catalogue import BODIES, load_body
+from workbench.bodies.skinned_only import not_skinned
+from workbench.cli.output import say, warn_without_effect
+from workbench.errors import BadArgument, NotSupported, some_of
+from workbench.fitting.marker_files import (
+    MarkerRecording,
+    holds_markers,
+    read_markers,
+    write_markers,
+)
+from workbench.geometry.upright import TURNS
+from workbench.homes import expanded
+from workbench.motions import Motion, bones_of, read_motion, save_motion, write_bvh, write_glb
+from workbench.motions.guesses import OTHERS, UNITS
+from workbench.plots import plot_motion
+from workbench.plots.figure import drawn, png
+from workbench.writing import replacing
+
+MOTIONS, MARKERS = (".bvh", ".npz", ".glb"), (".npz", ".trc")  # what is written
+NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
+
+
+def motion(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A motion: .bvh, or .npz as of AMASS; or markers: .c3d, .trc, or .npz of markers."
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write it to this file: .bvh, .npz or .glb a motion, .trc or .npz markers."
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second to which a motion is resampled.")
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Frames a second of a motion whose file does not say it, or says wrong."),
+    ] = None,
+    strip: Annotated[
+        Path | None, typer.Option(help="Draw some frames side by side into this .png.")
+    ] = None,
+    body: Annotated[
+        str | None,
+        typer.Option(
+            help=f"The body whose bones a motion moves ({', '.join(BODIES)}, or a file of your "
+            "own); a .bvh has bones of its own."
+        ),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(help=f"Unit of a .bvh or of markers ({', '.join(UNITS | OTHERS)})."),
+    ] = None,
+    up: Annotated[
+        str | None,
+        typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
+    ] = None,
+) -> None:
+    """Say what a file of a motion or of markers holds, draw it, and convert it."""
+    console, path = Console(), expanded(file)
+    for option, number in (("--fps", fps), ("--rate", rate)):
+        if number is not None and not 0 < number < np.inf:
+            raise BadArgument(f"{option} takes a number above 0, not {number:g}")
+    if strip is not None and strip.suffix.lower() != ".png":
+        raise BadArgument(f"--strip takes a file that ends in .png, not {strip}")
+    if holds_markers(path):
+        _refuse(out, MARKERS, "markers")
+        for option, given in (("--fps", fps), ("--rate", rate), ("--body", body)):
+            if given is not None:
+                warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
+        _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
+        return
+    _refuse(out, MOTIONS, "a motion")
+    model = None if body is None else load_body(body)
+    found = read_motion(path, unit=unit, up=up, fps=rate, body=model)
+    if unit is not None and path.suffix.lower() == ".npz":
+        warn_without_effect(console, "--unit", "a motion in an .npz is in metres")
+    _say_motion(console, found, path)
+    if fps is not None:
+        found = found.resampled(fps)
+        say(console, f"resampled to {len(found)} frames at {fps:g} frames a second")
+    wanted = "" if out is None else out.suffix.lower()
+    bare = found.bones is None and (strip is not None or wanted == ".bvh")
+    if model is None and (bare or wanted == ".glb"):
+        model = load_body("default")
+        say(console, "the body is default; --body takes another")
+    if model is not None:
+        before = found.notes
+        found = found.named(model)
+        _say_notes(console, found.notes[len(before) :])
+    if strip is not None:
+        places, pairs = _stick_figure(found, model)
+        _draw(strip, places, pairs, found.fps)
+        say(console, f"strip: {escape(str(strip))}")
+    if out is not None:
+        if wanted == ".bvh":
+            write_bvh(out, found, model)
+        elif wanted == ".glb":
+            assert model is not None
+            if not isinstance(model, SkinnedBody):
+                raise NotSupported(not_skinned(model, "a motion as .glb", "take a SkinnedBody"))
+            write_glb(out, found, model)
+        else:
+            save_motion(out, found)
+        say(console, f"motion: {escape(str(out))}")
+
+
+def _refuse(out: Path | None, suffixes: tuple[str, ...], what: str) -> None:
+    if out is not None and out.suffix.lower() not in suffixes:
+        raise BadArgument(f"{what} can be written as {' or '.join(suffixes)}, and not as {out}")
+
+
+def _say_motion(console: Console, found: Motion, path: Path) -> None:
+    moved = np.linalg.norm(np.diff(found.trans, axis=0), axis=1)
+    lines = [
+        f"{path.name} holds a motion of {len(found)} frames at {found.fps:g} frames a second, "
+        f"{found.seconds:.2f} s",
+        f"{len(found.joint_names)} joints: {some_of(found.joint_names)}",
+        f"the root travels {moved.sum():.2f} m",
+    ]
+    if found.bones is not None:
+        tall = float(np.ptp(np.concatenate([found.joints()[0], _ends(found)[0]])[:, 1]))
+        lines.append(f"it has bones of its own, {tall:.2f} m tall in the first frame")
+    if len(found.betas):
+        lines.append(f"{len(found.betas)} betas, the largest {np.abs(found.betas).max():.2f}")
+    if found.expression is not None:
+        lines.append(f"{found.expression.shape[1]} coefficients of expression")
+    for line in lines:
+        say(console, escape(line))
+    _say_notes(console, found.notes)
+
+
+def _say_notes(console: Console, notes: tuple[str, ...]) -> None:
+    for note in notes:
+        say(console, f"[dim]{escape(note)}[/]")
+
+
+def _ends(found: Motion) -> Array:
+    assert found.bones is not None
+    return found.bones.ends(found.pose[:1], found.trans[:1])
+
+
+def _stick_figure(found: Motion, model: Body | None) -> tuple[Array, Index]:
+    """The joints and ends of bones (T, M, 3) m, and which of them are joined by a line."""
+    bones = found.bones if model is None else bones_of(model, found.betas)
+    assert bones is not None  # there is one or the other by now
+    K, E = len(bones.parents), len(bones.end_parents)
+    joints, ends = (f(found.pose, found.trans) for f in (bones.joints, bones.ends))
+    last = np.column_stack([np.arange(K, K + E), np.array(bones.end_parents, dtype=np.int64)])
+    return np.concatenate([joints, ends], axis=1), np.concatenate([bones.pairs, last])
+
+
+def _markers(
+    console: Console, found: MarkerRecording, path: Path, out: Path | None, strip: Path | None
+) -> None:
+    T, M = found.markers.shape[:2]
+    rate = "of an unknown rate" if found.fps is None else f"at {found.fps:g} frames a second"
+    say(console, escape(f"{path.name} holds {M} markers in {T} frames {rate}"))
+    say(console, escape(f"labels: {some_of(found.labels)}"))
+    _say_notes(console, found.notes)
+    if strip is not None:
+        seen: Mask = np.asarray(np.isfinite(found.markers[..., 0]).any(axis=1))
+        _draw(strip, found.markers[seen], NO_PAIRS, found.fps if seen.all() else None)
+        say(console, f"strip: {escape(str(strip))}")
+    if out is not None:
+        write_markers(out, found)
+        say(console, f"markers: {escape(str(out))}")
+
+
+def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
+    figure = drawn(lambda ax: plot_motion(places, pairs, fps, ax=ax), 10, 3)
+    with replacing(path) as temporary:
+        temporary.write_bytes(png(figure))

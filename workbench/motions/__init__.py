@@ -1,0 +1,38 @@
+"""Motions: poses of a skeleton or of a body, frame by frame, and the files that hold them.
+
+>>> import numpy as np
+>>> from workbench import load_body
+>>> from workbench.motions import Motion
+>>> body = load_body("small")
+>>> pose = np.zeros((3, body.n_joints, 3))
+>>> pose[:, 0, 1] = [0.0, 0.4, 0.8]
+>>> motion = Motion(pose, np.zeros((3, 3)), 10.0, body.joint_names)
+>>> motion.resampled(20.0).pose[:, 0, 1].round(3).tolist()
+[0.0, 0.2, 0.4, 0.6, 0.8]
+"""
+
+from workbench.motions.amass_files import read_amass, save_motion
+from workbench.motions.bones import Bones, bones_of
+from workbench.motions.bvh_files import read_bvh, write_bvh
+from workbench.motions.c3d_files import read_c3d
+from workbench.motions.files import read_motion
+from workbench.motions.glb_files import write_glb
+from workbench.motions.motion import Motion
+from workbench.motions.trajectories import Trajectories
+from workbench.motions.trc_files import read_trc, write_trc
+
+__all__ = [
+    "Bones",
+    "Motion",
+    "Trajectories",
+    "bones_of",
+    "read_amass",
+    "read_bvh",
+    "read_c3d",
+    "read_motion",
+    "read_trc",
+    "save_motion",
+    "write_bvh",
+    "write_glb",
+    "write_trc",
+]

@@ -1,0 +1,33 @@
+"""Reading a motion from whatever file holds one."""
+
+from pathlib import Path
+
+from workbench.bodies.body import Body
+from workbench.errors import BadFile
+from workbench.motions.amass_files import read_amass
+from workbench.motions.bvh_files import read_bvh
+from workbench.motions.motion import Motion
+
+SUFFIXES = (".npz", ".bvh")
+
+
+def read_motion(
+    path: str | Path,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    fps: float | None = None,
+    body: Body | None = None,
+) -> Motion:
+    """Read a motion: .npz in AMASS's layouts or as `save_motion` writes it, or .bvh.
+
+    `unit` (m, cm, mm, in, cmu) and `up`, an axis such as z, are guessed and said in the motion's
+    `notes` if they are not given; `fps` takes the place of the file's rate. `body` is the one for
+    which an .npz was made, see `read_amass`. Raises BadFile for what is no such file.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".bvh":
+        return read_bvh(path, unit=unit, up=up, fps=fps)
+    if suffix == ".npz":
+        return read_amass(path, up=up, fps=fps, body=body)
+    raise BadFile(f"{path} is no file of a motion, which ends in {' or '.join(SUFFIXES)}")

@@ -1,0 +1,238 @@
+"""A motion: the poses of a skeleton's joints and the place of its root, frame by frame."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array
+from workbench.blocks.checks import reals
+from workbench.bodies.body import Body
+from workbench.errors import BadArgument, some_of
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.motions.bones import Bones
+from workbench.motions.interpolation import between, rotations_between
+
+ROUNDING = 1e-9  # frames, by which the last frame of another rate may lie beyond the last one
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """T frames of a pose of K joints, of one person.
+
+    Metres and radians, y up. As in SMPL, the body turns about its root joint, which is at its rest
+    place + trans. It keeps copies of what it is given. Raises BadArgument for arrays that
+    do not fit together, and NotNumbers.
+
+    Attributes:
+        pose: (T, K, 3) rad, the rotation vector of each joint relative to its parent.
+        trans: (T, 3) m.
+        fps: frames a second.
+        joint_names: (K,) different names.
+        betas: (B,) the shape of the person; of no length if it is not known.
+        expression: (T, E) coefficients of the face, if there are any.
+        bones: the skeleton of a motion that brought its own; None if a body has it.
+        origin: where the motion comes from.
+        notes: sentences on what was guessed, filled or left out.
+    """
+
+    pose: Array
+    trans: Array
+    fps: float
+    joint_names: tuple[str, ...]
+    betas: Array = ()  # type: ignore[assignment]  # __post_init__ makes it an array
+    expression: Array | None = None
+    bones: Bones | None = None
+    origin: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = tuple(map(str, self.joint_names))
+        arrays = {"pose": self.pose, "trans": self.trans, "betas": self.betas}
+        if self.expression is not None:
+            arrays["expression"] = self.expression
+        given = {name: reals(name, array) for name, array in arrays.items()}
+        pose, T = given["pose"], len(given["pose"]) if given["pose"].ndim else 0
+        if pose.ndim != 3 or pose.shape[1:] != (len(names), 3) or not pose.size:
+            raise BadArgument(
+                f"the pose of a motion of {len(names)} joints has the shape (T, {len(names)}, 3), "
+                f"of one frame or more, not {pose.shape}"
+            )
+        if given["trans"].shape != (T, 3):
+            raise BadArgument(
+                f"trans of {T} frames has the shape ({T}, 3), not {given['trans'].shape}"
+            )
+        if given["betas"].ndim != 1:
+            raise BadArgument(
+                f"betas are those of one person, (B,), not {given['betas'].shape}; make a motion "
+                "of each person"
+            )
+        if "expression" in given and (
+            given["expression"].ndim != 2 or len(given["expression"]) != T
+        ):
+            raise BadArgument(
+                f"expression of {T} frames has the shape ({T}, E), not {given['expression'].shape}"
+            )
+        for name, array in given.items():
+            if not np.isfinite(array).all():
+                at = np.unravel_index(int(np.isfinite(array).argmin()), array.shape)
+                raise BadArgument(
+                    f"{name} is {array[at]} at {[int(i) for i in at]}; leave such frames out"
+                )
+        if not _above_zero(self.fps):
+            raise BadArgument(f"fps is a number above 0, not {self.fps!r:.60}")
+        if len({*names}) < len(names):
+            twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+            raise BadArgument(f"two joints are called {some_of(twice)}; each needs its own name")
+        if self.bones is not None and len(self.bones.parents) != len(names):
+            raise BadArgument(
+                f"the skeleton has {len(self.bones.parents)} joints, and {len(names)} have names"
+            )
+        kept: dict[str, Any] = {n: array.copy() for n, array in given.items()}
+        notes = tuple(map(str, self.notes))
+        self.__dict__.update(kept, fps=float(self.fps), joint_names=names, notes=notes)
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    def __getitem__(self, frames: slice) -> "Motion":
+        """Some frames: `motion[10:50]`. A step makes the rate smaller: `motion[::2]`.
+
+        Raises BadArgument for a single number, for no frame, and for a step back.
+        """
+        if not isinstance(frames, slice):
+            raise BadArgument(
+                f"some frames of a motion are a slice, such as motion[10:50], not {frames!r:.60}"
+            )
+        first, end, step = frames.indices(len(self))
+        if step < 1 or first >= end:
+            raise BadArgument(f"{frames} takes no frame, or goes back, in {len(self)} frames")
+        return self._at(self.pose[frames], *(a[frames] for a in self._lines), fps=self.fps / step)
+
+    @property
+    def seconds(self) -> float:
+        """The time from the first frame to the last, in s."""
+        return (len(self) - 1) / self.fps
+
+    @property
+    def _lines(self) -> tuple[Array, ...]:
+        """What is neither a rotation nor the same in all frames."""
+        return (self.trans,) if self.expression is None else (self.trans, self.expression)
+
+    def _at(
+        self, pose: Array, trans: Array, expression: Array | None = None, **others: Any
+    ) -> "Motion":
+        return replace(self, pose=pose, trans=trans, expression=expression, **others)
+
+    def resampled(self, fps: float) -> "Motion":
+        """The same motion at another rate, from the first frame to the last one or just before it.
+
+        Joints turn along the shortest arc from frame to frame (slerp), and the root moves along a
+        line. Frames at a time at which there was one are as they were. Raises BadArgument for a
+        rate that is not above zero, or that makes more than ten million frames.
+        """
+        if not _above_zero(fps):
+            raise BadArgument(f"fps is a number above 0, not {fps!r:.60}")
+        count = self.seconds * fps + 1 + ROUNDING
+        if count > 1e7:
+            raise BadArgument(f"{self.seconds:g} s at {fps:g} frames a second are too many frames")
+        times = np.arange(int(count)) * (self.fps / fps)
+        at: Array = np.where(abs(times - np.rint(times)) < ROUNDING, np.rint(times), times)
+        pose = rotations_between(self.pose, at)
+        return self._at(pose, *(between(a, at) for a in self._lines), fps=float(fps))
+
+    def turned(self, turn: ArrayLike, root: ArrayLike | None = None) -> "Motion":
+        """The motion in a world that a rotation matrix (3, 3) has turned about its origin.
+
+        The root joint rests at `root` (3,) m. SMPL's trans is not the place of the root: with R the
+        turn, J_0 the root at rest and t the trans, R (J_0 + t) = J_0 + t' for
+        t' = R t + (R - I) J_0. The root of a motion with bones is theirs, unless it is given.
+        """
+        R = np.asarray(turn, dtype=float)
+        if root is None:
+            root = np.zeros(3) if self.bones is None else self.bones.offsets[0]
+        at = np.asarray(root, dtype=float)
+        pose = self.pose.copy()
+        pose[:, 0] = (Rotation.from_matrix(R) * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
+        return replace(self, pose=pose, trans=(self.trans + at) @ R.T - at)
+
+    def named(self, body: Body) -> "Motion":
+        """The motion with the joints of a body, in the body's order, without bones.
+
+        Joints go by their names. Those that the motion lacks do not turn, and those that the body
+        lacks are left out; `notes` name both. Betas beyond the body's are left out too, and said.
+        The root is where it was, also if the motion's own bones rest elsewhere.
+        These are the same angles, which are not the same places on a body of other proportions.
+        Raises BadArgument if the names have no joint in common.
+        """
+        ours = {name: k for k, name in enumerate(self.joint_names)}
+        if not ours.keys() & set(body.joint_names):
+            raise BadArgument(
+                f"body {body.name!r} has the joints {some_of(body.joint_names)}, and the motion "
+                f"none of them but {some_of(self.joint_names)}; rename the joints of the motion, "
+                "or play it on its own bones"
+            )
+        notes = []
+        if still := [name for name in body.joint_names if name not in ours]:
+            notes.append(f"joints of the body that the motion lacks stay at rest: {some_of(still)}")
+        if lost := [name for name in ours if name not in body.joint_names]:
+            notes.append(f"joints that the body lacks are left out: {some_of(lost)}")
+        pose = np.tile(body.bind_pose, (len(self), 1, 1))
+        there = [k for k, name in enumerate(body.joint_names) if name in ours]
+        pose[:, there] = self.pose[:, [ours[body.joint_names[k]] for k in there]]
+        betas = self.betas
+        if len(betas) > body.n_betas:
+            notes.append(f"of {len(betas)} betas, the body has the first {body.n_betas}")
+            betas = betas[: body.n_betas]
+        if self.expression is not None:
+            notes.append("the expression is kept, but moves no body here")
+        trans = self.trans
+        if self.bones is not None:  # whose root may rest elsewhere than the body's
+            at = body.joints(np.zeros((body.n_joints, 3)), betas)[0]
+            trans = trans + self.bones.offsets[0] - at
+        return replace(
+            self,
+            pose=pose,
+            trans=trans,
+            betas=betas,
+            joint_names=tuple(body.joint_names),
+            bones=None,
+            notes=(*self.notes, *notes),
+        )
+
+    def vertices(self, body: Body) -> Array:
+        """The body's surface in every frame, (T, N, 3) m; see `named`. Slice a long motion."""
+        here = self.named(body)
+        return body.vertices(here.pose, here.betas, here.trans)
+
+    def landmark(self, body: Body, name: str) -> Array:
+        """A set of landmarks of the body in every frame, (T, M, 3) m; see `named`."""
+        here = self.named(body)
+        return body.landmark(name, here.pose, here.betas, here.trans)
+
+    def joints(self, body: Body | None = None) -> Array:
+        """The joints in every frame, (T, K, 3) m: those of a body, or of the motion's own bones.
+
+        Raises BadArgument if there is neither.
+        """
+        if body is not None:
+            here = self.named(body)
+            return body.joints(here.pose, here.betas, here.trans)
+        if self.bones is None:
+            raise BadArgument("this motion has no bones of its own; give a body to play it on")
+        return self.bones.joints(self.pose, self.trans)
+
+    @property
+    def up(self) -> tuple[str, float]:
+        """The axis to which the root's own y points on average, and how clearly, from 0 to 1."""
+        pointing = matrix_from_vector(self.pose[:, 0])[:, :, 1].mean(axis=0)
+        axis = int(np.argmax(abs(pointing)))
+        sign = "-" if pointing[axis] < 0 else ""
+        return sign + "xyz"[axis], float(abs(pointing[axis]))
+
+
+def _above_zero(number: object) -> bool:
+    real = isinstance(number, (int, float, np.number, np.ndarray)) and not isinstance(number, bool)
+    return real and np.ndim(number) == 0 and 0 < float(number) < np.inf  # type: ignore[arg-type]
