@@ -4,16 +4,17 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
+import casadi as cs
 import numpy as np
 import pytest
 
-from workbench.arrays import Array
-from workbench.blocks import Block
+from workbench.arrays import Array, Index
+from workbench.blocks import Block, Points
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import Scan
@@ -39,7 +40,9 @@ from workbench.registration.coregistration.symbolic_form import (
 )
 from workbench.residuals import Residual, geman_mcclure, of_norms, offset, scaled
 from workbench.synthetic.made_up import jointed_tube, random_smpl
+from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.executor import Execution, Processes
+from workbench.training.registrations import InMemory
 
 START = jointed_tube(7, 5)
 PEOPLE, EACH = 2, 3
@@ -198,6 +201,39 @@ def test_what_landmarks_say_of_vertices_is_their_place() -> None:
     np.testing.assert_array_equal(np.delete(found.targets, 4, axis=0), np.delete(V, 4, axis=0))
     twice = pulled([place, replace(place, name="again")], V, 0.002)
     np.testing.assert_allclose(twice.confidence[4], np.eye(3) / 3, atol=1e-12)
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """A scan that shows every vertex, by its number."""
+
+    def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
+        assert isinstance(points, cs.MX)
+        off = cs.vec(points - scan.points.T)
+        return Residual("labels", off, 1e-5, "m", rows_per_point=3)
+
+
+def test_perfect_scans_end_where_training_on_true_meshes_ends() -> None:
+    scans, fits, truth, _ = made()
+    exact = replace(
+        PLAN.options,
+        linear_tolerance=1e-8,
+        together_tolerance=1e-4,
+        together_stop=1e-9,
+        together_steps=40,
+    )
+    plan = replace(PLAN, terms=(Labelled(),), options=exact)
+    by = Coregistration(body(), ScansInMemory(tuple(map(Scan, truth)), scans.subject), plan)
+    trained = by.first(fits).estimate
+    given = BlockInput(by.objective(InMemory(truth, scans.subject)), body().faces, exact)
+    for _ in range(plan.rounds):
+        for name in plan.blocks:
+            trained = BLOCKS[name](given, trained).estimate
+    found = by.run(fits).estimate
+    off = np.linalg.norm(found.templates - trained.templates, axis=2)
+    moved = np.linalg.norm(trained.templates - by.first(fits).estimate.templates, axis=2)
+    assert off.max() < 5e-5, "m"
+    assert moved.max() > 5e-3, "m, or there was nothing to learn"
 
 
 def test_shapes_that_betas_reach_are_not_beyond_them() -> None:
