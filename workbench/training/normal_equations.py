@@ -257,10 +257,9 @@ class NormalEquations:
                     blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
 
         over_halves(fill, pieces(self.objective.registrations))
-        blocks /= self.objective.sigmas.data**2
-        if self.objective.pose_prior is not None:
-            blocks += self.objective.pose_prior.blocks(self.estimate.poses)
-        return _inverses(blocks)
+        prior = self.objective.pose_prior
+        held = 0.0 if prior is None else prior.blocks(self.estimate.poses)
+        return _inverses(blocks / self.objective.sigmas.data**2 + held)
 
     @cached_property
     def _weight_blocks(self) -> Array:
