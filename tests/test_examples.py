@@ -49,6 +49,17 @@ def test_one_camera_sees_across_and_not_along() -> None:
     assert example.sigmas["one camera"][2] > 5 * example.sigmas["two cameras"][2]
 
 
+def test_bundle_adjustment_is_invariant_to_similarities() -> None:
+    example = import_module("examples.29_the_gauge_of_bundle_adjustment")
+    kinds = [direction.kind for direction in example.diagnosis.null_directions]
+    assert kinds == ["translation"] * 3 + ["rotation"] * 3 + ["scale"]
+    first = example.remedies[0]
+    assert (first.acts, first.numbers, first.cured) == (2, 7, True)
+    assert first.what.startswith("hold camera ")
+    assert any("the distance of points[" in remedy.what for remedy in example.remedies)
+    assert example.solution.converged
+
+
 def test_a_sequence_shares_a_shape_and_fills_gaps() -> None:
     example = import_module("examples.12_a_video")
     assert example.together.converged

@@ -106,7 +106,7 @@ def test_suggestions_keep_constraints_and_bounds() -> None:
     bounds = {"x": (-1, 1), "y": (0, 3)}
     problem = Problem([r], ("x", "y"), bounds, constraints=[cap])
     d = diagnose(problem, {"x": np.array([0.5, 0.1]), "y": np.array(1.0)})
-    assert {s.kind for s in d.suggestions} == {"fix", "prior"}
+    assert {s.kind for s in d.suggestions} == {"least", "fix", "prior"}
     for suggestion in d.suggestions:
         suggested = suggestion.problem
         kept = [c.name for c in suggested.constraints]

@@ -90,7 +90,8 @@ def test_a_prior_stands_at_the_present_value() -> None:
 def test_a_prior_of_that_name_does_not_stand_in_the_way() -> None:
     x = Block("x", (2,))
     problem = Problem((Residual("prior on x", x.symbol[0] - x.symbol[1], 1.0),), ("x",))
-    (prior,) = diagnose(problem, {"x": np.zeros(2)}).suggestions
+    found = diagnose(problem, {"x": np.zeros(2)}).suggestions
+    (prior,) = (suggestion for suggestion in found if suggestion.kind == "prior")
     assert list(prior.problem.rows) == ["prior on x", "prior on x'"]
 
 

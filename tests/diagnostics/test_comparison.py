@@ -32,15 +32,20 @@ def test_a_second_camera_tells_scale_from_distance() -> None:
     one, two = diagnose(problem, values), diagnose(with_more(problem, seen), values)
     change = DiagnosisComparison(one, two)
     (gained,) = change.gained
-    assert gained.name.startswith("scale against trans")
+    assert gained.name == "a common factor of scale and trans"
     assert change.lost == ()
     text = change.report()
-    assert "1 direction determined by the second only:\n  scale against trans" in text
+    assert (
+        "1 direction determined by the second only:\n  a common factor of scale and trans" in text
+    )
     rows = {line.split("  ")[0]: line.split()[-2:] for line in text.splitlines()[1:] if line}
     assert (rows["rank"], rows["null directions"]) == (["3", "4"], ["1", "0"])
     back = DiagnosisComparison(two, one)
     assert (len(back.gained), len(back.lost)) == (0, 1)
-    assert "1 direction determined by the first only:\n  scale against trans" in back.report()
+    assert (
+        "1 direction determined by the first only:\n  a common factor of scale and trans"
+        in back.report()
+    )
     # what was unknown and now is known has changed most
     assert {name for name, before, _ in change.sigmas[:4] if np.isinf(before)} == {
         "scale",

@@ -107,8 +107,8 @@ def test_a_scale_before_one_camera_is_known_only_against_the_distance() -> None:
     found = cases.diagnosed(cases.scale_against_depth)
     assert found.rank == 3
     ((kind, name),) = unseen(found)
-    assert kind == "block"
-    assert name.startswith("scale against trans: 0.95 trans[z] + 0.32 scale")
+    assert kind == "scale"
+    assert name == "a common factor of scale and trans"
     (direction,) = found.null_directions
     # growing by a factor about the camera: (scale, trans) moves along itself
     along = np.array([1.0, 0.1, 0.2, 3.0])
@@ -119,7 +119,7 @@ def test_a_scale_before_one_camera_is_known_only_against_the_distance() -> None:
 def test_points_in_one_piece_can_be_shifted() -> None:
     found = cases.diagnosed(cases.one_piece)
     assert found.rank == 24
-    assert unseen(found) == [("shift", f"a shift of all of points, along {a}") for a in "xyz"]
+    assert unseen(found) == [("translation", f"a translation along {a} of points") for a in "xyz"]
 
 
 def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:
@@ -127,7 +127,9 @@ def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:
     assert (found.rank, found.structural_rank) == (21, 27)
     pieces = ("4 rows of points (0, 1, 2, ...)", "5 rows of points (4, 5, 6, ...)")
     assert unseen(found) == [
-        ("shift", f"a shift of {piece}, along {axis}") for piece in pieces for axis in "xyz"
+        ("translation", f"a translation along {axis} of {piece}")
+        for piece in pieces
+        for axis in "xyz"
     ]
     for direction, rows in zip(
         found.null_directions, [range(4)] * 3 + [range(4, 9)] * 3, strict=True
@@ -142,8 +144,8 @@ def test_pieces_of_points_with_labels_are_named_by_them() -> None:
     along = cs.vertcat(*[points.symbol[:, i] - points.symbol[:, j] for i, j in ends])
     problem = Problem((Residual("edges", along, 1.0, "m"),), ("points",), blocks=(points,))
     names = [d.name for d in diagnose(problem, {"points": np.zeros((5, 3))}).null_directions]
-    assert names[0] == "a shift of 3 rows of points (a, b, c), along x"
-    assert names[3] == "a shift of 2 rows of points (d, e), along x"
+    assert names[0] == "a translation along x of 3 rows of points (a, b, c)"
+    assert names[3] == "a translation along x of 2 rows of points (d, e)"
 
 
 def test_a_derivative_made_by_hand_and_wrong_is_named() -> None:

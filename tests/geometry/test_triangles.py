@@ -190,10 +190,10 @@ def test_without_a_pin_three_directions_per_component_stay_open(
     assert seen.rank == 3 * len(V) - 3 * components
     names = [direction.name for direction in seen.null_directions]
     if components == 1:
-        assert names == [f"a shift of all of V, along {axis}" for axis in "xyz"]
+        assert names == [f"a translation along {axis} of V" for axis in "xyz"]
     else:
         expected = [
-            f"a shift of 4 rows of V ({rows}, ...), along {axis}"
+            f"a translation along {axis} of 4 rows of V ({rows}, ...)"
             for rows in ("0, 1, 2", "4, 5, 6")
             for axis in "xyz"
         ]

@@ -4,6 +4,7 @@ from workbench.diagnostics.derivatives import DerivativeCheck, Suspect
 from workbench.diagnostics.diagnose import diagnose, diagnose_whole
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
+from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
     Contribution,
     EntryIdentifiability,
@@ -25,6 +26,7 @@ __all__ = [
     "Direction",
     "EntryIdentifiability",
     "Finding",
+    "Gauge",
     "Identifiability",
     "Neighbourhood",
     "NullDirections",

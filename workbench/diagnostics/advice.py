@@ -1,15 +1,16 @@
 """Suggestions for null and weak directions; each is tried out before it is made."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.diagnostics.active_set import constrained_jacobian_at
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
+from workbench.diagnostics.least_remedies import least_remedies
+from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
+from workbench.diagnostics.trials import fewer_unseen, tried, with_more
 from workbench.diagnostics.yardsticks import with_unit
-from workbench.errors import TooLarge, some_of
+from workbench.errors import some_of
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 from workbench.threads import limited_threads
@@ -26,12 +27,8 @@ def advise(diagnosis: Diagnosis) -> tuple[Suggestion, ...]:
     return tuple(s for remedy in remedies for s in remedy(diagnosis, problem, at))
 
 
-def _fewer_unseen(before: RankAndCondition, after: RankAndCondition) -> bool:
-    return after.unknowns - after.rank < before.unknowns - before.rank
-
-
 def _clearly_better(before: RankAndCondition, after: RankAndCondition) -> bool:
-    return _fewer_unseen(before, after) or 3 * after.condition < before.condition
+    return fewer_unseen(before, after) or 3 * after.condition < before.condition
 
 
 def _somewhere_else(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
@@ -47,7 +44,7 @@ def _somewhere_else(diagnosis: Diagnosis, problem: Problem, at: Values) -> Itera
     }
     why = "the derivative is not finite at this very point"
     cost = "the formula stays fragile there; a series expansion near the point would cure it"
-    yield from _tried(
+    yield from tried(
         diagnosis,
         "move",
         f"start a thousandth of a yardstick away in {', '.join(names)}",
@@ -71,7 +68,7 @@ def _rewrap(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugg
         for k in far:
             x[turned[k]] *= 1 - TURN / angle[k]
         names = ", ".join(tree.names[k] for k in far)
-        yield from _tried(
+        yield from tried(
             diagnosis,
             "rewrap",
             f"take one turn of 2 pi off the rotation vector of {names}",
@@ -91,15 +88,24 @@ def _fix(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggest
         part = problem.free.slices[name]
         others = problem.free.spelled([name])
         if others and not unread.issuperset(range(part.start, part.stop)):
-            yield from _tried(
+            yield from tried(
                 diagnosis,
                 "fix",
                 f"fix {name}",
                 f"{name} takes part in null directions",
-                f"{name} stays at its present value, whether right or wrong",
+                f"{name} stays at its present value, whether right or wrong"
+                + _held_too(diagnosis, part),
                 problem.freeing(*others),
-                _fewer_unseen,
+                fewer_unseen,
             )
+
+
+def _held_too(diagnosis: Diagnosis, part: slice) -> str:
+    """How many of a block's numbers are fixed with it though they are known; or nothing."""
+    unknown = int(np.linalg.matrix_rank(diagnosis.point.constrained.null[part], tol=1e-8))
+    more = part.stop - part.start - unknown
+    noun = "number that is" if more == 1 else "numbers that are"
+    return f", and with it {more} {noun} known already" if more else ""
 
 
 def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
@@ -120,23 +126,16 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
             )
             for name in chosen
         ]
-        blocks = (*(b.base for b in problem.free.blocks), *problem.fixed.blocks)
-        fuller = Problem(
-            (*problem.residuals, *priors),
-            problem.free.spelled(),
-            problem.bounds,
-            blocks,
-            problem.constraints,
-        )
+        fuller = with_more(problem, priors)
         units = [with_unit(sigma[name], problem.free[name].unit) for name in chosen]
-        found = _tried(
+        found = tried(
             diagnosis,
             "prior",
             f"add a Gaussian prior on {_together(chosen)} (sigma {some_of(units, NAMED)})",
             "a prior determines what the residuals do not",
             "there the answer is the mean of the prior, not what the data say",
             fuller,
-            _fewer_unseen,
+            fewer_unseen,
         )
         yield from found
         if any(suggestion.cured for suggestion in found):
@@ -146,7 +145,7 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
 def _drop(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
     """Leave out the second of two residuals that repeat each other."""
     for first, second in diagnosis.duplicates:
-        yield from _tried(
+        yield from tried(
             diagnosis,
             "drop",
             f"drop the residual {second}",
@@ -169,14 +168,14 @@ def _unread(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugg
     if not whole or not others:
         return
     blocks = _together(whole)
-    yield from _tried(
+    yield from tried(
         diagnosis,
         "fix",
         f"do not free {blocks}",
         f"no residual depends on {blocks}",
         "nothing: the fit cannot change it",
         problem.freeing(*others),
-        _fewer_unseen,
+        fewer_unseen,
     )
 
 
@@ -235,29 +234,9 @@ def _unused(name: str, problem: Problem) -> str:
     return name
 
 
-def _tried(
-    diagnosis: Diagnosis,
-    kind: str,
-    what: str,
-    why: str,
-    cost: str,
-    problem: Problem,
-    better: Callable[[RankAndCondition, RankAndCondition], bool],
-    at: Values | None = None,
-) -> list[Suggestion]:
-    """Carry a suggestion out: it is made only if the state after it is `better` than before.
-
-    The values are those of the diagnosis unless others are given.
-    """
-    at = dict(diagnosis.values) if at is None else at
-    constrained = constrained_jacobian_at(problem, at)
-    try:
-        after = rank_and_condition(constrained)
-    except TooLarge:  # it cannot be tried
-        return []
-    if not constrained.here.finite or not better(diagnosis.state, after):
-        return []
-    return [Suggestion(what, why, cost, diagnosis.state, after, problem, at, kind)]
+def _least(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
+    """The fewest things to hold or to measure."""
+    yield from least_remedies(diagnosis)
 
 
-REMEDIES = (_rewrap, _unread, _drop, _fix, _prior, _rescale)
+REMEDIES = (_rewrap, _least, _unread, _drop, _fix, _prior, _rescale)

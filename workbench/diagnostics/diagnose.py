@@ -4,9 +4,10 @@ from collections.abc import Iterable, Mapping
 
 from numpy.typing import ArrayLike
 
-from workbench.blocks.checks import texts
+from workbench.blocks.checks import several, texts
 from workbench.diagnostics import sequence_words
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.diagnostics.words import diagnosis_of
@@ -16,7 +17,11 @@ from workbench.problem.storage import check_wide, is_long
 
 
 def diagnose(
-    problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    *,
+    priors: str | Iterable[str] = (),
+    gauges: Iterable[Gauge] = (),
 ) -> Diagnosis | SequenceDiagnosis:
     """Diagnose a problem by its whitened Jacobian at the values `at`.
 
@@ -28,16 +33,20 @@ def diagnose(
     Contacts with a scan, which are chosen anew at every point, are held as they are at `at`.
 
     `priors` are the names of the residuals that are priors and not data, or one such name; the
-    diagnosis separates what they contribute. Raises UnknownName for a name that no residual has,
-    BadArgument for anything but a problem, TooLarge for more than 4,000 unknowns whose Jacobian is
-    sparse and falls into no small parts, and whatever `Problem.split` raises for the values.
+    diagnosis separates what they contribute. `gauges` are motions that the problem is invariant to
+    if other unknowns undo them, where this is not found without; see `Gauge`. They are not
+    asked for in a long sequence.
+
+    Raises UnknownName for a name that no residual has, BadArgument for anything but a problem,
+    TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no small parts,
+    and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     problem = problem.frozen(at)
     here = linearized(problem, at)  # looks at every value
     if is_long(here.jacobian):
         return SequenceDiagnosis(problem, problem.read(at), here, sequence_words.WORDING, names)
-    return _whole(problem, at, here, names)
+    return _whole(problem, at, here, names, several("gauges", gauges, Gauge, BadArgument))
 
 
 def diagnose_whole(
@@ -50,9 +59,13 @@ def diagnose_whole(
 
 
 def _whole(
-    problem: Problem, at: Mapping[str, ArrayLike], here: Linearization, priors: tuple[str, ...]
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    here: Linearization,
+    priors: tuple[str, ...],
+    gauges: tuple[Gauge, ...] = (),
 ) -> Diagnosis:
-    found = diagnosis_of(problem, problem.read(at), here, priors)
+    found = diagnosis_of(problem, problem.read(at), here, priors, gauges)
     try:
         check_wide(here.jacobian)
     except TooLarge:

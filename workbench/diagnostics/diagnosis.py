@@ -11,6 +11,8 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
+from workbench.diagnostics.exchanges import exchanges
+from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
@@ -43,6 +45,7 @@ class Diagnosis:
         here: its linearization at these values, without columns of rounding errors.
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
+        gauges: motions that were declared to be gauges.
     """
 
     problem: Problem = field(repr=False)
@@ -50,8 +53,7 @@ class Diagnosis:
     here: Linearization = field(repr=False)
     wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
-
-    # Size and structure.
+    gauges: tuple[Gauge, ...] = field(default=(), repr=False)
 
     @property
     def free(self) -> Layout:
@@ -118,8 +120,6 @@ class Diagnosis:
         """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
         return not_finite(self.here)
 
-    # Rank and null directions.
-
     @property
     def by_elimination(self) -> EliminatedJacobian | None:
         """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
@@ -182,7 +182,12 @@ class Diagnosis:
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
         """The directions that change no residual, with their names."""
-        return null_space.null_directions(self.point, self.structure.pattern)
+        return null_space.null_directions(self.point, self.structure.pattern, self.gauges)
+
+    @cached_property
+    def exchanges(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
+        return exchanges(self.problem, self.values, self.point.constrained.null)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
@@ -204,8 +209,6 @@ class Diagnosis:
         if self.point.active.any:
             return None
         return law_of(self.problem, self.values)
-
-    # Conditioning.
 
     @cached_property
     def parallel_columns(self) -> tuple[conditioning.ParallelPair, ...]:
@@ -232,8 +235,6 @@ class Diagnosis:
         """(m,) the leverage of each row, 0 to 1; None for a large sparse Jacobian."""
         return conditioning.leverage(self.point.constrained.reduced)
 
-    # What is known about each unknown.
-
     @cached_property
     def identifiability(self) -> Identifiability:
         """Standard deviations, correlations, the data's share, and what is identified."""
@@ -257,8 +258,6 @@ class Diagnosis:
     def derivatives(self) -> DerivativeCheck:
         """A check of the derivatives against finite differences."""
         return check_derivatives(self.problem, self.values, self.here)
-
-    # Conclusions.
 
     @cached_property
     def suggestions(self) -> tuple[Suggestion, ...]:

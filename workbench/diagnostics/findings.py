@@ -7,6 +7,7 @@ import numpy as np
 from workbench.blocks.directions import dominant
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import counted, gathered, named_groups
 from workbench.diagnostics.wording import Finding
@@ -18,6 +19,14 @@ FLAT = 0.3  # second best turn of a joint over its best, below which only one tu
 MOSTLY = 0.75  # of the joints: if so many are flat, the view is the reason and not one limb
 FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not counted
 WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
+GAUGES = {  # nouns by the kinds of directions that are gauges
+    "translation": "translation",
+    "rotation": "rotation",
+    "scale": "change of scale",
+    "offset": "common offset",
+    "mixing": "mixing of factors",
+    "gauge": "other gauge",
+}
 ALONE = 0.999  # leverage from which on a row determines a direction alone
 
 
@@ -69,6 +78,13 @@ def _rank(d: Diagnosis) -> Iterator[Finding]:
         text = f"{n - d.rank} of {n} directions change no residual"
         text += f", and no active {_one(d)} forbids them" if d.point.active.any else ""
         yield Finding("rank", text)
+        yield from _gauges(d)
+    for names in d.exchanges:
+        text = (
+            f"the rows of {' and '.join(names)} can be exchanged without changing a residual, so "
+            "that every solution has equals elsewhere"
+        )
+        yield Finding("rank", text, False)
     if d.point.active.any:
         yield Finding("rank", held(d), False)
     if d.nearby.ranks and max(d.nearby.ranks) > d.rank:
@@ -90,6 +106,29 @@ def _rank(d: Diagnosis) -> Iterator[Finding]:
             "changes the residuals by less than one sigma"
         )
         yield Finding("rank", text, False)
+
+
+def _gauges(d: Diagnosis) -> Iterator[Finding]:
+    """What the problem is invariant to, and which declared gauges are none."""
+    if text := gauges_in_words(d.null_directions):
+        yield Finding("rank", text, False)
+    for gauge in d.gauges:
+        if not is_gauge(gauge, d.problem, d.values, d.point.constrained.null):
+            text = f"{gauge.name} is declared to be a gauge, but no other unknowns undo it here"
+            yield Finding("rank", text)
+
+
+def gauges_in_words(directions: Sequence[Direction]) -> str:
+    """`nothing changes under 3 translations and 1 rotation (4 of 6 null directions)`, or empty."""
+    count = {noun: sum(x.kind == kind for x in directions) for kind, noun in GAUGES.items()}
+    parts = [counted(some, noun) for noun, some in count.items() if some]
+    if not parts:
+        return ""
+    words = " and ".join([", ".join(parts[:-1]), parts[-1]] if parts[1:] else parts)
+    return (
+        f"no residual changes under {words}: {sum(count.values())} of "
+        f"{counted(len(directions), 'null direction')} are gauges"
+    )
 
 
 def unread(d: Diagnosis) -> str:
@@ -196,6 +235,8 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         yield f"full rank, condition {d.condition:.3g}"
     else:
         count = counted(len(d.null_directions), "null direction")
+        if text := gauges_in_words(d.null_directions):
+            yield text
         yield f"{count} (no residual changes along them):"
         yield from (f"  {line}" for line in names_of(d.null_directions))
     if d.weak_count:

@@ -1,7 +1,8 @@
 """Directions that change no residual, or hardly change any, each with a name."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Layout
 from workbench.blocks.directions import dominant, signed
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
+from workbench.diagnostics.gauges import Gauge, gauges
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.rest_gauges import rest_gauges
@@ -21,6 +23,7 @@ from workbench.problem.storage import by_nonzeros
 from workbench.threads import limited_threads
 
 WEAK = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
+ZERO = 1e-6  # entries of a direction that are only rounding
 LISTED = 12  # weak directions that are looked for where there are no singular values
 
 
@@ -30,7 +33,8 @@ class Direction:
 
     Attributes:
         name: what the direction is called in reports.
-        kind: `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
+        kind: of gauges `translation`, `rotation`, `scale`, `offset`, `mixing` or `gauge`; of others
+            `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
         joints: the joints that it turns, as far as they are known.
         vector: (n,) the direction.
         change: |J d|, in sigmas per unit of the direction.
@@ -43,17 +47,24 @@ class Direction:
     change: float
 
 
-def null_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
+def null_directions(
+    point: Point, pattern: csc_array, declared: Sequence[Gauge] = ()
+) -> tuple[Direction, ...]:
     """Directions that change no residual and that no constraint forbids, with names.
 
-    `pattern` (m, n) is where the Jacobian can be nonzero.
+    `pattern` (m, n) is where the Jacobian can be nonzero. Gauges come first.
     """
     if point.constrained.rank == point.here.shape[1]:
         return ()
     constrained = point.constrained
     tolerance = constrained.tolerance
-    motions = _motions(point, pattern)
-    return directions(constrained.stacked, constrained.null, point.problem.free, motions, tolerance)
+    null = constrained.null
+    motions = chain(
+        rest_gauges(point.problem, point.values),
+        gauges(point.problem, point.values, null, pattern, declared),
+        named_subspaces(point.problem.free, point.problem.trees, pattern),
+    )
+    return directions(constrained.stacked, null, point.problem.free, motions, tolerance)
 
 
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
@@ -196,6 +207,8 @@ def _direction(
     several: bool,
 ) -> Direction:
     v = signed(v)
+    if motion.kind == "shift" and not abs(v[motion.entries[:3]]).max() > ZERO:
+        return _mixed(v, here, free)
     name, joints = named_by_joints(motion, v, here, free, limit)
     says_all = name == motion.name and motion.kind not in ("block", "joint")
     if not says_all or (several and motion.kind == "twist"):

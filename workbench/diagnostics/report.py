@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import gap, held, listed, names_of, unread
+from workbench.diagnostics.findings import gap, gauges_in_words, held, listed, names_of, unread
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
 from workbench.diagnostics.structure import (
     counted,
@@ -120,6 +120,8 @@ def _unseen(d: Diagnosis) -> Iterator[str]:
         f"{counted(len(d.null_directions), 'direction')}; one unit along any of them changes the "
         f"residuals by at most {worst:.1e} sigma"
     )
+    if text := gauges_in_words(d.null_directions):
+        yield text
     yield from names_of(d.null_directions)
     if d.weak_directions and any(x.kind in ("joint", "mixed") for x in d.null_directions):
         yield "(directions of many entries combine weak directions, which are listed below)"

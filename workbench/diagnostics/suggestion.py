@@ -44,7 +44,9 @@ class Suggestion:
         after: rank and condition with the suggestion carried out.
         problem: the problem with the suggestion carried out.
         values: the values with the suggestion carried out.
-        kind: `fix`, `prior`, `drop`, `rescale`, `rewrap` or `move`.
+        kind: `least`, `fix`, `prior`, `drop`, `rescale`, `rewrap` or `move`.
+        acts: how many things a user does for it.
+        numbers: how many numbers a least remedy holds or measures; 0 for others.
     """
 
     what: str
@@ -55,6 +57,8 @@ class Suggestion:
     problem: Problem = field(repr=False)
     values: Values = field(repr=False)
     kind: str = ""
+    acts: int = 1
+    numbers: int = 0
 
     @property
     def cured(self) -> bool:

@@ -88,7 +88,8 @@ def unseen(diagnosis: Diagnosis) -> list[str]:
     alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
     pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
     text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")
-    text += [d.name for d in found if d.kind in ("shift", "block")]
+    named = ("twist", "entry", "joint", "mixed")
+    text += [d.name for d in found if d.kind not in named]  # gauges, shifts, blocks
     longer = [d.name for d in found if d.kind in ("joint", "mixed")]
     text += longer if len(longer) < 4 else [f"{len(longer)} combinations of more: see the table"]
     if len(text) > MOST:

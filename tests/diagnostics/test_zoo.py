@@ -1,0 +1,64 @@
+"""Gauges and least remedies of problems for which both are known beforehand."""
+
+from collections import Counter
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.diagnostics.zoo import ZOO, Specimen
+from workbench import Diagnosis, diagnose
+
+EVERY = pytest.mark.parametrize("specimen", ZOO, ids=lambda one: one.name)
+GAUGES = ("translation", "rotation", "scale", "offset", "mixing", "gauge")
+
+
+@cache
+def diagnosed(specimen: Specimen) -> Diagnosis:
+    found = diagnose(*specimen.build())
+    assert isinstance(found, Diagnosis)
+    return found
+
+
+@EVERY
+def test_every_gauge_is_named(specimen: Specimen) -> None:
+    d = diagnosed(specimen)
+    assert d.shape[1] - d.rank == specimen.numbers
+    kinds = Counter(direction.kind for direction in d.null_directions)
+    assert {kind: kinds[kind] for kind in GAUGES if kinds[kind]} == specimen.gauges
+    assert len(d.null_directions) == specimen.numbers
+    for direction in d.null_directions:
+        J = d.problem.linearize(d.values).jacobian
+        assert np.linalg.norm(J @ direction.vector) <= d.tolerance, direction.name
+
+
+@EVERY
+def test_the_first_advice_is_a_least_remedy(specimen: Specimen) -> None:
+    d = diagnosed(specimen)
+    if not specimen.numbers:
+        assert not any(suggestion.kind == "least" for suggestion in d.suggestions)
+        return
+    first = d.suggestions[0]
+    assert (first.kind, first.acts, first.numbers) == ("least", specimen.acts, specimen.numbers)
+    for suggestion in d.suggestions:
+        if suggestion.kind != "least":
+            continue
+        after = diagnose(suggestion.problem, suggestion.values)
+        assert after.rank == after.shape[1], suggestion.what
+        assert suggestion.numbers == specimen.numbers
+        # no more was held than was unknown: the data lose no direction
+        measured = len(suggestion.problem.constraints) - len(d.problem.constraints)
+        assert d.shape[1] - after.shape[1] == specimen.numbers - measured
+
+
+@EVERY
+def test_what_can_be_exchanged_is_said(specimen: Specimen) -> None:
+    said = [f.text for f in diagnosed(specimen).findings if "exchange" in f.text]
+    assert bool(said) == bool(specimen.exchanged), said
+    assert all(name in text for name in specimen.exchanged for text in said)
+
+
+def test_half_of_the_zoo_is_held_out() -> None:
+    held_out = [specimen for specimen in ZOO if specimen.held_out]
+    assert len(ZOO) >= 15
+    assert abs(len(ZOO) - 2 * len(held_out)) <= 1

@@ -1,0 +1,224 @@
+"""Gauges: what a problem is invariant to, by name, before any other name is looked for.
+
+Rows of points may move by a similarity (translations, rotations and a scale), rows of numbers by a
+common offset or a common factor, and a factor of a matrix product by a matrix that the next factor
+undoes. Such a motion is a gauge where the other unknowns can undo it: where some of their changes,
+together with it, lie in the null space. This is a linear question, whatever the form in which
+cameras are written. Of all changes that undo it the smallest is taken.
+
+Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Block, Layout, Values
+from workbench.diagnostics.gauge_names import named_gauge, single_gauge
+from workbench.diagnostics.named_subspaces import NamedSubspace
+from workbench.diagnostics.similarities import named_steps, similarity, steps_of
+from workbench.diagnostics.things import in_space
+from workbench.diagnostics.undoing import SAME, outside, undoing, undone, unit_vectors
+from workbench.problem import Problem
+from workbench.problem.nonzeros import tied_columns
+
+MOST = 600  # numbers that may undo a motion; with more, only declared gauges are tried
+
+
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """A motion that a user declares to be a gauge, where it is not found without.
+
+    Attributes:
+        name: what it is called, such as `a translation along x`.
+        change: from the values of all blocks to how some of them change, by name and of their
+            shapes. All other unknowns may undo it.
+    """
+
+    name: str
+    change: Callable[[Values], Values]
+
+
+def gauges(
+    problem: Problem,
+    values: Values,
+    null: Array,
+    pattern: csc_array,
+    declared: Sequence[Gauge] = (),
+) -> Iterator[NamedSubspace]:
+    """The gauges of a problem at these values; `null` (n, d) is a basis of its null space.
+
+    `pattern` (m, n) says which unknowns a row reads: points that no row ties together move
+    independently of each other.
+    """
+    free = problem.free
+    x = problem.split(values)[0]
+    for gauge in declared:
+        yield from _declared(gauge, free, values, null)
+    yield from _factors(free, x, null)
+    islands = _islands(free, pattern)
+    for island in islands:
+        yield from _points(free, x, null, island)
+    if problem.trees:
+        yield from _bodies(problem, x, null)
+    for island in islands:
+        yield from _numbers(free, x, null, island)
+
+
+def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:
+    """Whether a declared motion is one that the other unknowns can undo."""
+    return any(True for _ in _declared(gauge, problem.free, values, null))
+
+
+def _declared(gauge: Gauge, free: Layout, values: Values, null: Array) -> Iterator[NamedSubspace]:
+    v, moved = np.zeros(free.size), gauge.change(dict(values))
+    for name, change in moved.items():
+        v[free.slices[name]] = free[name].taken(change).ravel()
+    others = np.concatenate(
+        [_places(free, b) for b in free.blocks if b.name not in moved] or [np.zeros(0, int)]
+    )
+    for w, _ in undone(v[:, None], unit_vectors(others, free.size), null):
+        main = [b for b in free.blocks if b.name in moved]
+        yield named_gauge("gauge", gauge.name, w, free, main)
+
+
+def _points(free: Layout, x: Array, null: Array, island: Index) -> Iterator[NamedSubspace]:
+    """Similarities of the rows of a block of points; all else in the island may undo them."""
+    blocks = [b for b in free.blocks if in_space(b) and b.size > b.shape[-1]]
+    for block in sorted(blocks, key=lambda b: -b.size):
+        own = np.intersect1d(island, _places(free, block))
+        d = block.shape[-1]
+        others = np.setdiff1d(island, own)
+        if len(own) <= d or len(others) > MOST:
+            continue
+        moves = np.zeros((free.size, steps_of(d)))
+        size = float(np.sqrt(np.mean(x[own] ** 2))) or 1.0  # so that no unit matters
+        moves[own] = similarity(x[own].reshape(-1, d) / size)
+        coefficients, undo = undoing(moves, unit_vectors(others, free.size), null)
+        for step in named_steps(coefficients, d, size):
+            if np.linalg.norm(moves @ step.coefficients) <= SAME:
+                continue  # such as a turn of points about the line on which they all lie
+            v = moves @ step.coefficients
+            v[others] += undo(step.coefficients)
+            yield named_gauge(
+                step.kind, step.name, v, free, [block], own, (x / size, step.coefficients)
+            )
+
+
+def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
+    """A body's place and root move, and cameras undo that."""
+    free, n = problem.free, problem.free.size
+    poses = {name for tree in problem.trees for name in tree.blocks}
+    spatial = [b for b in free.blocks if b.size == 3 and b.name not in poses]
+    places = [b for b in spatial if b.unit == "m"]
+    turns = [b for b in spatial if b.unit == "rad"]
+    for block in places:
+        others = [_places(free, b) for b in places if b is not block]
+        if not others:
+            continue
+        moves = unit_vectors(_places(free, block), n)
+        apart = np.concatenate(others)
+        coefficients, undo = undoing(moves, unit_vectors(apart, n), null)
+        if coefficients.shape[1] == 3:
+            for a, axis in zip(np.eye(3), "xyz", strict=True):
+                v = moves @ a
+                v[apart] += undo(a)
+                yield named_gauge("translation", f"a translation along {axis}", v, free, [block])
+    for tree in problem.trees if turns else ():
+        root = tree.entries(0, free)
+        if len(root) != 3:
+            continue
+        apart = np.concatenate([_places(free, b) for b in spatial])
+        moves = np.zeros((n, 3))
+        moves[root] = np.linalg.inv(_left_jacobian(x[root]))
+        coefficients, undo = undoing(moves, unit_vectors(apart, n), null)
+        if coefficients.shape[1] == 3:
+            for a, axis in zip(np.eye(3), "xyz", strict=True):
+                v = moves @ a
+                v[apart] += undo(a)
+                block = free.block_of(root[0])[0]
+                yield named_gauge("rotation", f"a rotation about {axis}", v, free, [block])
+
+
+def _left_jacobian(theta: Array) -> Array:
+    """J with exp(theta + d) = exp(J d) exp(theta) to first order, (3, 3)."""
+    t, W = float(np.linalg.norm(theta)), np.cross(np.eye(3), -theta)
+    if t < 1e-6:
+        return np.eye(3) + W / 2
+    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * W + (t - np.sin(t)) / t**3 * W @ W)
+
+
+def _numbers(free: Layout, x: Array, null: Array, island: Index) -> Iterator[NamedSubspace]:
+    """A common offset or a common factor of a block; other blocks undo it in the same way."""
+    parts = [(b, np.intersect1d(island, _places(free, b))) for b in free.blocks]
+    parts = [(b, own) for b, own in parts if own.size]
+    for kind, said, number in (
+        ("offset", "a common offset", np.ones(free.size)),
+        ("scale", "a common factor", x),
+    ):
+        columns = np.zeros((free.size, len(parts)))
+        for j, (_, own) in enumerate(parts):
+            columns[own, j] = number[own]
+        for k, (block, own) in enumerate(parts):
+            if not columns[own, k].any() or (
+                kind == "offset" and (own.size < 2 or in_space(block))
+            ):
+                continue
+            alike = [j for j, (b, _) in enumerate(parts) if kind == "scale" or b.unit == block.unit]
+            others = columns[:, [j for j in alike if j != k and columns[:, j].any()]]
+            others = others / np.linalg.norm(others, axis=0)
+            for v, _ in undone(columns[:, [k]], others, null):
+                amounts = columns.T @ v / np.maximum(np.sum(columns**2, axis=0), 1e-300)
+                amounts /= amounts[k]
+                moving = np.flatnonzero(abs(amounts) > SAME)
+                if max(parts[j][1].size for j in moving) < 2 or (
+                    kind == "offset" and not np.allclose(abs(amounts[moving]), 1, rtol=1e-5)
+                ):
+                    continue
+                main = [block, *(parts[j][0] for j in moving if amounts[j] > 0 and j != k)]
+                yield named_gauge(kind, said, v, free, main, own)
+
+
+def _factors(free: Layout, x: Array, null: Array) -> Iterator[NamedSubspace]:
+    """Rows of one matrix are mixed, and columns of the next mixed back."""
+    plain = [b for b in free.blocks if len(b.shape) == 2 and b.unit == "1" and b.whole is None]
+    for first in plain:
+        for second in plain:
+            h = first.shape[0]
+            if first is second or second.shape[1] != h or h * h > MOST:
+                continue
+            at_a, at_b = _places(free, first), _places(free, second)
+            A, B = x[at_a].reshape(first.shape), x[at_b].reshape(second.shape)
+            for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
+                E = np.zeros((h, h))
+                E[i, j] = 1.0
+                v = np.zeros(free.size)
+                v[at_a], v[at_b] = (E @ A).ravel(), -(B @ E).ravel()
+                row = f"row {i} of {first.name}"
+                said = f"a factor of {row}" if i == j else f"row {j} of {first.name} added to {row}"
+                if v.any() and np.linalg.norm(outside(v, null)) <= SAME * np.linalg.norm(v):
+                    kind = "scale" if i == j else "mixing"
+                    name = f"{said}, undone by {second.name}"
+                    yield single_gauge(kind, name, v)
+
+
+def _islands(free: Layout, pattern: csc_array) -> list[Index]:
+    """The unknowns that rows tie together, directly or through others; points stay whole."""
+    group = np.zeros(free.size, dtype=np.int64)
+    count = 0
+    for block in free.blocks:
+        wide = block.shape[-1] if in_space(block) else 1
+        own = np.arange(block.size) // wide
+        group[free.slices[block.name]] = count + own
+        count += int(own.max(initial=-1)) + 1
+    read = pattern.tocoo()
+    tied = coo_array((read.data, (read.row, group[read.col])), (pattern.shape[0], count))
+    return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
+
+
+def _places(free: Layout, block: Block) -> Index:
+    at = free.slices[block.name]
+    return np.arange(at.start, at.stop)
