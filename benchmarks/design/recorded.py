@@ -5,9 +5,9 @@ matter: their standard deviation in the fit to two cameras is predicted at the f
 camera alone. The error is their distance from those of the fit to all four cameras.
 """
 
-from itertools import permutations
 from typing import Any
 
+import casadi as cs
 import numpy as np
 from scipy.stats import kendalltau
 
@@ -26,8 +26,6 @@ RESAMPLED = 2000
 
 def places(body: SkinnedBody) -> Quantity:
     """The places of the twelve landmarks of the limbs, (36, 1) m."""
-    import casadi as cs
-
     points = body.landmark_points("coco", *(block.symbol for block in body.blocks()))
     names = body.landmark_names("coco")
     chosen = [names.index(name) for name in NAMES]
@@ -132,6 +130,3 @@ def run() -> dict[str, Any]:
         rows += frame(number)
         print("frame", number, flush=True)
     return judged(rows) | {"rows": rows}
-
-
-__all__ = ["FRAMES", "frame", "judged", "permutations", "run"]

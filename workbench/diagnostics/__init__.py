@@ -1,6 +1,18 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it."""
 
 from workbench.diagnostics.derivatives import DerivativeCheck, Suspect
+from workbench.diagnostics.design import (
+    Candidate,
+    Criterion,
+    MeasurementDesign,
+    Quantity,
+    a_optimal,
+    d_optimal,
+    design,
+    e_optimal,
+    sd_of,
+    with_candidates,
+)
 from workbench.diagnostics.diagnose import diagnose, diagnose_whole
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
@@ -18,7 +30,9 @@ from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
 from workbench.diagnostics.wording import Finding, Undiagnosed
 
 __all__ = [
+    "Candidate",
     "Contribution",
+    "Criterion",
     "DerivativeCheck",
     "Diagnosis",
     "DiagnosisComparison",
@@ -26,8 +40,10 @@ __all__ = [
     "EntryIdentifiability",
     "Finding",
     "Identifiability",
+    "MeasurementDesign",
     "Neighbourhood",
     "NullDirections",
+    "Quantity",
     "RankAndCondition",
     "SequenceDiagnosis",
     "SharedUnknowns",
@@ -37,6 +53,12 @@ __all__ = [
     "Suspect",
     "TermBlock",
     "Undiagnosed",
+    "a_optimal",
+    "d_optimal",
+    "design",
     "diagnose",
     "diagnose_whole",
+    "e_optimal",
+    "sd_of",
+    "with_candidates",
 ]

@@ -10,11 +10,14 @@ maximum likelihood; Oliver, He and Reynolds, Conditioning permeability fields to
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Values
+from workbench.blocks.entries import entries
+from workbench.diagnostics.design import Criterion, Quantity
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.residuals import Residual
@@ -46,6 +49,26 @@ class RepeatedFits:
     def values(self, fit: int, values: Values) -> Values:
         """The values of all blocks at the end of one fit; fixed ones are taken from `values`."""
         return dict(values) | self.free.unpack(self.ends[fit])
+
+    def numbers(self, what: Quantity, values: Values) -> Array:
+        """A quantity at every end, (N, q); fixed blocks are taken from `values`."""
+        graph = what.residual.graph()
+        symbols = cs.symvar(graph)
+        function = cs.Function("quantity", symbols, [graph])
+        found = []
+        for fit in range(len(self.ends)):
+            at = self.values(fit, values)
+            given = (np.asarray(at[symbol.name()], dtype=float).T for symbol in symbols)
+            found.append(np.asarray(function(*given)).ravel())
+        return np.array(found)
+
+    def spread(self, criterion: Criterion, values: Values) -> float:
+        """The standard deviation that `sd_of` predicts, as the ends have it."""
+        if criterion.quantity is not None:
+            numbers = self.numbers(criterion.quantity, values)
+        else:
+            numbers = self.ends[:, entries(self.free, criterion.names or self.free.names)]
+        return float(np.sqrt(numbers.var(axis=0, ddof=1).sum()))
 
 
 def repeated_fits(

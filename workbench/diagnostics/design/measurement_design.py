@@ -138,8 +138,8 @@ class MeasurementDesign:
         if self.points > 1:
             here = round(self.agreement * self.points)
             lines.append(
-                f"  it is the best choice at {here} of {self.points} points; "
-                f"{len(self.single)} different ones are best at single points"
+                f"  it is the best choice at {here} of {self.points} points; the best choice at a "
+                f"single point is one of {len(self.single)}"
             )
         lines.append("STANDARD DEVIATIONS by block, before and after (rms of the entries)")
         for block in self.free.blocks:
