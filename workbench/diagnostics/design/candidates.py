@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import casadi as cs
 import numpy as np
@@ -89,7 +90,6 @@ def rows_of(
     next point. Raises UnknownName for a candidate that reads a block of no known value, and
     NotFinite for one whose rows hold NaN or infinity.
     """
-    found = {}
     for name, one in candidates.items():
         known = dict(values) | dict(one.values)
         for block in one.reads:
@@ -99,20 +99,49 @@ def rows_of(
                     "give it a value"
                 )
                 raise UnknownName("block", block, known, more=more)
-        key = (*(id(residual) for residual in one.residuals), one.own)
-        if key not in made:
-            made[key] = _alone(problem, name, one)
-        found[name] = _apart(problem, made[key], one, known)
+    plain = {name: one for name, one in candidates.items() if not one.values and not one.own}
+    found = _at_once(problem, plain, values, made) if plain else {}
+    for name, one in candidates.items():
+        if name not in plain:
+            key = (*(id(residual) for residual in one.residuals), one.own)
+            if key not in made:
+                made[key] = _of_residuals(problem, _own_unknowns(problem, name, one), one.own)
+            found[name] = _without_own(problem, made[key], one, dict(values) | dict(one.values))
         if not np.isfinite(found[name]).all():
             raise NotFinite(
                 f"candidate {name!r} has NaN or infinity in its Jacobian here; a camera may be "
                 "inside of what it looks at"
             )
-    return found
+    return {name: A[A.any(axis=1)] for name, A in found.items()}
 
 
-def _alone(problem: Problem, name: str, one: Candidate) -> Problem:
-    """The problem of a candidate's residuals in the unknowns that they read."""
+def _at_once(
+    problem: Problem,
+    plain: Mapping[str, Candidate],
+    values: Mapping[str, ArrayLike],
+    made: dict[object, Problem],
+) -> dict[str, Array]:
+    """The rows of candidates that have no numbers of their own, by one problem of them all."""
+    several = [residual for one in plain.values() for residual in one.residuals]
+    key = tuple(id(residual) for residual in several)
+    if key not in made:
+        made[key] = _of_residuals(problem, several, ())
+    J = _by_unknowns(problem, made[key], made[key].linearize(values).dense)
+    edges = np.cumsum([0, *(sum(r.size for r in one.residuals) for one in plain.values())])
+    return {name: J[slice(*edge)] for name, edge in zip(plain, pairwise(edges), strict=True)}
+
+
+def _of_residuals(problem: Problem, residuals: Sequence[Residual], own: tuple[str, ...]) -> Problem:
+    """The problem of some residuals in the unknowns that they read, and some of their own."""
+    reads = {name for residual in residuals for name in residual.reads}
+    names = (n for n in problem.free.spelled() if block_of(n, problem.free.names) in reads)
+    numbered = [replace(r, name=f"{r.name} {i}") for i, r in enumerate(residuals)]
+    free = (*names, *own)
+    return Problem(numbered, free or sorted(reads)[:1], blocks=problem.known.values())
+
+
+def _own_unknowns(problem: Problem, name: str, one: Candidate) -> tuple[Residual, ...]:
+    """The residuals of a candidate whose own unknowns are in order. Raises BadArgument."""
     both = set(one.own) & set(problem.free.names)
     if both:
         raise BadArgument(
@@ -125,23 +154,26 @@ def _alone(problem: Problem, name: str, one: Candidate) -> Problem:
             f"candidate {name!r} does not read {joined(missing)}, which are to be its own "
             f"unknowns; it reads {listed(one.reads)}"
         )
-    names = (n for n in problem.free.spelled() if block_of(n, problem.free.names) in one.reads)
-    numbered = [replace(r, name=f"{r.name} {i}") for i, r in enumerate(one.residuals)]
-    free = (*names, *one.own)
-    return Problem(numbered, free or one.reads[:1], blocks=problem.known.values())
+    return one.residuals
 
 
-def _apart(
-    problem: Problem, alone: Problem, one: Candidate, values: Mapping[str, ArrayLike]
-) -> Array:
-    """Rows by the problem's unknowns, without what a candidate's own unknowns explain."""
-    J = alone.linearize(values).dense
+def _by_unknowns(problem: Problem, alone: Problem, J: Array) -> Array:
+    """The columns of J (m, k) in their places among the problem's unknowns, (m, n)."""
     rows = np.zeros((len(J), problem.free.size))
     for block in alone.free.blocks:
         if block.name in problem.free.names:
             rows[:, problem.free.slices[block.name]] = J[:, alone.free.slices[block.name]]
+    return rows
+
+
+def _without_own(
+    problem: Problem, alone: Problem, one: Candidate, values: Mapping[str, ArrayLike]
+) -> Array:
+    """Rows by the problem's unknowns, without what a candidate's own unknowns explain."""
+    J = alone.linearize(values).dense
+    rows = _by_unknowns(problem, alone, J)
     if not one.own:
-        return rows[rows.any(axis=1) | ~np.isfinite(rows).all(axis=1)]
+        return rows
     own = np.hstack([J[:, alone.free.slices[name]] for name in one.own])
     basis, s, _ = np.linalg.svd(own, full_matrices=False)
     basis = basis[:, s > EPS * max(own.shape) * s.max(initial=0.0)]

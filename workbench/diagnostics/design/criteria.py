@@ -22,6 +22,7 @@ from workbench.blocks.entries import entries
 from workbench.errors import BadArgument
 from workbench.residuals import Residual
 
+YARDSTICKS = "yardsticks"  # the unit of what is measured by them
 Size = Callable[[Array], float]  # of K (r, q), with K'K the covariance of what matters
 Measured = Callable[[Layout, Index, Array], tuple[Array, str]]
 
@@ -87,7 +88,7 @@ class Criterion:
 
 def in_yardsticks(free: Layout, meant: Index, yardsticks: Array) -> tuple[Array, str]:
     """Entries count by their yardsticks."""
-    return np.eye(free.size)[:, meant], "yardsticks"
+    return np.eye(free.size)[:, meant], YARDSTICKS
 
 
 def in_their_unit(free: Layout, meant: Index, yardsticks: Array) -> tuple[Array, str]:

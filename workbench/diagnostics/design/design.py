@@ -16,7 +16,7 @@ from workbench.blocks import Values
 from workbench.diagnostics.design.candidates import Candidate, Given, checked, rows_of
 from workbench.diagnostics.design.criteria import Criterion, d_optimal
 from workbench.diagnostics.design.measurement_design import MeasurementDesign, Ranked
-from workbench.diagnostics.design.search import Board, Progress, Search, automatic
+from workbench.diagnostics.design.search import Board, Progress, Search, automatic, null
 from workbench.diagnostics.design.uncertainty import Uncertainty
 from workbench.diagnostics.diagnose import diagnose
 from workbench.diagnostics.linearized import check_finite, linearized
@@ -59,12 +59,12 @@ def design(
     known, several = checked(candidates), _points(values)
     if not isinstance(choose, (int, np.integer)) or not 1 <= choose <= len(known):
         raise BadArgument(f"1 to {len(known)} of the candidates can be chosen, not {choose}")
-    names, sizes, unit = tuple(known), [], ""
+    names, sizes, words, unit = tuple(known), [], "", ""
     before, gradients, rows = [], [], []
     made: dict[object, Problem] = {}
     for at in several:
         point = _point(problem, at)
-        size = point.yardsticks.sizes
+        size, words = point.yardsticks.sizes, words or str(point.yardsticks)
         gradient, unit = _gradients(problem, criterion, at, size, made)
         seen = rows_of(problem, known, at, made)
         before.append(Uncertainty.of(point.here.scaled(size)))
@@ -79,11 +79,11 @@ def design(
     )
     found = search(board, int(choose), progress)
     single = _single(board, search, int(choose), found.candidates)
-    null = any(u.null.shape[1] for u in board.before)
-    directions = diagnose(problem, several[0]).null_directions if null else ()
+    directions = diagnose(problem, several[0]).null_directions if null(board.before) else ()
     return MeasurementDesign(
         criterion.name,
         unit,
+        words,
         len(several),
         board.score(board.before),
         _ranking(board, names),
@@ -138,12 +138,12 @@ def _gradients(
 
 def _ranking(board: Board, names: tuple[str, ...]) -> tuple[Ranked, ...]:
     """Every candidate by itself, best first; equal ones as they were given."""
-    before = board.score(board.before)
     found = []
     for i, name in enumerate(names):
-        score = board.score(board.after(board.before, i))
+        state = board.after(board.before, i)
+        sees = null(board.before) - null(state)
         nats = [u.nats(A) for u, A in zip(board.before, board.rows[i], strict=True)]
-        found.append(Ranked(name, score, float(np.mean(nats)), before.null - score.null))
+        found.append(Ranked(name, board.score(state), float(np.mean(nats)), sees))
     return tuple(sorted(found, key=lambda one: one.score))
 
 

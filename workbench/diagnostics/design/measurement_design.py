@@ -9,6 +9,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Layout
 from workbench.blocks.entries import entries
+from workbench.diagnostics.design.criteria import YARDSTICKS
 from workbench.diagnostics.design.search import Score, State
 from workbench.errors import some_of
 
@@ -44,6 +45,7 @@ class MeasurementDesign:
     Attributes:
         criterion: the name of the criterion.
         unit: the unit of the criterion.
+        yardstick: what a yardstick is at the first point, block by block.
         points: how many points were averaged over.
         before: the criterion before any candidate is measured.
         ranking: every candidate by itself, the best first.
@@ -60,6 +62,7 @@ class MeasurementDesign:
 
     criterion: str
     unit: str
+    yardstick: str
     points: int
     before: Score
     ranking: tuple[Ranked, ...]
@@ -120,6 +123,8 @@ class MeasurementDesign:
             f"by {self.criterion}{averaged}",
             f"  before: {self._said(self.before)}",
         ]
+        if self.unit == YARDSTICKS:
+            lines.append(f"  a yardstick is {self.yardstick}")
         if self.undetermined:
             lines.append(f"  nothing determines {some_of(self.undetermined)}")
         lines += [f"EACH CANDIDATE BY ITSELF ({self.unit}; gain in nats)"]

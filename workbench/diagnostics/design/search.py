@@ -23,7 +23,8 @@ class Score:
 
     Attributes:
         open: how many combinations of what matters nothing determines, summed over the points.
-        null: how many directions of the unknowns nothing determines, summed over the points.
+        null: how many directions of the unknowns nothing determines, summed over the points; 0
+            where all that matters is determined, because others do not matter then.
         log_sd: the mean over the points of the logarithm of the criterion.
     """
 
@@ -79,13 +80,18 @@ class Board:
         found = [u.split(G) for u, G in zip(state, self.gradients, strict=True)]
         with np.errstate(divide="ignore"):
             logs = [np.log(self.size(half)) for _, half in found]
-        null = sum(u.null.shape[1] for u in state)
-        return Score(sum(count for count, _ in found), null, float(np.mean(logs)))
+        open_ = sum(count for count, _ in found)
+        return Score(open_, null(state) if open_ else 0, float(np.mean(logs)))
 
     def at(self, point: int) -> "Board":
         """The same at one point only."""
         rows = tuple((each[point],) for each in self.rows)
         return Board((self.before[point],), (self.gradients[point],), self.size, rows)
+
+
+def null(state: State) -> int:
+    """How many null directions there are, summed over the points."""
+    return sum(u.null.shape[1] for u in state)
 
 
 @dataclass(frozen=True)
