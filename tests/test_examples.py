@@ -238,3 +238,18 @@ def test_scans_registered_together_come_nearer_to_the_truth() -> None:
     assert example.costs == sorted(example.costs, reverse=True)
     for apart, together in zip(example.found["apart"], example.found["together"], strict=True):
         assert together < 0.97 * apart
+
+
+def test_a_second_camera_and_ten_markers_are_chosen() -> None:
+    example = import_module("examples.29_what_to_measure_next")
+    second, overall = example.second, example.overall
+    assert len(second.ranking) == 36
+    assert 0.1 < second.before.sd < 0.3  # m
+    assert second.gain > 10
+    assert second.ranking[-1].sd > 2 * second.after.sd
+    assert second.best != overall.best
+    for found in (example.ten, example.for_stature):
+        assert len(set(found.chosen)) == 10
+        assert "no single exchange improves the choice" in found.search
+    assert example.for_stature.after.sd < 0.01 < 0.05 < example.for_stature.before.sd  # m
+    assert 0 < len(example.shared) < 10

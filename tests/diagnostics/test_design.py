@@ -296,8 +296,8 @@ def test_the_choice_depends_on_the_point_and_can_be_averaged() -> None:
     assert found.points == 5
     assert found.single == {(name,): 1 for name in best}
     assert found.agreement == pytest.approx(0.2)
-    assert found.best == "1"
-    log_sd = [np.log(design(problem, {"1": several["1"]}, at).after.sd) for at in points]
+    assert found.best == "0.5"  # log(t exp(-k t)) has the mean log t - mean(k) t: best at 0.65
+    log_sd = [np.log(design(problem, {"0.5": several["0.5"]}, at).after.sd) for at in points]
     assert found.after.log_sd == pytest.approx(np.mean(log_sd), rel=1e-10)
     assert "best choice at 1 of 5 points" in found.report()
     same = design(problem, several, points[:1] * 3)
@@ -383,7 +383,7 @@ def test_bad_input_gets_a_sentence() -> None:
 
 
 def test_simulated_fits_spread_as_predicted() -> None:
-    """Linear, 300 fits: a standard deviation is known to 4.1 %, and 4 of these are allowed."""
+    """Linear, 150 fits: a standard deviation is known to 5.8 %, and 4 of these are allowed."""
     problem, several, at, _ = linear(7)
     criterion = sd_of("x[1]")
     found = design(problem, several, at, criterion=criterion)
@@ -391,10 +391,10 @@ def test_simulated_fits_spread_as_predicted() -> None:
         (problem, found.before),
         (with_candidates(problem, several, found.chosen), found.after),
     ):
-        fits = repeated_fits(whole, at, 300, seed=2)
+        fits = repeated_fits(whole, at, 150, seed=2)
         assert fits.converged.all()
-        assert fits.spread(criterion, at) == pytest.approx(score.sd, rel=4 / np.sqrt(600))
-        assert abs(fits.errors.mean(axis=0)).max() < 5 * found.sd_before.max() / np.sqrt(300)
+        assert fits.spread(criterion, at) == pytest.approx(score.sd, rel=4 / np.sqrt(300))
+        assert abs(fits.errors.mean(axis=0)).max() < 5 * found.sd_before.max() / np.sqrt(150)
     again = repeated_fits(problem, at, 3, seed=2)
     np.testing.assert_array_equal(again.ends, repeated_fits(problem, at, 3, seed=2).ends)
     with pytest.raises(BadArgument, match="one fit or more"):

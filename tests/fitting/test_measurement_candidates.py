@@ -175,7 +175,7 @@ def test_poses_tell_of_shape_without_being_known(body: SkinnedBody) -> None:
 def test_depth_is_predicted_as_fits_find_it(
     body: SkinnedBody, problem: wb.Problem, at: wb.Values
 ) -> None:
-    """60 fits of 85 unknowns: a standard deviation is known to 9 %, and 3.5 of these are allowed."""
+    """40 fits of 85 unknowns: a standard deviation is known to 11 %; 3.5 of these are allowed."""
     camera = Camera("candidate/")
     centre = body.joints(**at)[0]
     several = cameras_on_a_sphere(body, centre, around=(0, 60), up=(0,))
@@ -184,10 +184,10 @@ def test_depth_is_predicted_as_fits_find_it(
     K = np.array([[1200.0, 0, 500], [0, 1200, 500], [0, 0, 1]])
     depth = depth_of(body, camera, camera.values(K=K, R=R, t=t))
     found = wb.design(problem, several, at, choose=2, criterion=wb.sd_of(depth))
-    fits = repeated_fits(two, at, 60, seed=4)
+    fits = repeated_fits(two, at, 40, seed=4)
     assert fits.converged.all()
     numbers = fits.numbers(depth, at)
-    assert numbers.shape == (60, 1)
-    assert numbers.mean() == pytest.approx(4.0, abs=5 * found.after.sd / np.sqrt(60))
+    assert numbers.shape == (40, 1)
+    assert numbers.mean() == pytest.approx(4.0, abs=5 * found.after.sd / np.sqrt(40))
     ratio = fits.spread(wb.sd_of(depth), at) / found.after.sd
-    assert abs(ratio - 1) < 3.5 / np.sqrt(120)
+    assert abs(ratio - 1) < 3.5 / np.sqrt(80)
