@@ -13,6 +13,7 @@ from workbench.diagnostics.design.criteria import (
 from workbench.diagnostics.design.design import design
 from workbench.diagnostics.design.measurement_design import MeasurementDesign, Ranked
 from workbench.diagnostics.design.search import (
+    Score,
     automatic,
     every_combination,
     greedy,
@@ -26,6 +27,7 @@ __all__ = [
     "MeasurementDesign",
     "Quantity",
     "Ranked",
+    "Score",
     "a_optimal",
     "automatic",
     "d_optimal",
