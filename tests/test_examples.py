@@ -261,3 +261,18 @@ def test_a_motion_comes_back_from_its_files(capsys: pytest.CaptureFixture[str]) 
     left = turned[body.joint_names.index("left_hip")] - turned[body.joint_names.index("right_hip")]
     assert left[0] < 0 < np.linalg.norm(left)  # half a turn: left is where right was
     assert np.abs(found.joints()[:, example.order] - fast.joints(body)).max() < 1e-6
+
+
+def test_a_second_camera_and_ten_markers_are_chosen() -> None:
+    example = import_module("examples.30_what_to_measure_next")
+    second, overall = example.second, example.overall
+    assert len(second.ranking) == 36
+    assert 0.1 < second.before.sd < 0.3  # m
+    assert second.gain > 10
+    assert second.ranking[-1].sd > 2 * second.after.sd
+    assert second.best != overall.best
+    for found in (example.ten, example.for_stature):
+        assert len(set(found.chosen)) == 10
+        assert "no single exchange improves the choice" in found.search
+    assert example.for_stature.after.sd < 0.01 < 0.05 < example.for_stature.before.sd  # m
+    assert 0 < len(example.shared) < 10

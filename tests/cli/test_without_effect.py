@@ -106,7 +106,7 @@ def test_info_tells_of_the_body_that_was_asked_about(workbench: Run) -> None:
         assert f"{name} has {vertices} vertices" in " ".join(out.split())
 
 
-@pytest.mark.parametrize("verb", ["run", "diagnose", "sample", "compare"])
+@pytest.mark.parametrize("verb", ["run", "diagnose", "design", "sample", "compare"])
 def test_help_says_what_a_file_may_define(
     workbench: Run, verb: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

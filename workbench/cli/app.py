@@ -12,6 +12,7 @@ from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.compare import compare
 from workbench.cli.coregister import coregister
+from workbench.cli.design import design
 from workbench.cli.diagnose import diagnose
 from workbench.cli.fit import fit
 from workbench.cli.info import info
@@ -75,6 +76,7 @@ for command in (
     run,
     fit,
     diagnose,
+    design,
     sample,
     compare,
     train,

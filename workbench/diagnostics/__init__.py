@@ -1,6 +1,20 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it."""
 
 from workbench.diagnostics.derivatives import DerivativeCheck, Suspect
+from workbench.diagnostics.design import (
+    Candidate,
+    Criterion,
+    MeasurementDesign,
+    Quantity,
+    Ranked,
+    Score,
+    a_optimal,
+    d_optimal,
+    design,
+    e_optimal,
+    sd_of,
+    with_candidates,
+)
 from workbench.diagnostics.diagnose import diagnose, diagnose_whole
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
@@ -19,7 +33,9 @@ from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
 from workbench.diagnostics.wording import Finding, Undiagnosed
 
 __all__ = [
+    "Candidate",
     "Contribution",
+    "Criterion",
     "DerivativeCheck",
     "Diagnosis",
     "DiagnosisComparison",
@@ -28,9 +44,13 @@ __all__ = [
     "Finding",
     "Gauge",
     "Identifiability",
+    "MeasurementDesign",
     "Neighbourhood",
     "NullDirections",
+    "Quantity",
     "RankAndCondition",
+    "Ranked",
+    "Score",
     "SequenceDiagnosis",
     "SharedUnknowns",
     "Structure",
@@ -39,6 +59,12 @@ __all__ = [
     "Suspect",
     "TermBlock",
     "Undiagnosed",
+    "a_optimal",
+    "d_optimal",
+    "design",
     "diagnose",
     "diagnose_whole",
+    "e_optimal",
+    "sd_of",
+    "with_candidates",
 ]

@@ -101,6 +101,7 @@ def _described(module: Any, path: Path) -> Experiment:
             body=getattr(module, "body", None),
             priors=getattr(module, "priors", ()),
             compared=getattr(module, "compared", ()),
+            candidates=getattr(module, "candidates", {}),
         )
         return Experiment(path.stem, lambda: made, path.name)
     raise BadFile(f"it defines no experiment; it needs {ENOUGH}; {BESIDE}")

@@ -14,7 +14,8 @@ ENOUGH = (
 )
 BESIDE = (
     "beside `problem` and `start`, `priors` names the residuals that are not data, `body` is the "
-    "body to draw, and `compared` names solvers to run as well"
+    "body to draw, `compared` names solvers to run as well, and `candidates` are residuals by name "
+    "that could be measured next"
 )
 
 

@@ -34,6 +34,15 @@ from workbench.fitting.marker_frames import random_frames, spread_frames
 from workbench.fitting.marker_information import informative_frames
 from workbench.fitting.marker_sets import MarkerSet, default_markers, read_marker_set
 from workbench.fitting.markers import marker_fit, marker_solver
+from workbench.fitting.measurement_candidates import (
+    cameras_of,
+    cameras_on_a_sphere,
+    depth_of,
+    keypoint_candidates,
+    marker_candidates,
+    pose_candidates,
+    stature_of,
+)
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.mosh import MarkerFit, mosh
@@ -42,6 +51,7 @@ from workbench.fitting.pose_regressor import PoseRegressor
 from workbench.fitting.regressed_start import regressed_start
 from workbench.fitting.regressor_files import read_regressor, save_regressor, shipped_regressor
 from workbench.fitting.regressor_training import train_pose_regressor
+from workbench.fitting.repeated_fits import RepeatedFits, repeated_fits
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.fitting.scan_files import ReadScan, read_scan
@@ -69,21 +79,27 @@ __all__ = [
     "Photograph",
     "PoseRegressor",
     "ReadScan",
+    "RepeatedFits",
     "Scan",
     "Setup",
     "Smoothness",
     "View",
     "WithStature",
     "boundary",
+    "cameras_of",
+    "cameras_on_a_sphere",
     "clip_of",
     "default_markers",
+    "depth_of",
     "effective_frames",
     "from_correspondences",
     "image_fit",
     "image_priors",
     "informative_frames",
     "joint_fit",
+    "keypoint_candidates",
     "keypoint_fit",
+    "marker_candidates",
     "marker_fit",
     "marker_solver",
     "mesh_fit",
@@ -91,6 +107,7 @@ __all__ = [
     "own_mesh",
     "photograph",
     "placed",
+    "pose_candidates",
     "pose_prior",
     "random_frames",
     "read_calibration",
@@ -102,12 +119,14 @@ __all__ = [
     "read_regressor",
     "read_scan",
     "regressed_start",
+    "repeated_fits",
     "save_regressor",
     "shape_prior",
     "shipped_regressor",
     "smplify",
     "spread_frames",
     "stature",
+    "stature_of",
     "stature_prior",
     "train_pose_regressor",
     "video_fit",

@@ -1,7 +1,7 @@
 """A problem ready to be solved: its start, its question, and what is measured afterwards."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import NoneType
 
 import numpy as np
@@ -10,6 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.diagnostics.design.candidates import Given
 from workbench.errors import BadSetup, check_known
 from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
@@ -122,6 +123,7 @@ class Setup:
             whole solver out of the one that is named, or out of None for the usual one. Without it,
             that solver is applied to the problem as it is.
         moving: the body that moves through frames, where the problem is a sequence.
+        candidates: measurements that could be made, by name; see `workbench design`.
     """
 
     problem: Problem
@@ -139,6 +141,7 @@ class Setup:
     made_of: Values | None = None
     strategy: Callable[[Solver | None], Solver] | None = None
     moving: Moving | None = None
+    candidates: Given = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")
@@ -175,6 +178,7 @@ class Setup:
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
+        expect("candidates", self.candidates, Mapping, "a dict of residuals by name")
         expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
         if self.made_of is not None:
             self.problem.free.pack(dict(self.start) | dict(self.made_of))

@@ -19,6 +19,12 @@ from workbench.plots.distances import (
     plot_distances,
 )
 from workbench.plots.figure import house_style, png, sheet, smallest, svg
+from workbench.plots.measurement_design import (
+    caption_measurement_choice,
+    caption_measurement_ranking,
+    plot_measurement_choice,
+    plot_measurement_ranking,
+)
 from workbench.plots.minima import caption_minima, plot_minima
 from workbench.plots.motion_strip import caption_motion, plot_motion
 from workbench.plots.overlay import (
@@ -75,6 +81,8 @@ __all__ = [
     "caption_direction",
     "caption_distances",
     "caption_hypothesis",
+    "caption_measurement_choice",
+    "caption_measurement_ranking",
     "caption_minima",
     "caption_motion",
     "caption_overlay",
@@ -102,6 +110,8 @@ __all__ = [
     "plot_direction",
     "plot_distances",
     "plot_hypothesis",
+    "plot_measurement_choice",
+    "plot_measurement_ranking",
     "plot_minima",
     "plot_motion",
     "plot_overlay",

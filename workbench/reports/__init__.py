@@ -2,6 +2,7 @@
 
 from workbench.reports.card import card_text, write_card
 from workbench.reports.comparison_page import write_comparison
+from workbench.reports.design_page import write_design
 from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.posterior_page import write_posterior
@@ -13,6 +14,7 @@ __all__ = [
     "refuse_foreign",
     "write_card",
     "write_comparison",
+    "write_design",
     "write_diagnosis",
     "write_posterior",
     "write_registration",

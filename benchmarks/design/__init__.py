@@ -1,0 +1,1 @@
+"""What to measure next: how true the predictions of `workbench.diagnostics.design` are."""

@@ -1,0 +1,101 @@
+"""`workbench design` on small files of a user's own, and on a body."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import Run
+
+LINE = """
+import casadi as cs, numpy as np, workbench as wb
+x = wb.Block("x", (3,), "m")
+def at(t, name):
+    return wb.Residual(name, cs.DM(np.vander(np.atleast_1d(t), 3)) @ x.symbol, 0.1, "m")
+problem = wb.Problem([at(np.linspace(0, 1, 5), "fit")], ["x"], blocks=[x])
+start = {"x": np.zeros(3)}
+candidates = {f"at {t:g}": at(t, "more") for t in (-1, 0, 0.5, 1, 2, 3)}
+"""
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Path:
+    (tmp_path / "line.py").write_text(LINE, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_file_names_its_own_candidates(workbench: Run, line: Path) -> None:
+    code, said, _ = workbench("design", "line.py", "--choose", "2", "--sd-of", "x[0]")
+    assert code == 0
+    folder = line / "runs" / "line-design"
+    data = json.loads((folder / "design.json").read_text())
+    assert data["ranking"][0]["name"] == "at 3"
+    assert "at 3" in data["chosen"]
+    assert data["unit"] == "m"
+    assert data["after"] < data["before"]
+    assert "all 15 combinations of 2 candidates were compared" in said
+    assert (folder / "design.txt").read_text().startswith("WHAT TO MEASURE NEXT: 2 of 6")
+    page = (folder / "index.html").read_text()
+    assert "What to measure next in line" in page
+    assert page.count("<figure") == 2
+    A = np.vander(np.linspace(0, 1, 5), 3) / 0.1
+    assert data["before"] == pytest.approx(np.sqrt(np.linalg.inv(A.T @ A)[0, 0]))
+
+
+def test_predictions_are_checked_by_fits(workbench: Run, line: Path) -> None:
+    code, said, _ = workbench("design", "line.py", "--sd-of", "x[1]", "--check", "40")
+    assert code == 0
+    assert "Checked by 40 simulated fits each; before: predicted" in said
+    code, said, _ = workbench("design", "line.py", "--points", "3", "--over", "x[0]")
+    assert code == 0
+    assert "averaged over 3 points" in said
+    assert "at 3 of 3 points" in said  # linear: the same everywhere
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nobody"], "no experiment is called 'nobody'"),
+        (["line.py", "--candidates", "poses"], "there are cameras, keypoints, markers, own, views"),
+        (["line.py", "--candidates", "cameras"], "are of a body at one moment"),
+        (["line.py", "--criterion", "f"], "no criterion is called 'f'"),
+        (["line.py", "--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
+        (["line.py", "--sd-of", "poze"], "no free block is called 'poze'"),
+        (["line.py", "--sd-of", "stature"], "are of a body at one moment"),
+        (["line.py", "--sd-of", "x[0]", "--over", "x[0]"], "--over goes with --criterion"),
+        (["line.py", "--over", "y"], "no free block is called 'y'"),
+        (["line.py", "--check", "20"], "give --sd-of with it"),
+        (["line.py", "--check", "1"], "takes 2 or more"),
+        (["line.py", "--points", "0"], "--points is 1 or more"),
+        (["known-correspondences", "--candidates", "own"], "names no candidates of its own"),
+        (["known-correspondences", "--candidates", "views"], "no camera of this problem is held"),
+        (["known-correspondences", "--candidates", "keypoints"], "no camera sees the body"),
+    ],
+)
+def test_bad_input_gets_a_sentence_and_two(
+    workbench: Run, line: Path, arguments: list[str], said: str
+) -> None:
+    code, _, err = workbench("design", *arguments)
+    assert code == 2
+    assert said in " ".join(err.split())
+
+
+def test_candidates_of_a_file_are_residuals(workbench: Run, line: Path) -> None:
+    (line / "wrong.py").write_text(LINE + "candidates = [1]\n", encoding="utf-8")
+    code, _, err = workbench("design", "wrong.py")
+    assert code == 2
+    assert "`candidates` of a setup must be a dict of residuals by name" in " ".join(err.split())
+
+
+def test_markers_and_real_cameras_of_a_person(workbench: Run, line: Path) -> None:
+    asked = ("design", "balance-monocular", "--candidates")
+    code, said, _ = workbench(*asked, "views", "--sd-of", "depth")
+    assert code == 0
+    data = json.loads((line / "runs" / "balance-monocular-design" / "design.json").read_text())
+    assert {one["name"] for one in data["ranking"]} == {"cam02", "cam03", "cam04"}
+    assert data["gain"] > 5
+    code, said, _ = workbench(*asked, "markers", "--sd-of", "stature")
+    assert code == 0
+    assert "1 of 41 candidates" in said
+    assert "the standard deviation of stature" in said

@@ -1,0 +1,404 @@
+"""Optimal design of measurements, compared with brute force and with the covariance itself."""
+
+from itertools import combinations, permutations
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.arrays import Array
+from workbench.diagnostics.design import (
+    Candidate,
+    Quantity,
+    a_optimal,
+    automatic,
+    d_optimal,
+    design,
+    e_optimal,
+    every_combination,
+    greedy,
+    greedy_with_exchange,
+    sd_of,
+    with_candidates,
+)
+from workbench.diagnostics.design.uncertainty import Uncertainty
+from workbench.errors import BadArgument, NotFinite, NotSupported, UnknownName
+from workbench.fitting.repeated_fits import repeated_fits
+from workbench.problem import Linearization
+
+N = 4
+
+
+def rows(name: str, A: Array, x: wb.Block) -> wb.Residual:
+    return wb.Residual(name, cs.DM(np.atleast_2d(A)) @ x.symbol, 1.0, blocks=(x,))
+
+
+def linear(seed: int, count: int = 7, n: int = N) -> tuple[wb.Problem, dict, dict, wb.Block]:
+    """A problem that determines everything, and candidates of one or two rows."""
+    rng = np.random.default_rng(seed)
+    x = wb.Block("x", (n,), "m")
+    problem = wb.Problem([rows("known", rng.normal(size=(n + 1, n)), x)], ["x"], blocks=[x])
+    several = {f"c{i}": rows(f"c{i}", rng.normal(size=(1 + i % 2, n)), x) for i in range(count)}
+    return problem, several, {"x": rng.normal(size=n)}, x
+
+
+def covariance(problem: wb.Problem, several: dict, at: dict, chosen: tuple[str, ...]) -> Array:
+    return with_candidates(problem, several, chosen).linearize(at).covariance
+
+
+BRUTE = (
+    (d_optimal, lambda C: np.linalg.slogdet(C)[1]),
+    (a_optimal, np.trace),
+    (e_optimal, lambda C: np.linalg.eigvalsh(C)[-1]),
+    (sd_of("x[2]"), lambda C: C[2, 2]),
+    (d_optimal.over("x[0:2]"), lambda C: np.linalg.slogdet(C[:2, :2])[1]),
+)
+
+
+@pytest.mark.parametrize("which", range(len(BRUTE)))
+@pytest.mark.parametrize("choose", [1, 2, 3])
+def test_the_choice_is_that_of_brute_force(which: int, choose: int) -> None:
+    criterion, size = BRUTE[which]
+    for seed in range(2):
+        problem, several, at, _ = linear(seed)
+        found = design(problem, several, at, choose=choose, criterion=criterion)
+        each = {
+            some: size(covariance(problem, several, at, some))
+            for some in combinations(several, choose)
+        }
+        assert set(found.chosen) == set(min(each, key=lambda some: each[some]))
+        assert "all " in found.search
+
+
+def test_numbers_are_those_of_the_covariance() -> None:
+    problem, several, at, _ = linear(1)
+    for criterion, value in (
+        (d_optimal, lambda C: np.exp(np.linalg.slogdet(C)[1] / (2 * N))),
+        (a_optimal, lambda C: np.sqrt(np.trace(C) / N)),
+        (e_optimal, lambda C: np.sqrt(np.linalg.eigvalsh(C)[-1])),
+        (sd_of("x"), lambda C: np.sqrt(np.trace(C))),
+        (sd_of("x[1]"), lambda C: np.sqrt(C[1, 1])),
+    ):
+        found = design(problem, several, at, choose=2, criterion=criterion)
+        C, after = (
+            covariance(problem, several, at, ()),
+            covariance(problem, several, at, found.chosen),
+        )
+        assert found.before.sd == pytest.approx(value(C), rel=1e-10)
+        assert found.after.sd == pytest.approx(value(after), rel=1e-10)
+        assert found.gain == pytest.approx(value(C) / value(after), rel=1e-10)
+        np.testing.assert_allclose(found.sd_before, np.sqrt(np.diag(C)), rtol=1e-10)
+        np.testing.assert_allclose(found.sd_after, np.sqrt(np.diag(after)), rtol=1e-10)
+        for one in found.ranking:
+            alone = covariance(problem, several, at, (one.name,))
+            nats = 0.5 * (np.linalg.slogdet(C)[1] - np.linalg.slogdet(alone)[1])
+            assert one.sd == pytest.approx(value(alone), rel=1e-10)
+            assert one.nats == pytest.approx(nats, rel=1e-8)
+        assert [one.sd for one in found.ranking] == sorted(one.sd for one in found.ranking)
+
+
+def test_standard_deviations_are_those_of_laplace() -> None:
+    problem, several, at, _ = linear(2)
+    found = design(problem, several, at, choose=2)
+    for whole, sd in (
+        (problem, found.sd_before),
+        (with_candidates(problem, several, found.chosen), found.sd_after),
+    ):
+        half = wb.laplace(whole, at, draws=40).modes[0].half
+        np.testing.assert_allclose(np.linalg.norm(half, axis=1), sd, rtol=1e-8)
+
+
+def test_greedy_has_the_guarantee_and_exchanges_never_lose() -> None:
+    """At least 1 - 1/e of the largest information; the exchange ends at least as well."""
+    exact = 0
+    for seed in range(6):
+        problem, several, at, _ = linear(seed, count=9)
+        before = design(problem, several, at).before.log_sd
+        gains = {
+            search: N
+            * (before - design(problem, several, at, choose=4, search=search).after.log_sd)
+            for search in (every_combination, greedy, greedy_with_exchange)
+        }
+        best = gains[every_combination]
+        assert (1 - 1 / np.e) * best <= gains[greedy] <= gains[greedy_with_exchange] + 1e-9
+        assert gains[greedy_with_exchange] <= best + 1e-9
+        exact += gains[greedy_with_exchange] > best - 1e-9
+    assert exact >= 5
+
+
+def test_many_combinations_are_searched_greedily() -> None:
+    problem, several, at, _ = linear(0, count=20)
+    told = []
+    found = design(
+        problem, several, at, choose=6, progress=lambda done, of: told.append((done, of))
+    )
+    assert "no single exchange improves the choice" in found.search
+    assert told
+    assert all(0 < done <= of for done, of in told)
+    assert len(set(found.chosen)) == 6
+    sds = [found.before.sd, *(score.sd for score in found.steps)]
+    assert sds == sorted(sds, reverse=True)
+    assert automatic is not greedy
+
+
+def test_volume_alone_is_independent_of_units() -> None:
+    """The same candidates in unknowns y = T x: D chooses the same, A and E need not."""
+    rng = np.random.default_rng(5)
+    differs = dict.fromkeys(("a", "e"), 0)
+    for seed in range(4):
+        problem, several, at, x = linear(seed)
+        T = rng.normal(size=(N, N)) * [1.0, 100.0, 0.01, 1.0]
+        y = wb.Block("y", (N,), "m")
+
+        def in_y(residual: wb.Residual, x: wb.Block = x, T: Array = T, y: wb.Block = y):
+            (other,) = cs.substitute([residual.expression], [x.symbol], [cs.DM(T) @ y.symbol])
+            return wb.Residual(residual.name, other, 1.0, blocks=(y,))
+
+        changed = wb.Problem([in_y(problem.residuals[0])], ["y"], blocks=[y])
+        others = {name: in_y(one) for name, one in several.items()}
+        there = {"y": np.linalg.solve(T, at["x"])}
+        one = design(problem, several, at, choose=2)
+        two = design(changed, others, there, choose=2)
+        assert one.chosen == two.chosen
+        assert [r.name for r in one.ranking] == [r.name for r in two.ranking]
+        assert one.gain == pytest.approx(two.gain, rel=1e-7)
+        for name, criterion in (("a", a_optimal), ("e", e_optimal)):
+            first = design(problem, several, at, criterion=criterion)
+            second = design(changed, others, there, criterion=criterion)
+            differs[name] += first.best != second.best
+    assert min(differs.values()) > 0
+
+
+def test_information_is_submodular() -> None:
+    """What a candidate adds shrinks as others are measured before it."""
+    problem, several, at, _ = linear(4)
+    u = Uncertainty.of(problem.linearize(at))
+    A = {name: wb.Problem([one], ["x"]).linearize(at).dense for name, one in several.items()}
+    for first, second in permutations(several, 2):
+        assert u.seeing(A[first]).nats(A[second]) <= u.nats(A[second]) + 1e-12
+
+
+def test_updates_keep_their_digits() -> None:
+    """A measurement that is 1e9 times as exact as what was known; in any order."""
+    rng = np.random.default_rng(0)
+    J, sharp, more = rng.normal(size=(6, N)), 1e9 * rng.normal(size=(1, N)), rng.normal(size=(2, N))
+    u = Uncertainty.of(Linearization(np.zeros(6), J))
+    along = sharp[0] / np.linalg.norm(sharp)
+    updated = u.seeing(sharp).seeing(more)
+    other = u.seeing(more).seeing(sharp)
+    stacked = Linearization(np.zeros(9), np.vstack([J, sharp, more]))
+    whole = Uncertainty.of(stacked)
+    np.testing.assert_allclose(updated.sds, whole.sds, rtol=1e-6)
+    np.testing.assert_allclose(other.sds, whole.sds, rtol=1e-6)
+    sd = np.linalg.norm(updated.half.T @ along)
+    assert sd == pytest.approx(1 / np.linalg.norm(sharp), rel=1e-5)
+
+
+def test_a_candidate_that_says_nothing_adds_nothing() -> None:
+    problem, several, at, x = linear(3)
+    camera = wb.Block("camera", (1,))
+    blind = wb.Residual("blind", 0 * x.symbol[0] + 0 * x.symbol[1], 1.0, blocks=(x,))
+    elsewhere = wb.Residual("elsewhere", camera.symbol - 3, 1.0, blocks=(camera,))
+    known = at | {"camera": np.zeros(1)}
+    found = design(problem, {"blind": blind, "elsewhere": elsewhere} | several, known)
+    assert {one.name for one in found.ranking[-2:]} == {"blind", "elsewhere"}
+    for one in found.ranking[-2:]:
+        assert one.nats == 0
+        assert one.sd == pytest.approx(found.before.sd, rel=1e-12)
+    alone = design(problem, {"blind": blind}, at)
+    assert alone.gain == pytest.approx(1, rel=1e-12)
+
+
+def test_null_directions_are_seen_first() -> None:
+    """x - y is known; z is not, nor x + y. Small rows that see more come before large ones."""
+    p = wb.Block("p", (3,), "m", ("x", "y", "z"))
+    problem = wb.Problem([rows("apart", np.array([1.0, -1.0, 0.0]), p)], ["p"], blocks=[p])
+    several = {
+        "apart again": rows("a", 1e3 * np.array([1.0, -1.0, 0.0]), p),
+        "x well": rows("b", np.array([100.0, 0, 0]), p),
+        "x and z badly": rows("c", 0.01 * np.array([[1.0, 0, 0], [0, 0, 1.0]]), p),
+        "z": rows("d", np.array([0, 0, 1.0]), p),
+    }
+    at = {"p": np.zeros(3)}
+    found = design(problem, several, at)
+    assert [one.name for one in found.ranking] == ["x and z badly", "x well", "z", "apart again"]
+    assert [one.sees for one in found.ranking] == [2, 1, 1, 0]
+    assert found.before.open == 2
+    assert len(found.undetermined) == 2
+    assert "undetermined" in found.report()
+    assert found.gain == np.inf
+    assert not np.isfinite(found.sd_before).any()
+    np.testing.assert_allclose(found.sd_after[2], 100, rtol=1e-9)
+    two = design(problem, several, at, choose=2)
+    assert set(two.chosen) == {"x well", "z"}
+    z = design(problem, several, at, criterion=sd_of("p[z]"))
+    assert z.best == "z"  # which leaves x + y open, but that does not matter
+    assert z.after.sd == pytest.approx(1, rel=1e-9)
+    assert z.ranking[-1].sd == np.inf
+    assert None in [one["sd"] for one in z.data()["ranking"]]
+    apart = Quantity("x - y", p.symbol[0] - p.symbol[1], "m", blocks=(p,))
+    assert design(problem, several, at, criterion=sd_of(apart)).before.sd == pytest.approx(1)
+
+
+def test_a_quantity_has_the_sd_of_the_delta_method() -> None:
+    problem, several, at, x = linear(6)
+    length = Quantity("|x|", cs.norm_2(x.symbol), "m", blocks=(x,))
+    found = design(problem, several, at, criterion=sd_of(length))
+    C = covariance(problem, several, at, ())
+    g = at["x"] / np.linalg.norm(at["x"])
+    assert found.before.sd == pytest.approx(np.sqrt(g @ C @ g), rel=1e-9)
+    assert found.unit == "m"
+    both = Quantity("a place", x.symbol[:2], "m", blocks=(x,))
+    place = design(problem, several, at, criterion=sd_of(both))
+    assert place.before.sd == pytest.approx(np.sqrt(C[0, 0] + C[1, 1]), rel=1e-9)
+    at_zero = Quantity("x0 squared", x.symbol[0] ** 2, "m^2", blocks=(x,))
+    with pytest.raises(BadArgument, match="no free number changes x0 squared here"):
+        design(problem, several, {"x": np.zeros(N)}, criterion=sd_of(at_zero))
+
+
+def test_units_of_entries_do_not_mix() -> None:
+    a, b = wb.Block("a", (1,), "m"), wb.Block("b", (1,), "rad")
+    whole = wb.Residual("r", cs.vertcat(a.symbol, b.symbol), 1.0, blocks=(a, b))
+    problem, at = wb.Problem([whole], ["a", "b"]), {"a": np.zeros(1), "b": np.zeros(1)}
+    several = {"a": wb.Residual("more", a.symbol, 0.5, blocks=(a,))}
+    with pytest.raises(BadArgument, match="numbers in m and rad"):
+        design(
+            problem,
+            several,
+            at,
+            criterion=a_optimal.over("a", "b").__class__(
+                "sd", sd_of("a").size, sd_of("a").measured, ("a", "b")
+            ),
+        )
+    assert design(problem, several, at, criterion=sd_of("a")).unit == "m"
+
+
+def decay() -> tuple[wb.Problem, dict[str, wb.Residual]]:
+    x = wb.Block("k", (1,), "1")
+
+    def at(t: float) -> wb.Residual:
+        return wb.Residual(f"{t:g}", cs.exp(-x.symbol * t), 0.01, blocks=(x,))
+
+    hold = wb.residuals.gaussian(x.symbol, mean=[1.0], covariance=1.0, unit="1", name="prior")
+    times = (0.25, 0.5, 1.0, 2.0, 4.0)
+    return wb.Problem([hold], ["k"], blocks=[x]), {f"{t:g}": at(t) for t in times}
+
+
+def test_the_choice_depends_on_the_point_and_can_be_averaged() -> None:
+    """exp(-k t) says most of k at t = 1 / k (the maximum of t exp(-k t))."""
+    problem, several = decay()
+    rates = (0.25, 0.5, 1.0, 2.0, 4.0)
+    points = [{"k": np.array([k])} for k in rates]
+    best = [design(problem, several, at).best for at in points]
+    assert best == [f"{1 / k:g}" for k in rates]
+    found = design(problem, several, points)
+    assert found.points == 5
+    assert found.single == {(name,): 1 for name in best}
+    assert found.agreement == pytest.approx(0.2)
+    assert found.best == "0.5"  # log(t exp(-k t)) has the mean log t - mean(k) t: best at 0.65
+    log_sd = [np.log(design(problem, {"0.5": several["0.5"]}, at).after.sd) for at in points]
+    assert found.after.log_sd == pytest.approx(np.mean(log_sd), rel=1e-10)
+    assert "best choice at 1 of 5 points" in found.report()
+    same = design(problem, several, points[:1] * 3)
+    assert same.agreement == 1
+
+
+def test_unknowns_of_a_candidates_own_are_integrated_out() -> None:
+    """As if they were free in the whole problem: the Schur complement."""
+    rng = np.random.default_rng(1)
+    x, own = wb.Block("x", (3,), "m"), wb.Block("own", (2,), "m")
+    A, B = rng.normal(size=(6, 3)), rng.normal(size=(6, 2))
+    known = rows("known", rng.normal(size=(4, 3)), x)
+    problem = wb.Problem([known], ["x"], blocks=[x])
+    seen = wb.Residual("seen", cs.DM(A) @ x.symbol + cs.DM(B) @ own.symbol, 0.3, blocks=(x, own))
+    held = wb.Residual("held", own.symbol, 2.0, blocks=(own,))
+    frame = Candidate((seen, held), {"own": np.ones(2)}, ("own",))
+    at = {"x": np.zeros(3)}
+    found = design(problem, {"frame": frame}, at)
+    whole = wb.Problem([known, seen, held], ["x", "own"], blocks=[x, own])
+    C = whole.linearize(at | {"own": np.ones(2)}).covariance
+    np.testing.assert_allclose(found.sd_after, np.sqrt(np.diag(C)[:3]), rtol=1e-10)
+    exact = design(problem, {"frame": Candidate((seen, held), {"own": np.ones(2)})}, at)
+    assert (exact.sd_after < found.sd_after).all()
+    with pytest.raises(NotSupported, match="unknowns of its own"):
+        with_candidates(problem, {"frame": frame}, ["frame"])
+    with pytest.raises(BadArgument, match="the problem has them free too"):
+        design(whole, {"frame": frame}, at | {"own": np.ones(2)})
+    blind = Candidate((held,), {"own": np.ones(2), "gone": np.ones(1)}, ("own", "gone"))
+    with pytest.raises(BadArgument, match="does not read gone"):
+        design(problem, {"frame": blind}, at)
+
+
+def test_numbers_of_a_candidate_are_its_own() -> None:
+    """One residual for several candidates, and constants in the problem that is made of them."""
+    x, gain = wb.Block("x", (1,), "m"), wb.Block("gain", (1,))
+    problem = wb.Problem([wb.Residual("known", x.symbol, 1.0, blocks=(x,))], ["x"], blocks=[x])
+    seen = wb.Residual("seen", gain.symbol * x.symbol, 1.0, blocks=(x, gain))
+    several = {f"{g}": Candidate((seen,), {"gain": np.array([g])}) for g in (1.0, 2.0, 3.0)}
+    at = {"x": np.zeros(1)}
+    found = design(problem, several, at, choose=2)
+    assert found.chosen == ("3.0", "2.0")
+    assert found.after.sd == pytest.approx(1 / np.sqrt(1 + 9 + 4))
+    whole = with_candidates(problem, several, found.chosen)
+    assert whole.fixed.names == ()
+    assert np.sqrt(whole.linearize(at).covariance[0, 0]) == pytest.approx(found.after.sd)
+    assert [r.name for r in whole.residuals] == ["known", "3.0", "2.0"]
+
+
+def test_bad_input_gets_a_sentence() -> None:
+    problem, several, at, x = linear(0)
+    y = wb.Block("poze", (1,))
+    wrong = wb.Residual("wrong", x.symbol[0] + y.symbol, 1.0, blocks=(x, y))
+    with pytest.raises(
+        UnknownName, match=r"no block is called 'poze'; there are x.*candidate 'far'"
+    ):
+        design(problem, {"far": wrong}, at)
+    infinite = wb.Residual("infinite", cs.log(x.symbol[0] - float(at["x"][0])), 1.0, blocks=(x,))
+    with pytest.raises(NotFinite, match="candidate 'near'"):
+        design(problem, {"near": infinite}, at)
+    for candidates, said in (
+        ({}, "there are no candidates"),
+        ({"a": ()}, "candidate 'a': a candidate has one residual or more"),
+        ({"a": "poze"}, "candidate 'a'"),
+        ({3: several["c0"]}, "called by a text"),
+    ):
+        with pytest.raises(BadArgument, match=said):
+            design(problem, candidates, at)
+    for choose in (0, 8, 1.5):
+        with pytest.raises(BadArgument, match="1 to 7 of the candidates"):
+            design(problem, several, at, choose=choose)
+    with pytest.raises(BadArgument, match="the criterion is an object such as"):
+        design(problem, several, at, criterion="d")
+    with pytest.raises(BadArgument, match="a design is for a Problem"):
+        design("balance", several, at)
+    with pytest.raises(BadArgument, match="a list of such dicts"):
+        design(problem, several, [])
+    with pytest.raises(BadArgument, match="the name of an entry"):
+        sd_of(3)
+    with pytest.raises(UnknownName, match="no free block is called 'y'"):
+        design(problem, several, at, criterion=sd_of("y"))
+    with pytest.raises(UnknownName, match="no candidate is called 'far'"):
+        with_candidates(problem, several, ["far"])
+
+
+def test_simulated_fits_spread_as_predicted() -> None:
+    """Linear, 150 fits: a standard deviation is known to 5.8 %, and 4 of these are allowed."""
+    problem, several, at, _ = linear(7)
+    criterion = sd_of("x[1]")
+    found = design(problem, several, at, criterion=criterion)
+    for whole, score in (
+        (problem, found.before),
+        (with_candidates(problem, several, found.chosen), found.after),
+    ):
+        fits = repeated_fits(whole, at, 150, seed=2)
+        assert fits.converged.all()
+        assert fits.spread(criterion, at) == pytest.approx(score.sd, rel=4 / np.sqrt(300))
+        assert abs(fits.errors.mean(axis=0)).max() < 5 * found.sd_before.max() / np.sqrt(150)
+    again = repeated_fits(problem, at, 3, seed=2)
+    np.testing.assert_array_equal(again.ends, repeated_fits(problem, at, 3, seed=2).ends)
+    with pytest.raises(BadArgument, match="one fit or more"):
+        repeated_fits(problem, at, 0)
+    both = wb.sequence([problem] * 2)
+    with pytest.raises(BadArgument, match="sequence"):
+        repeated_fits(both, {"x": np.zeros((2, N))}, 2)

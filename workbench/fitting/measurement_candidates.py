@@ -1,0 +1,195 @@
+"""Measurements of a body that could be made: cameras, keypoints, markers and frames by name.
+
+All of them see every landmark, also those that the body itself hides.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array
+from workbench.blocks import Block, Values
+from workbench.blocks.checks import reals
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.diagnostics.design import Candidate, Quantity
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.keypoint_problem import camera_values, landmark_set
+from workbench.fitting.marker_sets import MARKERS, MarkerSet
+from workbench.fitting.markers import OFFSET_SIGMA, SIGMA
+from workbench.fitting.observations import Photograph, pinhole
+from workbench.fitting.stature import stature_expression
+from workbench.geometry.camera import Camera
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.residuals import Residual, keypoints, landmarks
+
+AROUND = tuple(range(0, 360, 30))  # degrees
+UP = (0, 30, 60)  # degrees
+PREFIX = "candidate/"  # of the blocks of a camera that could be put up
+
+
+def looking_at(centre: ArrayLike, around: float, up: float, distance: float) -> tuple[Array, Array]:
+    """R (3, 3) and t (3,) m of an upright camera that looks at a point (3,) m.
+
+    It stands `distance` m away, `around` degrees about the y axis (0 is in front, at +z, and 90 at
+    +x) and `up` degrees above the height of the point. Straight above, the top of its image is
+    away from where it would stand on the ground.
+    """
+    a, e = np.radians([around, up])
+    towards = -np.array([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)])
+    right = np.array([np.cos(a), 0.0, -np.sin(a)])
+    R = np.array([right, np.cross(towards, right), towards])
+    return R, distance * np.array([0.0, 0.0, 1.0]) - R @ np.asarray(centre, dtype=float)
+
+
+def cameras_on_a_sphere(
+    body: Body,
+    centre: ArrayLike,
+    *,
+    distance: float = 4.0,
+    around: Sequence[float] = AROUND,
+    up: Sequence[float] = UP,
+    focal: float = 1200.0,
+    size: tuple[int, int] = (1000, 1000),
+    sigma: float = 4.0,
+) -> dict[str, Candidate]:
+    """Cameras around a point (3,) m, each of which sees the body's keypoints.
+
+    Angles are in degrees, see `looking_at`; focal and sigma are in px. They are called `90 around,
+    30 up`. Raises BadArgument for a centre that is no point, or a distance that is not above zero.
+    """
+    middle = reals("the centre of the cameras", centre)
+    if middle.shape != (3,) or not np.isfinite(middle).all():
+        raise BadArgument(f"the centre of the cameras is a point (3,) in m, not {middle.tolist()}")
+    if not (distance > 0 and focal > 0 and sigma > 0):
+        raise BadArgument(
+            f"cameras need a distance, a focal length and a sigma above zero, not {distance:g} m, "
+            f"{focal:g} px and {sigma:g} px"
+        )
+    K, numbers = pinhole(focal, *size), {}
+    for u in up:
+        for a in around:
+            R, t = looking_at(middle, a, u, distance)
+            numbers[f"{a:g} around, {u:g} up"] = Camera(PREFIX).values(K=K, R=R, t=t)
+    return _cameras(body, numbers, sigma)
+
+
+def cameras_of(
+    body: Body, photographs: Sequence[Photograph], *, sigma: float = 4.0
+) -> dict[str, Candidate]:
+    """Cameras that exist: those of photographs, by their names. What they observed does not count.
+
+    Each sees all keypoints of the body, with a sigma in px. Raises BadArgument for a camera without
+    a calibration.
+    """
+    for photo in photographs:
+        if photo.K is None or photo.R is None or photo.t is None:
+            raise BadArgument(
+                f"{photo.name} has no calibration; a camera that could be put up needs K, R and t"
+            )
+    camera = Camera(PREFIX)
+    return _cameras(
+        body, {photo.name: camera_values(camera, photo) for photo in photographs}, sigma
+    )
+
+
+def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:
+    count = len(body.landmark_names(landmark_set(body)))
+    seen = _keypoints(body, Camera(PREFIX), np.ones(count), sigma)
+    return {name: Candidate((seen,), one) for name, one in numbers.items()}
+
+
+def keypoint_candidates(
+    body: Body, camera: Camera, numbers: Values, *, sigma: float = 4.0
+) -> dict[str, Candidate]:
+    """Each of the body's keypoints by itself, seen by one camera with these numbers; sigma in px.
+
+    So is each point of a detector's layout that the body has as a landmark.
+    """
+    labels = body.landmark_names(landmark_set(body))
+    seen, one = _one_of(labels)
+    own = {block.name: np.asarray(numbers[block.name], dtype=float) for block in camera.blocks}
+    rows = _keypoints(body, camera, seen.symbol, sigma)
+    return {label: Candidate((rows,), own | only) for label, only in one.items()}
+
+
+def marker_candidates(
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    *,
+    sigma: float = SIGMA,
+    offset_sigma: float = OFFSET_SIGMA,
+) -> dict[str, Candidate]:
+    """Each marker of a set by itself, seen once; sigmas in m along each axis.
+
+    A marker is beside its nominal place by an offset that one moment cannot tell from the body, so
+    its rows have the standard deviation sqrt(sigma^2 + offset_sigma^2).
+    """
+    seen, one = _one_of(marker_set.names)
+    at = [block.symbol for block in body.blocks()]
+    points = marker_set.on(body).landmark_points(MARKERS, *at)
+    origin = np.zeros((len(marker_set.names), 3))
+    spread = float(np.hypot(sigma, offset_sigma))
+    rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)
+    return {label: Candidate((rows,), only) for label, only in one.items()}
+
+
+def pose_candidates(
+    body: SkinnedBody, marker_set: MarkerSet, poses: ArrayLike, *, sigma: float = SIGMA
+) -> dict[str, Candidate]:
+    """Markers seen in each of some poses (T, K, 3) rad: `pose 0` and so on; sigma in m.
+
+    The pose and the place of the body in such a frame are the frame's own unknowns, with the pose
+    prior; what is left is information on the betas and the offsets of the markers, which should be
+    free in the problem.
+    """
+    dressed = marker_set.on(body)
+    pose, betas, trans = dressed.blocks()
+    offsets = dressed.offsets(MARKERS)
+    points = dressed.landmark_points(
+        MARKERS, pose.symbol, betas.symbol, trans.symbol, offsets.symbol
+    )
+    origin = np.zeros((len(marker_set.names), 3))
+    terms = landmarks(points, origin, sigma=sigma, name=MARKERS), pose_prior(dressed)
+    found = {}
+    for i, one in enumerate(reals("the poses", poses)):
+        if one.shape != pose.shape:
+            raise BadArgument(f"the poses are (T, {pose.shape[0]}, 3) rad, not (T, *{one.shape})")
+        at = {pose.name: one, trans.name: np.zeros(3)}
+        found[f"pose {i}"] = Candidate(terms, at, (pose.name, trans.name))
+    return found
+
+
+def stature_of(body: SkinnedBody) -> Quantity:
+    """The stature of a body in m, a linear function of its betas; see `stature`."""
+    betas = body.blocks()[1]
+    expression = stature_expression(body, betas.symbol)
+    return Quantity("stature", expression, "m", blocks=(betas,))
+
+
+def depth_of(body: Body, camera: Camera, numbers: Values) -> Quantity:
+    """How far the body's root is from a camera's plane, in m along the axis of the camera."""
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
+    axis = cs.DM(matrix_from_vector(np.asarray(numbers[camera.rotation.name], dtype=float))[2])
+    away = float(np.asarray(numbers[camera.translation.name], dtype=float)[2])
+    name = f"the distance from {camera.prefix.rstrip('/') or 'the camera'}"
+    return Quantity(name, cs.dot(axis, joints.symbol[:, 0]) + away, "m", (joints,))
+
+
+def _one_of(labels: tuple[str, ...]) -> tuple[Block, dict[str, Values]]:
+    """A block of weights (M,), and by label the values of it that count this one alone."""
+    seen = Block(PREFIX + "seen", (len(labels),), "1", labels)
+    only = np.eye(len(labels))
+    return seen, {label: {seen.name: only[i]} for i, label in enumerate(labels)}
+
+
+def _keypoints(body: Body, camera: Camera, confidence: cs.MX | Array, sigma: float) -> Residual:
+    """The residual of all keypoints of a body in a camera, for its Jacobian alone."""
+    name = landmark_set(body)
+    points = body.landmark_points(name, *(block.symbol for block in body.blocks()))
+    origin = np.zeros((len(body.landmark_names(name)), 2))
+    return keypoints(points, camera, origin, confidence, sigma=sigma, name="keypoints")
