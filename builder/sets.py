@@ -34,6 +34,7 @@ from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing
 
+ABOUT = __doc__
 COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
 
 
@@ -115,7 +116,7 @@ def make_sets(
         topology = collapsed(topology, someone, recipe.vertices)
     subjects = _subjects(sources, topology, recipe)
     newcomers = _others(further, subjects, topology)
-    write_sets(subjects, newcomers, topology.faces, recipe, folder, report, recorded, __doc__)
+    write_sets(subjects, newcomers, topology.faces, recipe, folder, report, recorded, ABOUT)
 
 
 def write_sets(
@@ -183,7 +184,7 @@ def _stirred(poses: Array, recipe: SetRecipe) -> Array:
 def recipe_text(
     recipe: SetRecipe,
     recorded: Array | None,
-    about: str | None = __doc__,
+    about: str | None = ABOUT,
     draws: str = BODY.draws,
 ) -> str:
     """The text of `made.json`, which says how sets were made."""
