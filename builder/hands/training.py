@@ -44,7 +44,7 @@ from workbench.training.shape_training import (
 )
 
 N_BETAS = 10
-SHAPE_STEP, POSE_STEP = 1e-6, 2e-6  # m
+SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m
 COMMAND = "python -m builder.hands WHEEL --work FOLDER --out workbench/data/bodies"
 DRAWS = 4000  # poses from which the pose space is learned
 PROVENANCE = (
@@ -130,6 +130,10 @@ class HandBuilder:
             sides = np.arange(len(start.template))
             names = start.joint_names
             regressor = regress(estimate.templates, estimate.joints, names, sides, RADIUS)
+            # No registration shows where the root is: the wrist stays where the artists put it.
+            truth = read_ground_truth(folder)
+            wrist = regress(truth.rest, truth.joints[:, :1], names[:1], sides, RADIUS)
+            regressor[0] = wrist[0]
             subjects = about_root(estimate.templates, csr_array(regressor))
             own = learn_shape_space(subjects, start.faces, None, min(N_BETAS, len(subjects) - 1))
             body = SkinnedBody(
@@ -156,14 +160,10 @@ class HandBuilder:
         signs = np.ones(N_BETAS)
         signs[0] = -np.sign(shape.shapedirs[hand.tips[1], 0, 0])  # the first is larger
         body = replace(body, template=shape.template, shapedirs=shape.shapedirs * signs)
-        return TrainedHand(body, blends, shape.explained, model, self._space(body, hand))
-
-    def _space(self, body: SkinnedBody, hand: HandMesh) -> tuple[Array, Array, Array]:
-        truth = read_ground_truth(self.work / "hand" / "train")
-        joints = truth.joints.mean(axis=0)
-        ends = body.template[hand.tips] - body.J_regressor[[0]] @ body.template + joints[0]
+        joints, ends = body.J_regressor @ body.template, body.template[hand.tips]
         draws = HandPoses(joints, ends).draw(DRAWS, np.random.default_rng(self.recipe.seed))
-        return pose_space(draws)
+        space = pose_space(draws)
+        return TrainedHand(body, blends, shape.explained, model, space)
 
     def _card(self, trained: TrainedHand, stored: SkinnedBody) -> dict[str, Any]:
         folder, body, model = self.work / "hand" / "held_out", trained.body, trained.model

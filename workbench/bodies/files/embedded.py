@@ -80,6 +80,12 @@ def embedded(name: str) -> SkinnedBody:
         return replace(body, capsules=read_capsules(packed, name))
 
 
+def embedded_hand() -> SkinnedBody:
+    """The right hand in workbench/data/bodies."""
+    with as_file(files("workbench") / "data" / "bodies" / "hand.npz") as packed:
+        return read_embedded(packed)
+
+
 def read_capsules(path: Path, name: str) -> Capsules:
     """The capsules of the embedded body of this name. Raises BadFile, or BadBody as Capsules."""
     expected = {f"{name}/{key}": what for key, what in CAPSULES.items()}
