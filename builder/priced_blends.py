@@ -5,7 +5,7 @@ every joint is near every other one in the tree, so that a number of bones says 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -21,9 +21,16 @@ from workbench.training.registrations import training_and_held_out
 from workbench.training.ridge import Sums
 
 RIDGES = (1e-5, 1e-4, 1e-3)  # per pose, at the joint
-PRICES = (1.0, 10.0, 100.0, 1000.0)  # how many times the ridge, more, at the distance FAR
+PRICES = (
+    1.0,
+    10.0,
+    30.0,
+    100.0,
+    300.0,
+    1000.0,
+)  # how many times the ridge, more, at the distance FAR
 FAR = 0.04  # m
-MOST = 0.10  # of all squared posedirs: the share farther than FAR from their joints
+MOST = 0.09  # of all squared posedirs: the share farther than FAR from their joints
 REACH = 2  # bones from a joint that carries a vertex
 
 
@@ -44,11 +51,17 @@ class PricedBlends:
     far: float
 
 
-def joint_distances(start: Start) -> Array:
-    """From the ring of each joint but the root to every vertex along edges, (N, K - 1) m."""
+def joint_distances(start: Start, joints: Array) -> Array:
+    """From each joint but the root to every vertex, (N, K - 1) m.
+
+    The larger of two distances: along edges from the ring where the joint's segment begins, and
+    straight from the joint, whose places `joints` (K, 3) m are on the template of `start`.
+    """
     rings = start.rings()
     sources = [rings[[k]].nonzero()[1].astype(np.int64) for k in range(1, len(start.parents))]
-    return along_edges(start.template, start.faces, sources).T
+    along = along_edges(start.template, start.faces, sources).T
+    straight = np.linalg.norm(start.template[:, None] - joints[None, 1:], axis=2)
+    return np.maximum(along, straight)
 
 
 def far_share(posedirs: Array, distances: Array) -> float:
@@ -73,7 +86,8 @@ def priced_posedirs(
         Sums.of(errors_at_rest(objective, estimate, rows))
         for rows in training_and_held_out(objective.registrations.subject)
     )
-    distances = joint_distances(start)
+    mean = estimate.templates.mean(axis=0), estimate.joints.mean(axis=0)
+    distances = joint_distances(replace(start, template=mean[0]), mean[1])
     support = local_features(estimate.weights, estimate.parents, REACH)
 
     def tried() -> Iterator[tuple[bool, float, float, float]]:

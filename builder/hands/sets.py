@@ -28,7 +28,7 @@ ABOUT = (
 )
 RADIUS = 0.03  # m around a joint, of the vertices from which it may be regressed
 RECIPE = SetRecipe(
-    body="hand", people=300, subjects=20, poses=25, held_out=10, others=50, stirred=0.15
+    body="hand", people=120, subjects=14, poses=20, held_out=5, others=20, stirred=0.15
 )
 
 

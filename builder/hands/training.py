@@ -46,6 +46,7 @@ from workbench.training.shape_training import (
 N_BETAS = 10
 SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m
 COMMAND = "python -m builder.hands WHEEL --work FOLDER --out workbench/data/bodies"
+LEAST = 0.02  # weights below it are cut
 DRAWS = 4000  # poses from which the pose space is learned
 PROVENANCE = (
     "The people were made, not measured: drawn from traits and shape targets that artists modelled."
@@ -123,7 +124,7 @@ class HandBuilder:
         model = train_poses(every.only("poses"), start, plan, folder=run, execution=self.execution)
         with limited_threads():
             self.say("  local blend shapes")
-            weights = at_most(model.estimate.weights, 4)
+            weights = own_finger(model.estimate.weights)
             estimate = replace(model.estimate, weights=weights)
             blends = priced_posedirs(model.objective, estimate, start)
             self.say(f"  ridge {blends.ridge:g}, price {blends.price:g}, far {blends.far:.3f}")
@@ -151,10 +152,10 @@ class HandBuilder:
             self.say("  un-posing people")
             shapes = every.only("shapes")
             execution = self.execution
-            found = learn_shapes(
+            stood = learn_shapes(
                 body, shapes, n_betas=N_BETAS, mirror=None, execution=execution
             ).poses
-            each = execution.executor(partial(unposed, body), unposing_jobs(shapes, found))
+            each = execution.executor(partial(unposed, body), unposing_jobs(shapes, stood))
             people = about_root(np.concatenate(list(each)), body.J_regressor)
             shape = learn_shape_space(people, start.faces, None, N_BETAS)
         signs = np.ones(N_BETAS)
@@ -220,6 +221,21 @@ class HandBuilder:
                 },
             },
         }
+
+
+def own_finger(weights: Array) -> Array:
+    """At most four weights of each vertex (N, 16), and beyond a finger's first joint its own alone.
+
+    Registrations tie neighbouring fingers together, because they bend together in most poses; a
+    vertex that a second or third joint moves most follows no other finger.
+    """
+    kept = np.where(weights >= LEAST, weights, 0.0)
+    finger = (np.arange(16) + 2) // 3  # 0 for the wrist
+    leading = weights.argmax(axis=1)
+    beyond = (leading > 0) & (leading % 3 != 1)
+    foreign = (finger != finger[leading][:, None]) & (finger > 0)
+    kept[beyond[:, None] & foreign] = 0.0
+    return at_most(kept, 4)
 
 
 def tips_of(hand: HandMesh) -> Landmarks:
