@@ -61,7 +61,7 @@ def joint_distances(start: Start, joints: Array) -> Array:
     sources = [rings[[k]].nonzero()[1].astype(np.int64) for k in range(1, len(start.parents))]
     along = along_edges(start.template, start.faces, sources).T
     straight = np.linalg.norm(start.template[:, None] - joints[None, 1:], axis=2)
-    return np.maximum(along, straight)
+    return np.asarray(np.maximum(along, straight))
 
 
 def far_share(posedirs: Array, distances: Array) -> float:

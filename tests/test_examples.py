@@ -238,3 +238,10 @@ def test_scans_registered_together_come_nearer_to_the_truth() -> None:
     assert example.costs == sorted(example.costs, reverse=True)
     for apart, together in zip(example.found["apart"], example.found["together"], strict=True):
         assert together < 0.97 * apart
+
+
+def test_a_hand_is_found_from_joints_and_finger_tips() -> None:
+    example = import_module("examples.34_a_hand")
+    assert all(solution.converged for solution in example.solutions)
+    assert np.median(example.medians) < 2  # mm, with 2 mm of noise
+    assert example.apart < 1e-12  # m

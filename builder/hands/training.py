@@ -46,6 +46,7 @@ from workbench.training.shape_training import (
 N_BETAS = 10
 SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m
 COMMAND = "python -m builder.hands WHEEL --work FOLDER --out workbench/data/bodies"
+BORDER = 0.008  # m between two segments, over which the first weights change
 LEAST = 0.02  # weights below it are cut
 DRAWS = 4000  # poses from which the pose space is learned
 PROVENANCE = (
@@ -121,7 +122,9 @@ class HandBuilder:
         run.mkdir(parents=True, exist_ok=True)
         self.say("training the hand")
         plan = alternation(reach=REACH)
-        model = train_poses(every.only("poses"), start, plan, folder=run, execution=self.execution)
+        model = train_poses(
+            every.only("poses"), start, plan, folder=run, execution=self.execution, border=BORDER
+        )
         with limited_threads():
             self.say("  local blend shapes")
             weights = own_finger(model.estimate.weights)

@@ -70,7 +70,7 @@ class PoseSpace:
         return replace(self, components=self.components[:count], deviations=self.deviations[:count])
 
     def block(self, prefix: str = "") -> Block:
-        """A new block `coefficients` (C,), unknowns of a problem."""
+        """A new block `coefficients` (C,): list it among the `blocks` of a problem."""
         labels = tuple(f"component {i + 1}" for i in range(self.n_components))
         return Block(prefix + "coefficients", (self.n_components,), "1", labels)
 
