@@ -21,7 +21,7 @@ space = pose_space(hand, 15)
 
 # What is unknown: coefficients of the pose, the turn of the wrist, shape and place.
 coefficients, wrist = space.block(), Block("wrist", (1, 3), "rad", ("wrist",))
-_, betas, trans = hand.blocks()
+betas, trans = hand.blocks()[1:]
 pose = space.pose(hand, coefficients.symbol, wrist.symbol)
 points = hand_points(hand, pose, betas.symbol, trans.symbol)
 observed = Block("observed", (21, 3), "m", HAND_POINTS)
