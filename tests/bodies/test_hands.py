@@ -89,7 +89,7 @@ def test_weights_are_at_most_four_and_no_finger_moves_the_tip_of_another() -> No
 
 
 def test_pose_blend_shapes_are_local() -> None:
-    """At most a tenth of the squared posedirs is farther than 4 cm from the joint on the surface."""
+    """At most a tenth of the squared posedirs is farther than 4 cm from the joint, on the skin."""
     rings = wb.Start.of(HAND).rings()
     sources = [rings[[k]].nonzero()[1].astype(np.int64) for k in range(1, 16)]
     away = along_edges(HAND.template, HAND.faces, sources).T
