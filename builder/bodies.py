@@ -19,7 +19,8 @@ import numpy as np
 from builder.card import TrainedOn, card_of
 from builder.packing import BuiltBody, write_body
 from builder.regressors import regress
-from builder.sets import SetRecipe, make_sets, recipe_text
+from builder.rigs import BODY
+from builder.sets import ABOUT, SetRecipe, make_sets, recipe_text
 from builder.symmetrize import PoseParts, even_body, pose_parts, regression_errors, regressor_from
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
@@ -205,7 +206,13 @@ class Builder:
         return found
 
 
-def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> bool:
+def already_made(
+    folder: Path,
+    recipe: SetRecipe,
+    recorded: Array | None,
+    about: str | None = ABOUT,
+    draws: str = BODY.draws,
+) -> bool:
     """Whether both folders are there. Raises BadFile if they are of another recipe."""
     cards = [folder / name / CARD for name in ("train", "held_out")]
     if not all(card.is_file() for card in cards):
@@ -214,7 +221,7 @@ def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> boo
         text = card.read_text(encoding="utf-8", errors="replace")
         text = text.replace('"strangers":', '"held_out":')  # as the number was called before
         text = text.replace("python -m workbench.synthetic.sets", "python -m builder.sets")
-        if text != recipe_text(recipe, recorded):
+        if text != recipe_text(recipe, recorded, about, draws):
             raise BadFile(
                 f"{card} says that these sets were made otherwise; remove {folder} to make them "
                 "anew, or choose another folder"

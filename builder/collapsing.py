@@ -58,12 +58,48 @@ def collapsed(topology: Topology, template: Array, count: int) -> Topology:
             for a, b in ((u, n), (n, u)):
                 if inside[a]:
                     heappush(waiting, (length, a, b))
-    kept = np.flatnonzero([bool(faces) for faces in mesh.around])
+    kept, faces = mesh.kept()
     place = np.full(len(template), -1)
     place[kept] = np.arange(len(kept))
-    faces = place[[face for face in mesh.faces if face is not None]]
     follows = csr_array(topology.follows[kept])
     return replace(topology, follows=follows, faces=faces, mirror=place[mirror[kept]])
+
+
+def collapsed_part(
+    template: Array, triangles: Index, fixed: Index, count: int
+) -> tuple[Index, Index]:
+    """The `count` vertices (n,) that are left of a mesh, and its triangles (F, 3) by their places.
+
+    `template` (N, 3) m is the mesh, which may have a border; the vertices in `fixed` stay, and
+    everything else is as in `collapsed`, without a mirror image. Raises BadArgument if the mesh
+    does not come down to `count`.
+    """
+    mesh, inside = _Mesh(template, triangles), np.ones(len(template), dtype=bool)
+    inside[fixed] = False
+    waiting = [
+        (float(np.linalg.norm(template[a] - template[b])), v, u)
+        for a, b in mesh_edges(triangles).tolist()
+        for v, u in ((a, b), (b, a))
+        if inside[v]
+    ]
+    heapify(waiting)
+    remaining = len(template)
+    while remaining > count:
+        if not waiting:
+            raise BadArgument(
+                f"a mesh of {len(template)} vertices, {len(fixed)} of them fixed, does not come "
+                f"down to {count}; {remaining} was the last that it did"
+            )
+        _, v, u = heappop(waiting)
+        if mesh.around[v] and u in mesh.neighbours(v) and mesh.may_go(v, u):
+            mesh.go(v, u)
+            remaining -= 1
+            for n in sorted(mesh.neighbours(u)):
+                length = float(np.linalg.norm(template[u] - template[n]))
+                for a, b in ((u, n), (n, u)):
+                    if inside[a]:
+                        heappush(waiting, (length, a, b))
+    return mesh.kept()
 
 
 class _Mesh:
@@ -76,6 +112,13 @@ class _Mesh:
         for f, face in enumerate(faces.tolist()):
             for v in face:
                 self.around[v].add(f)
+
+    def kept(self) -> tuple[Index, Index]:
+        """The vertices that are left, and the triangles by the places of these."""
+        kept = np.flatnonzero([bool(faces) for faces in self.around])
+        place = np.full(len(self.vertices), -1)
+        place[kept] = np.arange(len(kept))
+        return kept, place[[face for face in self.faces if face is not None]]
 
     def neighbours(self, v: int) -> set[int]:
         return {n for f in self.around[v] for n in self._corners(f)} - {v}

@@ -29,7 +29,7 @@ def local_posedirs(
 ) -> tuple[Array, float]:
     """Posedirs (N, 3, F) m, and the ridge, which is chosen on held-out subjects."""
     learned, held_out = (
-        Sums.of(_errors(objective, estimate, rows)).with_reflections(mirror)
+        Sums.of(errors_at_rest(objective, estimate, rows)).with_reflections(mirror)
         for rows in training_and_held_out(objective.registrations.subject)
     )
     support = local_features(estimate.weights, estimate.parents, REACH)
@@ -37,7 +37,7 @@ def local_posedirs(
     return (posedirs if mirror is None else (posedirs + mirror.posedirs(posedirs)) / 2), ridge
 
 
-def _errors(objective: Objective, estimate: Estimate, rows: Index) -> Iterator[Pair]:
+def errors_at_rest(objective: Objective, estimate: Estimate, rows: Index) -> Iterator[Pair]:
     """The pose features, and the un-posed errors of skinning."""
     own = replace(estimate, poses=estimate.poses[rows])
     bare = replace(own, posedirs=np.zeros_like(own.posedirs))

@@ -63,8 +63,8 @@ def write_body(body: BuiltBody, card: Mapping[str, Any], path: Path) -> None:
         "posedirs_step": np.array(POSE_STEP),
         "weight_joints": joints.astype(np.uint8),
         "weight_shares": influences[rows[:, None], joints].astype(np.uint16),
-        **_sparse("J_regressor", shares["J_regressor"]),
-        **_sparse("coco", shares["coco"]),
+        **sparse("J_regressor", shares["J_regressor"]),
+        **sparse("coco", shares["coco"]),
         "coco_names": np.array(body.keypoint_names),
         "faces": body.faces.astype(np.uint16),
         "mirror": body.mirror.astype(np.uint16),
@@ -110,7 +110,8 @@ def whole_shares(rows: Array, mirror_rows: Index, mirror_columns: Index) -> Inde
     return shares
 
 
-def _sparse(name: str, shares: Index) -> dict[str, NDArray[Any]]:
+def sparse(name: str, shares: Index) -> dict[str, NDArray[Any]]:
+    """The places and the sizes of the shares that are not zero."""
     where = np.nonzero(shares)
     return {
         f"{name}_rows": where[0].astype(np.uint8),

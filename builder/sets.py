@@ -21,20 +21,20 @@ from scipy.sparse import csr_array
 
 from builder.collapsing import collapsed
 from builder.regressors import regress
-from workbench.arrays import Array, Mask
+from builder.rigs import BODY, Rig
+from workbench.arrays import Array, Index, Mask
 from workbench.priors.mocap import read_mocap
-from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
+from workbench.priors.poses import LARGEST_ANGLE
 from workbench.synthetic.ground_truth import CARD, GroundTruth
-from workbench.synthetic.population import JITTER, SEARCH_RADIUS, Report, Sources, gather_sources
+from workbench.synthetic.population import JITTER, Report, Sources, gather_sources
 from workbench.synthetic.rig import at_most_four
-from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
-from workbench.synthetic.teacher import Teacher
 from workbench.synthetic.topology import FILES, Topology, read_topology
 from workbench.synthetic.wheel import Wheel
 from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing
 
+ABOUT = __doc__
 COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
 
 
@@ -84,6 +84,7 @@ class Subjects:
         weights: (N, 24), of the rig.
         fine_weights: (N, 32), of the teacher.
         regressor: (24, N), gives the joints of every person at rest.
+        rig: joints, teacher and poses; of other rigs than the body's, 24 and 32 are other numbers.
     """
 
     rest: Array
@@ -92,10 +93,11 @@ class Subjects:
     weights: Array
     fine_weights: csr_array
     regressor: Array
+    rig: Rig = BODY
 
     def posed(self, person: int, pose: Array, trans: Array) -> Array:
         """The teacher's surface (N, 3) m of one person."""
-        teacher = Teacher(self.rest[person], self.joints[person], self.fine_weights)
+        teacher = self.rig.teacher(self.rest[person], self.joints[person], self.fine_weights)
         return teacher.vertices(pose) + trans
 
 
@@ -113,15 +115,34 @@ def make_sets(
         someone = topology.follows @ sources.population.vertices.mean(axis=0)
         topology = collapsed(topology, someone, recipe.vertices)
     subjects = _subjects(sources, topology, recipe)
-    rng = np.random.default_rng(recipe.seed)
-    mixture = shipped_mixture()
-    drawn = draw_poses(mixture, (recipe.subjects + recipe.held_out) * recipe.poses, rng)
+    newcomers = _others(further, subjects, topology)
+    write_sets(subjects, newcomers, topology.faces, recipe, folder, report, recorded, ABOUT)
+
+
+def write_sets(
+    subjects: Subjects,
+    newcomers: Subjects,
+    faces: Index,
+    recipe: SetRecipe,
+    folder: Path,
+    report: Report,
+    recorded: Array | None,
+    about: str | None,
+) -> None:
+    """Pose everyone by the rig's teacher, and write both folders.
+
+    `subjects` are `recipe.everyone` in order, `newcomers` the others; `faces` (F, 3). `about` says
+    in `made.json` what the sets are.
+    """
+    rig, rng = subjects.rig, np.random.default_rng(recipe.seed)
+    K = len(rig.parents)
+    drawn = rig.draw((recipe.subjects + recipe.held_out) * recipe.poses, rng)
     used = drawn[: recipe.subjects * recipe.poses].reshape(recipe.subjects, recipe.poses, -1, 3)
     used = _stirred(used, recipe)
     others = drawn[recipe.subjects * recipe.poses :] if recorded is None else recorded
     chosen = rng.permutation(len(others))[: recipe.held_out * recipe.poses]
-    held = others[chosen].reshape(recipe.held_out, -1, len(PARENTS), 3)
-    still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
+    held = others[chosen].reshape(recipe.held_out, -1, K, 3)
+    still = recipe.jitter * rng.standard_normal((recipe.people, 1, K, 3))
     first = recipe.people, recipe.people + recipe.subjects
     report("posing the multi-shape set")
     shapes = _stack(subjects, 0, still, rng, folder / "train" / "shapes.npy").subject
@@ -133,18 +154,18 @@ def make_sets(
     report("posing those held out")
     of_held_out = _stack(subjects, first[1], held, rng, folder / "held_out" / "poses.npy")
     names = [person + first[1] for person in of_held_out.subject]
-    newcomers = _others(further, subjects, topology)
-    still = recipe.jitter * rng.standard_normal((recipe.others, 1, len(PARENTS), 3))
+    still = recipe.jitter * rng.standard_normal((recipe.others, 1, K, 3))
     _stack(newcomers, 0, still, rng, folder / "held_out" / "shapes.npy")
     everyone = replace(subjects, female=np.concatenate([subjects.female, newcomers.female]))
     last = [("poses", names), ("shapes", [*range(len(subjects.female), len(everyone.female))])]
     _table(folder / "held_out", last, everyone)
     of_held_out.save(folder / "held_out")
-    start = _start(subjects, recipe.people, topology)
+    start = _start(subjects, recipe.people, faces)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
         with replacing(folder / name / CARD) as temporary:
-            temporary.write_text(recipe_text(recipe, recorded), encoding="utf-8")
+            text = recipe_text(recipe, recorded, about, rig.draws)
+            temporary.write_text(text, encoding="utf-8")
 
 
 def _stirred(poses: Array, recipe: SetRecipe) -> Array:
@@ -160,13 +181,18 @@ def _stirred(poses: Array, recipe: SetRecipe) -> Array:
     return np.asarray(stirred * (LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE)))
 
 
-def recipe_text(recipe: SetRecipe, recorded: Array | None) -> str:
+def recipe_text(
+    recipe: SetRecipe,
+    recorded: Array | None,
+    about: str | None = ABOUT,
+    draws: str = BODY.draws,
+) -> str:
     """The text of `made.json`, which says how sets were made."""
-    poses = "draws of the mixture"
+    poses = draws
     if recorded is not None:
         digest = hashlib.sha256(np.ascontiguousarray(recorded).tobytes()).hexdigest()
         poses = f"held-out recording, SHA-256 of its poses {digest}"
-    text = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
+    text = {"synthetic": about, "recipe": asdict(recipe), "held_out_poses": poses}
     return json.dumps(text, indent=2) + "\n"
 
 
@@ -178,8 +204,7 @@ def _subjects(sources: Sources, topology: Topology, recipe: SetRecipe) -> Subjec
     people = sources.population
     rest = topology.vertices(people.vertices)
     own = rest[: recipe.people], people.joints[: recipe.people]
-    radius = SEARCH_RADIUS["joints"]
-    regressor = regress(*own, JOINT_NAMES, topology.mirror, radius)
+    regressor = regress(*own, BODY.joint_names, topology.mirror, BODY.radius)
     weights = at_most_four(topology.follows @ sources.weights, topology.mirror)
     fine = csr_array(topology.follows @ sources.fine_weights)
     return Subjects(rest, regressor @ rest, people.female, weights, fine, regressor)
@@ -192,10 +217,10 @@ def _others(sources: Sources, subjects: Subjects, topology: Topology) -> Subject
     return replace(subjects, rest=rest, joints=subjects.regressor @ rest, female=people.female)
 
 
-def _start(subjects: Subjects, people: int, topology: Topology) -> Start:
+def _start(subjects: Subjects, people: int, faces: Index) -> Start:
     """The mean person, cut where the artists' weights change hands."""
-    mean = subjects.rest[:people].mean(axis=0)
-    return Start(mean, topology.faces, PARENTS, JOINT_NAMES, subjects.weights.argmax(axis=1))
+    mean, rig = subjects.rest[:people].mean(axis=0), subjects.rig
+    return Start(mean, faces, rig.parents, rig.joint_names, subjects.weights.argmax(axis=1))
 
 
 def _stack(

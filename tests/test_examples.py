@@ -276,3 +276,10 @@ def test_a_second_camera_and_ten_markers_are_chosen() -> None:
         assert "no single exchange improves the choice" in found.search
     assert example.for_stature.after.sd < 0.01 < 0.05 < example.for_stature.before.sd  # m
     assert 0 < len(example.shared) < 10
+
+
+def test_a_hand_is_found_from_joints_and_finger_tips() -> None:
+    example = import_module("examples.34_a_hand")
+    assert all(solution.converged for solution in example.solutions)
+    assert np.median(example.medians) < 2  # mm, with 2 mm of noise
+    assert example.apart < 1e-12  # m

@@ -5,17 +5,22 @@ from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
+from workbench.bodies.hand_points import HAND_POINTS, hand_points
 from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.mirrored import mirrored
 from workbench.bodies.penetrations import BodySolids, Penetration, penetrations
+from workbench.bodies.pose_space import PoseSpace, pose_space
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
 from workbench.bodies.skinned import SkinnedBody
 
 __all__ = [
+    "HAND_POINTS",
     "Body",
     "BodySolids",
     "Capsules",
     "Landmarks",
     "Penetration",
+    "PoseSpace",
     "SkinnedBody",
     "Skinning",
     "capsule_ends",
@@ -24,8 +29,11 @@ __all__ = [
     "capsules_of",
     "dual_quaternion_blend",
     "fit_capsules",
+    "hand_points",
     "linear_blend",
+    "mirrored",
     "penetrations",
+    "pose_space",
     "skin",
     "skin_vertices",
 ]

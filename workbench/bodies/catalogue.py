@@ -6,12 +6,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args, overload
 
-from workbench.bodies.files.embedded import embedded
+from workbench.bodies.files.embedded import embedded, embedded_hand
 from workbench.bodies.files.embedded_triangles import embedded_triangles
 from workbench.bodies.files.npz_files import read_npz
 from workbench.bodies.files.pickled_arrays import read_pickled_arrays
 from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
+from workbench.bodies.mirrored import mirrored
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody, BadFile, listed
@@ -26,11 +27,21 @@ Embedded = Literal[  # of these, type checkers know that they are skinned
     "full-female",
     "full-male",
 ]
+Hands = Literal["hand", "hand-left"]  # skinned as well
 EmbeddedTriangles = Literal[
     "small-scape", "small-blend-scape", "default-scape", "default-blend-scape"
 ]
+
+
+def embedded_left_hand() -> SkinnedBody:
+    """The embedded hand in a mirror, which has no file of its own."""
+    return mirrored(embedded_hand(), "hand-left")
+
+
 BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
     **{name: partial(embedded, name) for name in get_args(Embedded)},
+    "hand": embedded_hand,
+    "hand-left": embedded_left_hand,
     **{name: partial(embedded_triangles, name) for name in get_args(EmbeddedTriangles)},
 }  # a body of your own is a function without arguments that returns it, and a line here
 NPZ = b"PK\x03\x04"
@@ -51,7 +62,7 @@ OTHERS = (  # how other files begin that people try
 
 
 @overload
-def load_body(name_or_path: Embedded = "default") -> SkinnedBody: ...
+def load_body(name_or_path: Embedded | Hands = "default") -> SkinnedBody: ...
 @overload
 def load_body(name_or_path: EmbeddedTriangles) -> TriangleBody: ...
 @overload
@@ -104,9 +115,10 @@ def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
     body = load_body(name_or_path)
     if isinstance(body, SkinnedBody):
         return body
+    skinned = (*get_args(Embedded), *get_args(Hands))
     raise BadBody(
         f"a SkinnedBody is needed here, but body {body.name!r} is a TriangleBody; the skinned "
-        f"bodies are {listed(get_args(Embedded))}, or give a file of another kind"
+        f"bodies are {listed(skinned)}, or give a file of another kind"
     )
 
 

@@ -21,7 +21,7 @@ from workbench.reports.tables import Columns, Table
 
 LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
 ENDS = 2.0  # standard deviations at which shapes are drawn
-NOT_READ = "arrays of its file that nothing here computes with; save_body writes them back"
+NOT_READ = "arrays of its file that its points do not depend on; save_body writes them back"
 DRAWN = 5  # shape directions in the gallery
 
 

@@ -1,4 +1,6 @@
-"""The 24 joints of SMPL, and the inverse of linear blend skinning on them, in NumPy."""
+"""The 24 joints of SMPL, and the inverse of linear blend skinning on any joints, in NumPy."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,13 +16,13 @@ N_JOINTS = len(JOINT_NAMES)
 JOINT = {name: k for k, name in enumerate(JOINT_NAMES)}
 
 
-def joint_positions(R: Array, joints: Array) -> Array:
-    """Where joints are, (24, 3) m, whose bones have world rotations R (24, 3, 3).
+def joint_positions(R: Array, joints: Array, parents: Sequence[int] = PARENTS) -> Array:
+    """Where joints are, (K, 3) m, whose bones have world rotations R (K, 3, 3).
 
-    `joints` (24, 3) m are their positions without rotations; the root stays where it is.
+    `joints` (K, 3) m are their positions without rotations; the root stays where it is.
     """
     placed = joints.copy()
-    for k, parent in enumerate(PARENTS[1:], start=1):
+    for k, parent in enumerate(parents[1:], start=1):
         placed[k] = placed[parent] + R[parent] @ (joints[k] - joints[parent])
     return placed
 
@@ -34,7 +36,7 @@ def offsets(R: Array, placed: Array, joints: Array) -> Array:
 def unskin(posed: Array, weights: Array, R: Array, shifts: Array) -> Array:
     """The points (N, 3) m that linear blend skinning takes to `posed`: its exact inverse.
 
-    The motion of joint k is v -> R_k v + o_k, with rotations R (24, 3, 3) and `shifts` o (24, 3) m.
+    The motion of joint k is v -> R_k v + o_k, with rotations R (K, 3, 3) and `shifts` o (K, 3) m.
     """
     turned = (posed - weights @ shifts)[..., None]
     return np.asarray(np.linalg.solve(blend_matrices(weights, R), turned)[..., 0])

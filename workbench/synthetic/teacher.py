@@ -5,6 +5,7 @@ them, and dual quaternion skinning (Kavan et al. 2008) keeps the volume that lin
 loses where joints bend. What the two differ by is what pose blend shapes have to learn.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ PROXIMAL_SHARE = 0.5  # of a hip's or shoulder's own twist, taken by the near ha
 DISTAL_SHARE = 0.6  # of a wrist's or ankle's twist, taken by the far half of the limb before it
 LIMBS = (("shoulder", "elbow"), ("hip", "knee"))  # these turn about their own axis
 FORE_LIMBS = (("elbow", "wrist"), ("knee", "ankle"))  # these are turned by what follows
+BEFORE = (*PARENTS, *HALF_OF)  # the bone before each of the 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,22 +40,8 @@ class Teacher:
 
     def vertices(self, pose: Array) -> Array:
         """The posed surface (N, 3) m of one pose (24, 3) rad."""
-        R, offsets = self._bone_motions(pose)
-        q = _same_side(Rotation.from_matrix(R).as_quat())
-        x, y, z, w = q.T
-        ox, oy, oz = offsets.T
-        dual = 0.5 * np.stack(
-            [
-                w * ox + oy * z - oz * y,
-                w * oy + oz * x - ox * z,
-                w * oz + ox * y - oy * x,
-                -(ox * x + oy * y + oz * z),
-            ],
-            axis=1,
-        )
-        blend = self.weights @ np.concatenate([q, dual], axis=1)
-        blend /= np.linalg.norm(blend[:, :4], axis=1, keepdims=True)
-        return _move(self.rest, blend[:, :3], blend[:, 3:4], blend[:, 4:7], blend[:, 7:])
+        R, shifts = self._bone_motions(pose)
+        return dual_quaternion_skinned(self.rest, self.weights, R, shifts, BEFORE)
 
     def _bone_motions(self, pose: Array) -> tuple[Array, Array]:
         """The rotation R (32, 3, 3) and offset o (32, 3) m of each bone, v -> R v + o."""
@@ -90,10 +78,34 @@ def twist_about(axis: Array, rotation: Array) -> Array:
     return angle
 
 
-def _same_side(q: Array) -> Array:
-    """Unit quaternions (32, 4), signs so that none is far from that of the bone before it."""
+def dual_quaternion_skinned(
+    rest: Array, weights: csr_array, R: Array, shifts: Array, before: Sequence[int]
+) -> Array:
+    """Points `rest` (N, 3) m blended by dual quaternions with weights (N, B).
+
+    Bone b moves by v -> R_b v + o_b, with rotations R (B, 3, 3) and `shifts` o (B, 3) m; `before`
+    (B,) is the bone before each, on whose side its quaternion has to be.
+    """
+    q = _same_side(Rotation.from_matrix(R).as_quat(), before)
+    x, y, z, w = q.T
+    ox, oy, oz = shifts.T
+    dual = 0.5 * np.stack(
+        [
+            w * ox + oy * z - oz * y,
+            w * oy + oz * x - ox * z,
+            w * oz + ox * y - oy * x,
+            -(ox * x + oy * y + oz * z),
+        ],
+        axis=1,
+    )
+    blend = weights @ np.concatenate([q, dual], axis=1)
+    blend /= np.linalg.norm(blend[:, :4], axis=1, keepdims=True)
+    return _move(rest, blend[:, :3], blend[:, 3:4], blend[:, 4:7], blend[:, 7:])
+
+
+def _same_side(q: Array, before: Sequence[int]) -> Array:
+    """Unit quaternions (B, 4), signs so that none is far from that of the bone before it."""
     signed = q.copy()
-    before = [*PARENTS, *HALF_OF]
     for k, parent in enumerate(before[1:], start=1):
         if signed[k] @ signed[parent] < 0:
             signed[k] *= -1

@@ -23,7 +23,7 @@ from workbench.training.blocks import BLOCKS, MAY_RISE, BlockInput
 from workbench.training.checkpoint import Checkpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.executor import SERIAL, Execution
-from workbench.training.first_guess import Start
+from workbench.training.first_guess import BORDER, Start
 from workbench.training.locality import local_features
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan, Stage
@@ -70,13 +70,15 @@ def train_poses(
     execution: Execution = SERIAL,
     initial: Estimate | None = None,
     mirror: Mirror | None = None,
+    border: float = BORDER,
 ) -> PoseModel:
     """Run a plan from a template, a tree and segments, or from an `initial` estimate.
 
     With a `folder`, the run is saved there after every block, and continues from there when it is
     called again; the result is the same to the last bit. If a checkpoint cannot be written, the
     log warns once and the run continues. The first poses are fitted to edges.
-    `mirror` is that of `start` where it is not given.
+    `mirror` is that of `start` where it is not given. The first weights change over `border` metres
+    between two segments: take less for a hand, whose bones are as short as a body's borders.
 
     Raises NotLowered if a block raises the cost, which is checked after every block, and BadFile
     if there is no such folder, or it holds a checkpoint of another training.
@@ -85,7 +87,7 @@ def train_poses(
         raise BadFile(f"cannot keep a checkpoint in {folder}: there is no such folder; make it")
     keep = Keeping()
     registrations = in_memory(registrations)
-    weights = start.weights()
+    weights = start.weights(border)
     mirror = start.mirror() if mirror is None else mirror
     if initial is None:
         rings = joint_guess(start, weights, registrations)

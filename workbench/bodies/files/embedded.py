@@ -27,6 +27,11 @@ SYNTHETIC = (
     "synthetic teacher says what pose does to their skin; no body was measured or scanned, only "
     "poses were recorded from people"
 )
+HAND_SYNTHETIC = (
+    "the people behind this hand were made by a program from shapes that artists modelled, a "
+    "synthetic teacher says what pose does to their skin, and their poses were made up as well; no "
+    "hand was measured or scanned"
+)
 
 
 STEPS = Kind("whole numbers of 16 bits", frozenset({"i2"}), np.asarray)
@@ -41,11 +46,20 @@ EXPECTED = {
     "joint_names": texts("K"),
     "parents": wholes("K"),
     "faces": wholes("F", 3),
-    "mirror": wholes("N"),
     **{f"J_regressor_{part}": wholes("entries of J_regressor") for part in PARTS},
+    "card": texts(),
+}
+WHOLE_BODY = {  # what the file of a body has besides
+    "mirror": wholes("N"),
     "coco_names": texts("M"),
     **{f"coco_{part}": wholes("entries of coco") for part in PARTS},
-    "card": texts(),
+}
+HAND = {  # and that of a hand
+    "tips_names": texts("M"),
+    **{f"tips_{part}": wholes("entries of tips") for part in PARTS},
+    "hands_mean": reals("Q"),
+    "hands_components": reals("C", "Q"),
+    "hands_deviations": reals("C"),
 }
 CAPSULES = {
     "names": texts("C"),
@@ -66,6 +80,12 @@ def embedded(name: str) -> SkinnedBody:
         return replace(body, capsules=read_capsules(packed, name))
 
 
+def embedded_hand() -> SkinnedBody:
+    """The right hand in workbench/data/bodies."""
+    with as_file(files("workbench") / "data" / "bodies" / "hand.npz") as packed:
+        return read_embedded(packed)
+
+
 def read_capsules(path: Path, name: str) -> Capsules:
     """The capsules of the embedded body of this name. Raises BadFile, or BadBody as Capsules."""
     expected = {f"{name}/{key}": what for key, what in CAPSULES.items()}
@@ -80,7 +100,8 @@ def read_embedded(path: Path) -> SkinnedBody:
     Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit together.
     """
     with opened(path, "embedded body", REPAIR) as archive:
-        arrays = read_expected(archive, EXPECTED)
+        own = HAND if "hands_mean" in archive.headers else WHOLE_BODY
+        arrays = read_expected(archive, EXPECTED | own)
         parts = _unpacked(arrays, facts_in(arrays["card"]).entries)
     return SkinnedBody(**parts, name=path.stem)
 
@@ -88,7 +109,6 @@ def read_embedded(path: Path) -> SkinnedBody:
 def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of SkinnedBody, from the arrays of a file."""
     N, joint_names = len(arrays["template"]), _names(arrays["joint_names"])
-    coco_names = _names(arrays["coco_names"])
     weights = np.zeros((N, len(joint_names)))
     check_numbers("weight_joints", arrays["weight_joints"], len(joint_names))
     np.put_along_axis(weights, arrays["weight_joints"], arrays["weight_shares"], axis=1)
@@ -102,12 +122,27 @@ def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[
         "parents": tuple(int(parent) for parent in arrays["parents"]),
         "faces": arrays["faces"],
         "joint_names": joint_names,
-        "mirror": arrays["mirror"],
-        "landmarks": {
-            "coco": Landmarks(coco_names, _regressor(arrays, "coco", (len(coco_names), N)))
-        },
-        "card": {"synthetic": SYNTHETIC} | dict(card),
+        **(_of_hand(arrays, N) if "hands_mean" in arrays else _of_body(arrays, N)),
+        "card": {"synthetic": HAND_SYNTHETIC if "hands_mean" in arrays else SYNTHETIC} | dict(card),
     }
+
+
+def _of_body(arrays: dict[str, NDArray[Any]], N: int) -> dict[str, Any]:
+    return {"mirror": arrays["mirror"], "landmarks": {"coco": _landmarks(arrays, "coco", N)}}
+
+
+def _of_hand(arrays: dict[str, NDArray[Any]], N: int) -> dict[str, Any]:
+    """The tips of its fingers, and its pose space under the names that MANO's files use."""
+    extras = ("hands_mean", "hands_components", "hands_deviations")
+    return {
+        "landmarks": {"tips": _landmarks(arrays, "tips", N)},
+        "extras": {name: arrays[name] for name in extras},
+    }
+
+
+def _landmarks(arrays: dict[str, NDArray[Any]], name: str, N: int) -> Landmarks:
+    names = _names(arrays[f"{name}_names"])
+    return Landmarks(names, _regressor(arrays, name, (len(names), N)))
 
 
 def _names(array: NDArray[Any]) -> tuple[str, ...]:

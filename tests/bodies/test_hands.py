@@ -1,0 +1,314 @@
+"""The embedded hands: what must be true of their arrays, their mirror, their pose space, points."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+import trimesh
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+import workbench as wb
+from tests.bodies_made_up import random_body
+from tests.differences import assert_jacobian
+from workbench.blocks import Block
+from workbench.blocks.joined_points import joined
+from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, mirrored, pose_space
+from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.gltf import write_gltf
+from workbench.errors import BadArgument, BadBody, NotSupported, UnknownName
+from workbench.geometry.mesh_graph import along_edges
+from workbench.geometry.mirror import AXIAL, REFLECTION
+from workbench.residuals import landmarks
+
+HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")
+SPACE = pose_space(HAND)
+FAR = 0.04  # m
+
+
+def someone(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A pose of the pose space with a turned wrist, a shape and a place."""
+    rng = np.random.default_rng(seed)
+    pose = SPACE.poses(HAND, SPACE.deviations * rng.standard_normal(45))
+    pose[0] = rng.standard_normal(3)
+    return pose, rng.standard_normal(10), rng.standard_normal(3)
+
+
+def at_rest_of_the_space() -> dict[str, np.ndarray]:
+    return {
+        "pose": SPACE.poses(HAND, np.zeros(45)),
+        "betas": np.zeros(10),
+        "trans": np.zeros(3),
+    }
+
+
+def test_the_mesh_is_a_hand_with_one_open_loop_at_the_wrist() -> None:
+    assert HAND.template.shape == (778, 3)
+    assert HAND.faces.shape == (1534, 3)
+    mesh = trimesh.Trimesh(HAND.template, HAND.faces, process=False)
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert mesh.euler_number == 1
+    edges, times = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
+    border = edges[times == 1]
+    assert len(border) == 20
+    assert (np.unique(border, return_counts=True)[1] == 2).all()  # one loop, or several
+    loop = HAND.template[np.unique(border)]
+    assert 0.02 < loop[:, 0].mean() < 0.035  # behind the wrist, which is the origin
+    around = csr_array((np.ones(20), border.T), shape=(778, 778))
+    assert connected_components(around, directed=False)[0] == 1 + 778 - 20  # all others stand alone
+    outwards = mesh.face_normals @ [0.0, 1.0, 0.0]
+    back = mesh.triangles_center[:, 1] > np.quantile(HAND.template[:, 1], 0.9)
+    assert outwards[back].mean() > 0.3
+
+
+def test_the_hand_lies_flat_palm_down_with_its_index_in_front() -> None:
+    at = dict(zip(HAND.joint_names, HAND.joints(), strict=True))
+    assert abs(at["wrist"]).max() < 1e-12
+    assert at["middle1"][0] < -0.08
+    assert at["index1"][2] > at["middle1"][2] > at["ring1"][2] > at["pinky1"][2]
+    tips = dict(zip(HAND.landmark_names("tips"), HAND.landmark("tips"), strict=True))
+    assert tips["thumb_tip"][1] < -0.03  # the thumb hangs below the palm
+    for finger in ("index", "middle", "ring", "pinky"):
+        chain = [at[f"{finger}{i}"] for i in (1, 2, 3)]
+        assert np.ptp([p[1] for p in chain]) < 0.008
+    assert HAND.template[:, 0].min() == tips["middle_tip"][0]
+
+
+def test_weights_are_at_most_four_and_no_finger_moves_the_tip_of_another() -> None:
+    assert (HAND.weights > 0).sum(axis=1).max() <= 4
+    np.testing.assert_allclose(HAND.weights.sum(axis=1), 1, atol=1e-12)
+    for tip, row in zip(
+        HAND.landmark_names("tips"), HAND.landmarks["tips"].regressor.toarray(), strict=True
+    ):
+        carried = HAND.weights[row.argmax()] > 0
+        names = [name for name, yes in zip(HAND.joint_names, carried, strict=True) if yes]
+        assert all(name.startswith(tip.removesuffix("_tip")) for name in names), tip
+
+
+def test_pose_blend_shapes_are_local() -> None:
+    """At most a tenth of the squared posedirs is farther than 4 cm from the joint, on the skin."""
+    rings = wb.Start.of(HAND).rings()
+    sources = [rings[[k]].nonzero()[1].astype(np.int64) for k in range(1, 16)]
+    away = along_edges(HAND.template, HAND.faces, sources).T
+    energy = (HAND.posedirs.reshape(778, 3, 15, 9) ** 2).sum(axis=(1, 3))
+    assert 0 < energy[away > FAR].sum() / energy.sum() <= 0.10
+    straight = np.linalg.norm(HAND.template[:, None] - HAND.joints()[1:], axis=2)
+    assert energy[straight > FAR].sum() / energy.sum() <= 0.11
+    assert HAND.card["pose_blend_shapes"]["share_beyond_4_cm"] <= 0.10
+
+
+def test_held_out_hands_are_met_within_a_quarter_of_a_millimetre() -> None:
+    met = HAND.card["held_out"]
+    assert met["mean_mm"] < 0.05
+    assert met["mean_mm"] < 0.4 * met["mean_without_posedirs_mm"]
+    assert met["their_shape_variance_explained"] > 0.97
+
+
+def test_the_card_says_that_no_hand_was_measured() -> None:
+    for body in (HAND, LEFT):
+        text = " ".join([body.card["synthetic"], *body.card["provenance"]])
+        assert "no hand was measured" in text
+        assert "poses are synthetic too" in text
+        assert "CC0" in body.card["licence"]
+        assert "Apache-2.0" in body.card["licence"]
+    assert "mirror" in LEFT.card["mirrored"]
+
+
+def test_the_file_is_small() -> None:
+    folder = Path(wb.__file__).parent / "data" / "bodies"
+    assert (folder / "hand.npz").stat().st_size < 0.45e6
+
+
+# The left hand.
+
+
+def test_the_left_hand_is_the_right_one_in_a_mirror() -> None:
+    pose, betas, trans = someone()
+    right = HAND.vertices(pose, betas, trans)
+    left = LEFT.vertices(pose * AXIAL, betas, trans * REFLECTION)
+    np.testing.assert_allclose(left * REFLECTION, right, atol=1e-12)
+    joints = LEFT.joints(pose * AXIAL, betas, trans * REFLECTION)
+    np.testing.assert_allclose(joints * REFLECTION, HAND.joints(pose, betas, trans), atol=1e-12)
+
+
+def test_shapedirs_that_are_not_turned_are_noticed() -> None:
+    """The mistake in files of the left MANO: the sign of x in shapedirs is that of the right."""
+    pose, betas, trans = someone()
+    wrong = replace(LEFT, shapedirs=HAND.shapedirs)
+    right = HAND.vertices(pose, betas, trans) * REFLECTION
+    off = np.linalg.norm(wrong.vertices(pose * AXIAL, betas, trans * REFLECTION) - right, axis=1)
+    assert off.max() > 0.01  # m
+
+
+def test_the_mirror_of_a_mirror_is_the_body() -> None:
+    again = mirrored(LEFT, "hand")
+    for name in ("template", "shapedirs", "posedirs", "weights"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(HAND, name))
+    np.testing.assert_array_equal(again.extras["hands_mean"], HAND.extras["hands_mean"])
+    volumes = [trimesh.Trimesh(b.template, b.faces, process=False).volume for b in (HAND, LEFT)]
+    assert volumes[0] == pytest.approx(volumes[1])
+    assert volumes[0] > 0
+
+
+def test_sides_in_names_change_and_other_bodies_are_refused() -> None:
+    body = load_skinned("small")
+    with pytest.raises(NotSupported, match="cannot be mirrored"):
+        mirrored(body, "other")
+    turned = mirrored(replace(body, capsules=None), "other")
+    assert turned.joint_names[1] == "right_hip"
+    with pytest.raises(NotSupported, match="free arrays"):
+        mirrored(replace(body, capsules=None).freed("template"), "other")
+
+
+# The pose space.
+
+
+def test_coefficients_and_poses_are_each_others_inverses() -> None:
+    rng = np.random.default_rng(1)
+    z = rng.standard_normal((3, 45))
+    poses = SPACE.poses(HAND, z)
+    assert poses.shape == (3, 16, 3)
+    assert not poses[:, 0].any()
+    np.testing.assert_allclose(SPACE.coefficients(HAND, poses), z, atol=1e-5)
+    few = SPACE.first(6)
+    np.testing.assert_allclose(
+        few.coefficients(HAND, few.poses(HAND, z[:, :6])), z[:, :6], atol=1e-5
+    )
+    np.testing.assert_allclose(few.poses(HAND, np.zeros(6))[1:], SPACE.mean)  # added once
+
+
+def test_a_body_is_posed_by_coefficients_with_the_derivatives_of_arithmetic() -> None:
+    few = SPACE.first(5)
+    z, wrist, (_, betas, trans) = few.block(), Block("wrist", (1, 3), "rad"), HAND.blocks()
+    pose = few.pose(HAND, z.symbol, wrist.symbol)
+    points = HAND.points(pose, betas.symbol, trans.symbol, vertices=[3, 500])
+    assert points.source.numeric is not None  # it is affine, so that there is fast arithmetic
+    rng = np.random.default_rng(2)
+    values = {
+        "coefficients": rng.standard_normal(5),
+        "wrist": rng.standard_normal((1, 3)),
+        "betas": rng.standard_normal(10),
+        "trans": rng.standard_normal(3),
+    }
+    whole = few.poses(HAND, values["coefficients"])
+    whole[0] = values["wrist"][0]
+    expected = HAND.vertices(whole, values["betas"], values["trans"])[[3, 500]]
+    np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
+
+
+def test_the_two_first_components_are_synergies() -> None:
+    shares = np.cumsum(SPACE.deviations**2) / np.sum(SPACE.deviations**2)
+    assert 0.78 < shares[1] < 0.92
+    assert (np.diff(SPACE.deviations) <= 0).all()
+    closing = SPACE.components[0]
+    bent = [closing[SPACE.joints.index(f"{f}{i}"), 2] for f in ("index", "ring") for i in (1, 2)]
+    assert (np.sign(bent) == np.sign(bent[0])).all()  # all fingers bend together
+
+
+def test_the_space_of_files_in_manos_layout() -> None:
+    rng = np.random.default_rng(3)
+    rows, coefficients = rng.standard_normal((45, 45)), rng.standard_normal((7, 45))
+    extras = {"hands_mean": np.zeros(45), "hands_components": rows}
+    bare = pose_space(replace(HAND, extras=extras), 6)
+    assert bare.n_components == 6
+    np.testing.assert_array_equal(bare.deviations, 1)
+    extras["hands_coeffs"] = coefficients
+    np.testing.assert_allclose(
+        pose_space(replace(HAND, extras=extras)).deviations, coefficients.std(axis=0)
+    )
+    with pytest.raises(BadBody, match="no pose space"):
+        pose_space(load_skinned("small"))
+    with pytest.raises(BadBody, match="15 joints below its root"):
+        pose_space(replace(HAND, extras={"hands_mean": np.zeros(9), "hands_components": rows}))
+
+
+def test_spaces_and_coefficients_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(BadArgument, match="0 to so many"):
+        SPACE.first(46)
+    with pytest.raises(BadArgument, match="have shape"):
+        SPACE.poses(HAND, np.zeros(6))
+    with pytest.raises(UnknownName, match="index1"):
+        SPACE.poses(load_skinned("small"), np.zeros(45))
+    with pytest.raises(BadBody, match="components of a pose space"):
+        PoseSpace(("wrist",), np.zeros((1, 3)), np.zeros((2, 2, 3)), np.ones(2))
+    with pytest.raises(BadBody, match="above zero"):
+        PoseSpace(("wrist",), np.zeros((1, 3)), np.zeros((1, 1, 3)), np.zeros(1))
+    z = SPACE.block()
+    with pytest.raises(BadArgument, match="1 joints outside"):
+        SPACE.pose(HAND, z.symbol, cs.MX.sym("wrist", 3, 2))
+
+
+# Joints and finger tips together.
+
+
+def test_the_21_points_are_joints_and_tips_in_one_order() -> None:
+    pose, betas, trans = someone(4)
+    values = {"pose": pose, "betas": betas, "trans": trans}
+    points = hand_points(HAND, *(block.symbol for block in HAND.blocks()))
+    assert points.labels == HAND_POINTS
+    numeric = points.source.numeric
+    assert numeric is not None
+    names = [*HAND.joint_names, *HAND.landmark_names("tips")]
+    own = np.concatenate([HAND.joints(pose, betas, trans), HAND.landmark("tips", **values)])
+    expected = own[[names.index(name) for name in HAND_POINTS]]
+    np.testing.assert_allclose(numeric.evaluate(values).points, expected, atol=1e-12)
+    graph = cs.Function("f", [b.symbol for b in HAND.blocks()], [points.graph()])
+    np.testing.assert_allclose(np.asarray(graph(pose.T, betas, trans)).T, expected, atol=1e-12)
+    batch = {name: np.stack([value, value]) for name, value in values.items()}
+    np.testing.assert_allclose(numeric.evaluate_batch(batch)[1], expected, atol=1e-12)
+
+
+def test_joined_points_have_the_derivatives_of_their_graph() -> None:
+    pose, betas, trans = someone(5)
+    values = {"pose": pose, "betas": betas, "trans": trans}
+    points = hand_points(HAND, *(block.symbol for block in HAND.blocks()))
+    problem = wb.Problem(
+        [landmarks(points, np.zeros((21, 3)), sigma=0.01)], free=["pose", "betas", "trans"]
+    )
+    assert_jacobian(problem, problem.free.pack(values), np.zeros(0), 1e-6)
+
+
+def test_points_that_cannot_be_joined_are_refused() -> None:
+    at = [block.symbol for block in HAND.blocks()]
+    with pytest.raises(BadArgument, match="no points"):
+        joined([])
+    with pytest.raises(BadArgument, match="each of them once"):
+        joined([HAND.joint_points(*at)], ["wrist"])
+    other = random_body(0, n_vertices=30, n_joints=3)
+    with pytest.raises(BadBody, match="which a hand has"):
+        hand_points(other, *(block.symbol for block in other.blocks()))
+
+
+def test_joints_alone_leave_twists_and_the_last_joints_undetermined() -> None:
+    """No joint of a tip's own turn is seen, nor a finger that turns about itself."""
+    at = [block.symbol for block in HAND.blocks()]
+    seen = landmarks(HAND.joint_points(*at), np.zeros((16, 3)), sigma=0.002)
+    found = wb.diagnose(wb.Problem([seen], free=["pose"]), at_rest_of_the_space())
+    assert found.rank == 23
+    names = [direction.name for direction in found.null_directions]
+    assert len(names) == 48 - 23
+    assert [f"pose[{f}3, {a}]" for f in ("index", "middle") for a in "xyz"] == names[:6]
+    for finger in ("index", "middle", "pinky", "ring", "thumb"):
+        assert f"a turn of pose[{finger}2] alone" in names
+        assert f"a turn of pose[{finger}1], undone at {finger}2" in names
+
+
+def test_finger_tips_see_three_more_numbers_of_each_finger() -> None:
+    at = [block.symbol for block in HAND.blocks()]
+    seen = landmarks(hand_points(HAND, *at), np.zeros((21, 3)), sigma=0.002)
+    found = wb.diagnose(wb.Problem([seen], free=["pose"]), at_rest_of_the_space())
+    assert found.rank == 38
+    names = [direction.name for direction in found.null_directions]
+    for finger in ("index", "middle", "pinky", "ring", "thumb"):
+        assert f"a turn of pose[{finger}2], undone at {finger}3" in names
+        assert any(name.startswith(f"turns from {finger}1 down") for name in names)
+
+
+def test_a_hand_is_written_as_gltf(tmp_path: Path) -> None:
+    pose, betas, _ = someone(6)
+    for body in (HAND, LEFT):
+        write_gltf(tmp_path / f"{body.name}.glb", body, np.stack([0 * pose, pose]), betas)
+        assert (tmp_path / f"{body.name}.glb").stat().st_size > 10_000

@@ -1,0 +1,144 @@
+"""The builder of hands: synthetic poses, local blend shapes, collapsing; nothing is trained."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from builder.collapsing import collapsed_part
+from builder.hands.anatomy import JOINT_NAMES, PARENTS, bone_of
+from builder.hands.poses import ANGLES, DIP, HandPoses, draw_angles, pose_space
+from builder.hands.rest import to_flat
+from builder.hands.sets import HandTeacher, hand_rig
+from builder.hands.training import own_finger
+from builder.priced_blends import far_share, solved
+from builder.rigs import BODY
+from workbench.bodies.catalogue import load_skinned
+from workbench.errors import BadArgument
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.synthetic.skeleton import PARENTS as BODY_PARENTS
+from workbench.synthetic.teacher import Teacher
+from workbench.training.ridge import Sums
+
+HAND = load_skinned("hand")
+JOINTS = HAND.joints()
+ENDS = HAND.landmark("tips")
+
+
+def test_two_synergies_hold_what_santello_reports() -> None:
+    """Over 80 % of the variance of fifteen angles, in two components."""
+    angles = draw_angles(4000, np.random.default_rng(0))
+    table = np.radians(np.array(list(ANGLES.values()), dtype=float))
+    assert (angles >= table[:, 2]).all()
+    assert (angles <= table[:, 3]).all()
+    variances = np.linalg.eigvalsh(np.cov(angles.T))[::-1]
+    assert 0.80 < variances[:2].sum() / variances.sum() < 0.90
+
+
+def test_the_last_joint_turns_by_two_thirds_of_the_one_before() -> None:
+    poses = HandPoses(JOINTS, ENDS).draw(50, np.random.default_rng(1))
+    at = {name: poses[:, k] for k, name in enumerate(JOINT_NAMES)}
+    assert not at["wrist"].any()
+    for finger in ("index", "middle", "ring", "pinky"):
+        np.testing.assert_allclose(at[f"{finger}3"], DIP * at[f"{finger}2"], atol=1e-12)
+
+
+def test_bent_fingers_go_to_the_palm() -> None:
+    angles = np.zeros((1, 15))
+    names = list(ANGLES)
+    for name in ("index1_flexion", "middle1_flexion", "ring1_flexion", "pinky1_flexion"):
+        angles[0, names.index(name)] = 1.0
+    tips = HAND.landmark("tips", HandPoses(JOINTS, ENDS).poses(angles)[0])
+    assert (tips[:4, 1] < ENDS[:4, 1] - 0.03).all()
+    angles = np.zeros((1, 15))
+    angles[0, names.index("thumb3_flexion")] = 0.8
+    moved = HAND.landmark("tips", HandPoses(JOINTS, ENDS).poses(angles)[0])[4]
+    little = JOINTS[JOINT_NAMES.index("pinky1")]
+    assert np.linalg.norm(moved - little) < np.linalg.norm(ENDS[4] - little)
+
+
+def test_a_pose_space_is_orthonormal_and_in_order() -> None:
+    poses = HandPoses(JOINTS, ENDS).draw(200, np.random.default_rng(2))
+    mean, components, deviations = pose_space(poses)
+    np.testing.assert_allclose(components @ components.T, np.eye(45), atol=1e-10)
+    assert (np.diff(deviations) <= 0).all()
+    np.testing.assert_allclose(mean, poses[:, 1:].reshape(200, 45).mean(axis=0))
+
+
+def test_flattening_is_undone_by_skinning() -> None:
+    """The exact inverse: a curled hand at rest, posed back, is the curled hand."""
+    pose = HandPoses(JOINTS, ENDS).draw(1, np.random.default_rng(3))[0]
+    curled = HAND.vertices(pose)
+    joints, ends = HAND.joints(pose), HAND.landmark("tips", pose)
+    rest, _ = to_flat(curled, joints, ends, HAND.weights)
+    R = rest.rotations.transpose(0, 2, 1)  # back to the curled hand
+    blended = np.einsum("nk,kij->nij", HAND.weights, R)
+    shifts = joints - (R @ rest.joints[..., None])[..., 0]
+    again = (blended @ rest.vertices[..., None])[..., 0] + HAND.weights @ shifts
+    np.testing.assert_allclose(again, curled, atol=1e-10)
+    for first in (1, 4, 7, 10):  # straight, and in the palm's plane
+        assert np.ptp(rest.joints[first : first + 3, 1]) < 1e-12
+
+
+def test_the_teacher_moves_a_hand_as_a_whole_and_leaves_it_at_rest() -> None:
+    teacher = HandTeacher(HAND.template, JOINTS, csr_array(HAND.weights))
+    pose = np.zeros((16, 3))
+    np.testing.assert_allclose(teacher.vertices(pose), HAND.template, atol=1e-12)
+    pose[0] = [0.3, -1.0, 0.5]
+    turned = (HAND.template - JOINTS[0]) @ matrix_from_vector(pose[0]).T + JOINTS[0]
+    np.testing.assert_allclose(teacher.vertices(pose), turned, atol=1e-12)
+
+
+def test_bodies_and_hands_are_rigs_of_one_kind() -> None:
+    hand, rng = hand_rig(JOINTS, ENDS), np.random.default_rng(4)
+    assert BODY.teacher is Teacher
+    assert BODY.parents == BODY_PARENTS
+    for rig in (BODY, hand):
+        assert rig.draw(3, rng).shape == (3, len(rig.parents), 3)
+    assert hand.parents == PARENTS == HAND.parents
+    assert [bone_of(name) for name in ("wrist", "pinky3")] == ["wrist.R", "finger5-3.R"]
+
+
+def test_a_vertex_beyond_the_first_joint_follows_its_own_finger() -> None:
+    weights = np.zeros((2, 16))
+    weights[0, [0, 1, 2, 5]] = 0.1, 0.2, 0.5, 0.2  # index2, and middle2
+    weights[1, [0, 1, 4]] = 0.2, 0.5, 0.3  # index1 and middle1: the web between them
+    kept = own_finger(weights)
+    np.testing.assert_allclose(kept[0, [0, 1, 2, 5]], np.array([0.1, 0.2, 0.5, 0]) / 0.8)
+    np.testing.assert_allclose(kept[1], weights[1])
+
+
+def test_a_higher_price_makes_blend_shapes_more_local() -> None:
+    rng = np.random.default_rng(5)
+    features, errors = rng.standard_normal((60, 18)), rng.standard_normal((60, 4, 3))
+    sums = Sums.of([(features, errors)])
+    distances = np.array([[0.0, 0.1], [0.1, 0.0], [0.02, 0.06], [0.05, 0.05]])
+    support = np.ones((4, 18), dtype=bool)
+    found = [solved(sums, support, distances, 1e-3, price) for price in (0.0, 1.0, 100.0)]
+    shares = [far_share(some, distances) for some in found]
+    assert shares[0] > shares[1] > shares[2]
+    mistakes = [sums.error(some) for some in found]
+    assert mistakes[0] < mistakes[1] < mistakes[2]
+    plain = np.linalg.solve(sums.features + 0.06 * np.eye(18), sums.products[0].T).T
+    np.testing.assert_allclose(found[0][0], plain)
+
+
+def test_a_part_collapses_with_its_border_in_place() -> None:
+    n = 9
+    grid = np.array([[i, j, 0.0] for i in range(n) for j in range(n)]) / n
+    faces = [
+        corner
+        for i in range(n - 1)
+        for j in range(n - 1)
+        for a in [n * i + j]
+        for corner in ((a, a + n, a + 1), (a + 1, a + n, a + n + 1))
+    ]
+    border = np.flatnonzero((grid[:, :2] == 0).any(1) | (grid[:, :2] == (n - 1) / n).any(1))
+    kept, found = collapsed_part(grid, np.array(faces), border, 60)
+    assert len(kept) == 60
+    assert np.isin(border, kept).all()
+    corners = grid[kept][found]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx(((n - 1) / n) ** 2)
+    with pytest.raises(BadArgument, match="does not come down"):
+        collapsed_part(grid, np.array(faces), border, 3)
