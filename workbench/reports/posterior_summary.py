@@ -28,7 +28,7 @@ def truth_of(p: Posterior, setup: Setup) -> Array | None:
 
 
 def truths_inside(p: Posterior, setup: Setup) -> int | None:
-    """How many truths are inside of the intervals of 90 %; None where no truth is known, or no interval is given."""
+    """How many truths lie inside of the 90 % intervals; None without a truth or an interval."""
     truth = truth_of(p, setup)
     if truth is None or not p.mixed:
         return None
