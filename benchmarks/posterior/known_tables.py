@@ -15,8 +15,8 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
         "## Verdicts on posteriors whose marginals are known\n",
         f"An interval of 90% is wrong if its width is off by more than {OFF:.0%}. A run is right "
-        "if none of its intervals is wrong. Thresholds are those that the workbench had before these "
-        "densities were made up.\n",
+        "if none of its intervals is wrong. Thresholds are those that the workbench had before "
+        "these densities were made up.\n",
         "| density | runs | right | called usable | usable, but wrong | refused, but right |",
         "| --- |" + " --: |" * 5,
     ]

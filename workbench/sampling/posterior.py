@@ -301,7 +301,8 @@ class Posterior:
         if len(self.modes) > 1:
             shares = ", ".join(f"{mode.share:.0%}" for mode in self.modes)
             lines.append(f"Least squares finds {len(self.modes)} modes, with {shares} of the mass")
-        lines.append(f"The rest: {self.rest}.")
+        if self.whole is not None or self.subspace.rest.shape[1]:
+            lines.append(f"All other free numbers: {self.rest}.")
         lines.append(str(self.conditioning))
         if self.conditioning.given:
             lines.append(
