@@ -6,6 +6,7 @@
     python -m benchmarks.posterior simulated     # twenty minutes; needs nutpie
     python -m benchmarks.posterior one-person    # five minutes
     python -m benchmarks.posterior throughput    # two minutes
+    python -m benchmarks.posterior known         # forty minutes; needs nutpie
     python -m benchmarks.posterior page          # the page from the numbers that there are
 
 Each writes its numbers to results/posterior-PART.json, and POSTERIOR.md from all of them.
@@ -67,6 +68,16 @@ def _throughput(asked: argparse.Namespace) -> dict[str, Any]:
     return throughput.measured()
 
 
+def _known(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import known
+
+    names = [name for name in known.DENSITIES if name not in known.TUNING]
+    return {
+        "densities": known.of_densities(names, range(200, 200 + asked.seeds)),
+        "person": known.of_a_person(),
+    }
+
+
 PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "nuts": _nuts,
     "recorded": _recorded,
@@ -74,6 +85,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "simulated": _simulated,
     "one-person": _one_person,
     "throughput": _throughput,
+    "known": _known,
 }
 
 
@@ -86,6 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=40_000, help="of emcee's walkers, at most")
     parser.add_argument("--frames", type=int, default=40, help="of the recording")
     parser.add_argument("--people", type=int, default=10, help="made up, for one-person")
+    parser.add_argument("--seeds", type=int, default=20, help="of each density, for known")
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     asked = parser.parse_args(arguments)
     if asked.part != "page":

@@ -26,7 +26,7 @@ from workbench.blocks.entries import entries
 from workbench.experiments.balance import balance, balance_monocular, published
 from workbench.fitting.setup import View
 from workbench.priors.poses import shipped_gaussian
-from workbench.sampling import sample
+from workbench.sampling import fixed, sample
 from workbench.sampling.descent import Mode
 from workbench.threads import limited_threads
 
@@ -143,7 +143,7 @@ def simulated(chosen: Sequence[int], seed: int = 0) -> Iterator[Case]:
 
 def by_emcee(case: Case) -> Interval:
     """The 16, the others at the truth."""
-    drawn = sample(case.problem, case.truth, NAMES, walkers=WALKERS, steps=STEPS)
+    drawn = sample(case.problem, case.truth, NAMES, rest=fixed, walkers=WALKERS, steps=STEPS)
     return _of(drawn.flat) | {"usable": drawn.mixing.usable, "seconds": drawn.seconds}
 
 

@@ -21,7 +21,7 @@ import workbench as wb
 from benchmarks.posterior.fitted import BLOCKS, monocular
 from workbench.arrays import Array, Index
 from workbench.blocks.entries import entries
-from workbench.sampling import Posterior, sample
+from workbench.sampling import Posterior, fixed, sample
 from workbench.sampling.arviz_interface import arviz
 from workbench.sampling.descent import Mode
 from workbench.threads import limited_threads
@@ -71,7 +71,7 @@ def beside(
     seed: int,
 ) -> dict[str, Any]:
     """One block of a posterior by both."""
-    ours = sample(problem, at, block, seed=seed, steps=steps)
+    ours = sample(problem, at, block, rest=fixed, seed=seed, steps=steps)
     with limited_threads():
         began = time.perf_counter()
         x, given = problem.split(at)

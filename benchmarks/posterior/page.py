@@ -6,6 +6,7 @@ import numpy as np
 
 from benchmarks.page import machine
 from benchmarks.posterior import held_out_tables as tables
+from benchmarks.posterior import known_tables
 from benchmarks.posterior.counted import Found
 from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES, USUAL, NutsSettings
 
@@ -27,6 +28,7 @@ def text(results: Mapping[str, Found]) -> str:
         "simulated": tables.simulated,
         "one-person": tables.one_person,
         "throughput": _throughput,
+        "known": known_tables.known,
     }
     parts = [HEAD]
     for name, write in writers.items():

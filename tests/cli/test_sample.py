@@ -62,7 +62,7 @@ def test_a_short_run_exits_with_one_and_gives_no_intervals(here: Path) -> None:
 
 def test_a_block_that_rests_on_others_says_so_and_is_not_usable(here: Path) -> None:
     options = ("--steps", "1600", "--walkers", "16", "--block", "x[0]")
-    alone = invoke(*options)
+    alone = invoke(*options, "--conditional")
     assert alone.exit_code == 1, alone.output  # type: ignore[attr-defined]
     said = alone.output  # type: ignore[attr-defined]
     assert "NOT USABLE: conditional" in said
@@ -70,9 +70,18 @@ def test_a_block_that_rests_on_others_says_so_and_is_not_usable(here: Path) -> N
     assert "Held fixed: 2 of the 3 numbers of x (2 numbers)" in said
     assert "ratio" in next(line for line in said.splitlines() if line.startswith("entry"))
     assert "Held fixed: 2 of" in (here / "runs" / "line-posterior" / "posterior.txt").read_text()
-    joined = invoke(*options, "--conditional", "--fresh")
+    row = next(
+        line
+        for line in said.splitlines()
+        if line.startswith("x[0] ") and " sd" not in line and "numbers of" not in line
+    )
+    assert row.endswith("conditional")
+    joined = invoke(*options, "--fresh")
     assert joined.exit_code == 0, joined.output  # type: ignore[attr-defined]
     assert "Held fixed: nothing" in joined.output  # type: ignore[attr-defined]
+    assert "sampled too" in joined.output  # type: ignore[attr-defined]
+    table = joined.output.index("all other free numbers")  # type: ignore[attr-defined]
+    assert table < joined.output.index("autocorrelation times")  # type: ignore[attr-defined]
 
 
 def test_unknown_names_are_answered(here: Path) -> None:

@@ -14,8 +14,8 @@ from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
 from workbench.reports import write_posterior
-from workbench.reports.posterior_page import BlockPosterior
-from workbench.sampling import laplace, sample
+from workbench.reports.posterior_summary import BlockPosterior
+from workbench.sampling import fixed, laplace, sample
 
 C = conditioned(3, 30.0, seed=3)
 
@@ -24,8 +24,8 @@ def written(
     folder: Path, names: object, made_of: object, **how: int
 ) -> tuple[Path, BlockPosterior]:
     problem, at = gaussian(C), {"x": np.zeros(3)}
-    posterior = sample(problem, at, names, walkers=16, **how)  # type: ignore[arg-type]
-    part = BlockPosterior("part", posterior, laplace(problem, at, names))  # type: ignore[arg-type]
+    posterior = sample(problem, at, names, rest=fixed, walkers=16, **how)  # type: ignore[arg-type]
+    part = BlockPosterior("part", posterior, laplace(problem, at, names, rest=fixed))  # type: ignore[arg-type]
     setup = Setup(problem, at, "How well is x known?")
     if made_of is not None:
         setup = replace(setup, made_of=made_of)
@@ -50,7 +50,7 @@ def test_a_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
         assert f"{ratio:.3g} times as large" in said
         assert "usable: " not in said.replace("NOT USABLE: ", "")
     assert "is true only if the unknowns that are held fixed are known exactly" in page
-    assert "sd if free" in page
+    assert "marginal sd" in page
     data = json.loads((folder / "summary.json").read_text())["parts"]["part"]
     assert data["verdict"] == "CONDITIONAL"
     assert not data["usable"]
@@ -113,7 +113,7 @@ def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
 
 def test_a_truth_is_drawn_in_every_figure() -> None:
     from workbench.plots import sheets
-    from workbench.reports.posterior_page import truth_of
+    from workbench.reports.posterior_summary import truth_of
 
     problem = gaussian(C)
     p = laplace(problem, {"x": np.zeros(3)}, draws=400)

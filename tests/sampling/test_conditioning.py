@@ -5,7 +5,7 @@ import pytest
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
-from workbench.sampling import NotConverged, Usability, conditional, laplace, sample
+from workbench.sampling import NotConverged, Usability, fixed, integrated, laplace, sample
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = [1, 3]
@@ -22,8 +22,8 @@ def exact() -> np.ndarray:
 def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> None:
     assert exact().max() > RATIO
     problem = gaussian(C, MEAN)
-    drawn = sample(problem, {"x": MEAN}, NAMES, steps=2000, walkers=16, seed=1)
-    for posterior in (laplace(problem, {"x": MEAN}, NAMES), drawn):
+    drawn = sample(problem, {"x": MEAN}, NAMES, rest=fixed, steps=2000, walkers=16, seed=1)
+    for posterior in (laplace(problem, {"x": MEAN}, NAMES, rest=fixed), drawn):
         assert posterior.mixing.usable
         assert not posterior.usable
         np.testing.assert_allclose(posterior.conditioning.ratios, exact(), rtol=1e-9)
@@ -43,11 +43,11 @@ def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> N
 
 def test_what_is_hardly_narrower_is_usable_and_still_says_what_is_held() -> None:
     nearly = np.eye(4) + 0.1
-    posterior = laplace(gaussian(nearly), {"x": np.zeros(4)}, NAMES)
+    posterior = laplace(gaussian(nearly), {"x": np.zeros(4)}, NAMES, rest=fixed)
     assert 1 < posterior.conditioning.ratios.max() < RATIO
     assert posterior.usable, posterior.verdict
     table = next(line for line in str(posterior).splitlines() if line.startswith("entry"))
-    assert table.endswith("if free   ratio")
+    assert table.endswith("marginal   ratio  interval")
     assert "Held fixed: 2 of the 4 numbers of x" in str(posterior)
 
 
@@ -55,7 +55,7 @@ def test_what_is_sampled_or_integrated_out_is_not_held() -> None:
     problem = gaussian(C, MEAN)
     for posterior in (
         laplace(problem, {"x": MEAN}),
-        laplace(problem, {"x": MEAN}, NAMES, rest=conditional),
+        laplace(problem, {"x": MEAN}, NAMES, rest=integrated),
     ):
         assert posterior.conditioning.count == 0
         assert (posterior.conditioning.ratios == 1).all()
@@ -67,7 +67,7 @@ def test_what_is_sampled_or_integrated_out_is_not_held() -> None:
 def test_a_direction_that_is_seen_only_because_the_rest_is_held_is_infinite() -> None:
     x, y = wb.Block("x"), wb.Block("y")
     problem = wb.Problem([wb.Residual("sum", x.symbol + y.symbol, 0.1)], ("x", "y"), blocks=[x, y])
-    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x")
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x", rest=fixed)
     assert np.isinf(posterior.conditioning.ratios).all()
     assert "do not determine x at all" in posterior.verdict
     assert not posterior.usable
@@ -78,7 +78,7 @@ def test_bounds_and_equations_hold_the_rest_too() -> None:
     total = wb.Residual("sum", x.symbol + y.symbol + z.symbol, 0.1)
     tie = wb.Constraint("tie", y.symbol - z.symbol, 0.0, 0.0)
     problem = wb.Problem([total], ("x", "y", "z"), {"y": (-1.0, 1.0)}, [x, y, z], [tie])
-    posterior = laplace(problem, {"x": 0.0, "y": 0.0, "z": 0.0}, "x")
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0, "z": 0.0}, "x", rest=fixed)
     # y = z, uniform on (-1, 1) at the most: x has the variance 0.1^2 + 4 / 3
     assert posterior.conditioning.marginal[0] == pytest.approx(np.sqrt(0.01 + 4 / 3), rel=1e-9)
 
@@ -89,7 +89,7 @@ def test_the_place_of_a_person_in_one_image_is_told_with_what_it_rests_on() -> N
 
     setup = find("balance-monocular").setup()
     at = setup.start | wb.solve(setup.problem, setup.start).values
-    posterior = laplace(setup.problem, at, "trans")
+    posterior = laplace(setup.problem, at, "trans", rest=fixed)
     joint = np.sqrt(np.diag(setup.problem.linearize(at).covariance))
     place = setup.problem.free.slices["trans"]
     np.testing.assert_allclose(posterior.conditioning.marginal, joint[place], rtol=1e-3)

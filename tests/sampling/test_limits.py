@@ -10,7 +10,8 @@ import scipy.stats
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.problem import storage
-from workbench.sampling import Posterior, conditional, determined, directions, laplace, sample
+from workbench.sampling import Posterior, determined, directions, integrated, laplace, sample
+from workbench.sampling.subspace import Choice, Subspace
 
 UNLIKELY = 1e-3  # of a test of draws that are right, the seeds being fixed
 
@@ -143,14 +144,42 @@ def test_an_entry_with_equal_bounds_is_refused() -> None:
     assert laplace(pinned, {"x": np.zeros(2)}, "x[1]").usable
 
 
+def ridge(*at: int) -> Choice:
+    """Along the ridge of the rest also where there are so few numbers that all would be drawn."""
+
+    def choice(problem: wb.Problem, x: np.ndarray, given: np.ndarray) -> Subspace:
+        return integrated(problem, problem.linearize_at(x, given), x, np.array(at))
+
+    return choice
+
+
+def test_a_marginal_of_few_numbers_keeps_the_bounds_of_all() -> None:
+    """y = x / 2 + N(0, 1/2), at least 0: the marginal of x is skew; against rejection."""
+    x, y = wb.Block("x"), wb.Block("y")
+    terms = [wb.Residual("x", x.symbol, 1.0), wb.Residual("y", y.symbol - x.symbol / 2, 0.5)]
+    problem = wb.Problem(terms, ("x", "y"), {"y": (0.0, np.inf)}, [x, y])
+    rng = np.random.default_rng(0)
+    first = rng.standard_normal(200_000)
+    right = first[first / 2 + 0.5 * rng.standard_normal(200_000) >= 0]
+    for posterior in (
+        laplace(problem, {"x": 0.0, "y": 0.0}, "x"),
+        sample(problem, {"x": 0.0, "y": 0.0}, "x", steps=1000, walkers=16),
+    ):
+        assert posterior.usable, posterior.verdict
+        found = [np.mean(right <= q) for q in np.quantile(posterior.flat, [0.05, 0.5, 0.95])]
+        np.testing.assert_allclose(found, [0.05, 0.5, 0.95], atol=0.04)
+        assert posterior.rest in ("sampled too", "in the same Gaussian")
+        assert posterior.problem.free.pack(posterior.values(1)[0])[1] >= 0
+
+
 def test_what_is_integrated_out_beyond_a_bound_is_told() -> None:
-    """y is half a Gaussian; its Gaussian conditional has the other half too."""
+    """y is half a Gaussian; the Gaussian about the ridge has the other half too."""
     x, y = wb.Block("x"), wb.Block("y")
     terms = [wb.Residual("x", x.symbol, 1.0), wb.Residual("y", y.symbol, 1.0)]
     problem = wb.Problem(terms, ("x", "y"), {"y": (0.0, np.inf)}, [x, y])
     for posterior in (
-        laplace(problem, {"x": 0.0, "y": 0.0}, "x", rest=conditional),
-        sample(problem, {"x": 0.0, "y": 0.0}, "x", rest=conditional, steps=1000, walkers=16),
+        laplace(problem, {"x": 0.0, "y": 0.0}, ridge(0)),
+        sample(problem, {"x": 0.0, "y": 0.0}, ridge(0), steps=1000, walkers=16),
     ):
         assert posterior.importance is not None
         assert posterior.importance.outside == pytest.approx(0.5, abs=0.04)
@@ -211,7 +240,7 @@ def test_the_ridge_of_what_is_integrated_out_stays_within_bounds() -> None:
     x, y = wb.Block("x"), wb.Block("y")
     terms = [wb.Residual("x", x.symbol - 2, 1.0), wb.Residual("y", y.symbol - x.symbol / 2, 0.01)]
     problem = wb.Problem(terms, ("x", "y"), {"y": (-np.inf, 1.0)}, [x, y])
-    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x", rest=conditional)
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, ridge(0))
     assert posterior.flat.max() <= 2 + 1e-9
     truth = scipy.stats.truncnorm(-np.inf, 0, loc=2)
     found = truth.cdf(np.quantile(posterior.flat, [0.05, 0.5, 0.95]))

@@ -6,7 +6,7 @@ import pytest
 import workbench as wb
 from tests.problem.sequences import SHARED, SMOOTH, both_storages, frame, values
 from workbench.errors import TooLarge
-from workbench.sampling import conditional
+from workbench.sampling import integrated
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.subspace import BandedRest, Improper, fixed, subspace_of
 
@@ -31,8 +31,8 @@ def test_what_is_integrated_out(
     if names == "pose[3, pelvis]":
         names = f"pose[3, {plain.free['pose'].labels[0]}]"  # type: ignore[index]
     x, given = plain.split(at)
-    by_array = subspace_of(plain, x, given, names, conditional)
-    by_band = subspace_of(blocked, x, given, names, conditional)
+    by_array = subspace_of(plain, x, given, names, integrated)
+    by_band = subspace_of(blocked, x, given, names, integrated)
     assert isinstance(by_band.rest, BandedRest)
     assert by_band.rest.shape == by_array.rest.shape
     np.testing.assert_allclose(by_band.along, by_array.along, atol=1e-9)
@@ -69,7 +69,7 @@ def test_draws_of_a_sequence_with_all_else_integrated_out(
     both: tuple[wb.Problem, wb.Problem, wb.Values],
 ) -> None:
     _, blocked, at = both
-    near = wb.laplace(blocked, at, "betas", rest=conditional, draws=400)
+    near = wb.laplace(blocked, at, "betas", rest=integrated, draws=400)
     assert near.points(7).shape == (7, blocked.free.size)
     here = blocked.linearize(at)
     columns = np.eye(blocked.free.size)[:, blocked.free.slices["betas"]]
@@ -92,4 +92,4 @@ def test_nothing_is_integrated_out_that_nothing_holds(monkeypatch: pytest.Monkey
     for problem in both_storages(build, monkeypatch):
         x, given = problem.split(at)
         with pytest.raises(Improper, match="no width"):
-            subspace_of(problem, x, given, "shape", conditional)
+            subspace_of(problem, x, given, "shape", integrated)

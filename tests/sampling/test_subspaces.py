@@ -11,8 +11,9 @@ from workbench.sampling import (
     Improper,
     NotConverged,
     compared_with_laplace,
-    conditional,
     directions,
+    fixed,
+    integrated,
     laplace,
     sample,
     sampling_blocks,
@@ -24,7 +25,7 @@ TWO = ("x[1]", "x[3]")
 
 
 def test_the_rest_fixed_gives_the_conditional_variance() -> None:
-    posterior = laplace(gaussian(C, MEAN), {"x": MEAN}, TWO, draws=40_000)
+    posterior = laplace(gaussian(C, MEAN), {"x": MEAN}, TWO, rest=fixed, draws=40_000)
     precision = np.linalg.inv(C)[np.ix_([1, 3], [1, 3])]
     true = np.linalg.inv(precision)
     chance = np.max(true) * np.sqrt(2 / 40_000)  # the standard deviation of a variance
@@ -33,7 +34,7 @@ def test_the_rest_fixed_gives_the_conditional_variance() -> None:
 
 def test_the_rest_integrated_gives_the_marginal_variance_and_the_joint_one() -> None:
     problem = gaussian(C, MEAN)
-    posterior = laplace(problem, {"x": MEAN}, TWO, rest=conditional, draws=40_000)
+    posterior = laplace(problem, {"x": MEAN}, TWO, rest=integrated, draws=40_000)
     scale = np.abs(C).max()
     np.testing.assert_allclose(posterior.covariance, C[np.ix_([1, 3], [1, 3])], atol=0.03 * scale)
     whole = posterior.points(40_000)
@@ -46,7 +47,7 @@ def test_the_rest_integrated_gives_the_marginal_variance_and_the_joint_one() -> 
 
 def test_sampled_and_integrated_say_the_same() -> None:
     problem = gaussian(C, MEAN)
-    drawn = sample(problem, {"x": MEAN}, TWO, rest=conditional, steps=3000, seed=1)
+    drawn = sample(problem, {"x": MEAN}, TWO, rest=integrated, steps=3000, seed=1)
     assert drawn.usable, drawn.verdict
     true = np.sqrt(np.diag(C)[[1, 3]])
     np.testing.assert_allclose(drawn.sd, true, rtol=4 / np.sqrt(drawn.mixing.effective.min()))
@@ -66,7 +67,7 @@ def curved(scale: float) -> wb.Problem:
 
 def test_a_conditional_that_does_not_hold_is_noticed() -> None:
     at = {"x": 0.0, "y": 0.0}
-    fine = laplace(curved(0.0), at, "x", rest=conditional)
+    fine = laplace(curved(0.0), at, "x", rest=integrated)
     assert fine.usable
     tail = wb.Block("tail", (8,))
     heavy = wb.Problem(
@@ -77,7 +78,7 @@ def test_a_conditional_that_does_not_hold_is_noticed() -> None:
         "tail",
         blocks=[tail],
     )
-    found = laplace(heavy, {"tail": np.full(8, 1e-3)}, "tail[0]", rest=conditional)
+    found = laplace(heavy, {"tail": np.full(8, 1e-3)}, "tail[0]", rest=integrated)
     assert found.importance is not None
     assert not found.importance.holds, str(found.importance)
     assert "does not hold" in found.verdict

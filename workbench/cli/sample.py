@@ -15,10 +15,11 @@ from workbench import sampling
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, make_folder, print_page, say, warn_without_effect
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
+from workbench.cli.sample_output import print_posteriors
 from workbench.errors import check_known
 from workbench.experiments import find
 from workbench.reports import write_posterior
-from workbench.reports.posterior_page import BlockPosterior, truth_of
+from workbench.reports.posterior_summary import BlockPosterior
 from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
 
@@ -45,7 +46,8 @@ def sample(
         bool,
         typer.Option(
             "--conditional",
-            help="Integrate the other unknowns out as a Gaussian; otherwise they are held fixed.",
+            help="Hold the other unknowns fixed, as if known exactly; otherwise they are sampled "
+            "too or integrated out.",
         ),
     ] = False,
     steps: Annotated[int, typer.Option(help="Largest number of steps of each walker.")] = 20_000,
@@ -74,7 +76,7 @@ def sample(
     setup = experiment.setup()
     at = solved(console, setup, solver_named(solver))
     problem = setup.problem
-    rest = sampling.conditional if conditional else sampling.fixed
+    rest = sampling.fixed if conditional else sampling.integrated
     chosen: dict[str, sampling.Names] = {}
     for text in block or ():
         everything = text == "everything"
@@ -115,12 +117,11 @@ def sample(
             )
         approximation = sampling.laplace(problem, at, names, rest=rest, seed=seed)
         parts.append(BlockPosterior(part, posterior, approximation))
-        text = posterior.summary(truth_of(posterior, setup))
-        say(console, escape(text))
-        _print_beside(console, posterior, approximation)
+        say(console, escape(posterior.judgement[0].value))
         if posterior.interrupted:
             interrupted = True
             break
+    print_posteriors(console, parts, setup)
     console.print("[dim]writing the page[/]")
     page = write_posterior(
         parts, folder, title=experiment.name, setup=setup, source=experiment.source
@@ -167,19 +168,3 @@ def _bar(console: Console) -> Bar:
         transient=True,
         disable=not console.is_terminal,
     )
-
-
-def _print_beside(
-    console: Console, posterior: sampling.Posterior, approximation: sampling.Posterior
-) -> None:
-    """How good Laplace's approximation is, and the entries for which it is not good enough."""
-    say(console, f"Laplace's approximation: {escape(approximation.verdict)}")
-    rows = sampling.compared_with_laplace(posterior, approximation)
-    unlike = [row for row in rows if row.remark != "agrees"]
-    if not posterior.mixed:
-        return
-    agree = f"{len(rows) - len(unlike)} of {len(rows)} entries"
-    say(console, f"Laplace's approximation agrees in {agree}")
-    for row in unlike:
-        off = f"sd {row.ratio:.2f} times Laplace's, mean off by {row.shift:+.2f} of its sd"
-        say(console, f"  {escape(row.label)}: {row.remark} ({off})")

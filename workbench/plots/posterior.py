@@ -90,7 +90,8 @@ def plot_traces(
             ax.plot(step, np.median(draws, axis=1), color=colour, linewidth=0.9)
         if truth is not None:
             ax.axhline(truth[i], color=INK, linestyle="--", linewidth=1.2)  # no ensemble's colour
-        ax.set_ylabel(plain(f"{posterior.labels[i]} ({posterior.units[i]})"), fontsize=8)
+        name = posterior.labels[i].replace("[", "\n[")  # two lines: one would be clipped
+        ax.set_ylabel(plain(f"{name} ({posterior.units[i]})"), fontsize=8)
         ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     axes[-1].set_xlabel("step of each walker")
 

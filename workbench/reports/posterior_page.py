@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from workbench import plots
-from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.fitting.setup import Setup
@@ -19,19 +17,15 @@ from workbench.plots import sheets
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
-from workbench.reports.tables import Table, number
-from workbench.sampling import EntryComparison, Posterior, compared_with_laplace, search_in_words
+from workbench.reports.posterior_summary import (
+    BlockPosterior,
+    blocks_table,
+    entries_table,
+    truth_of,
+)
+from workbench.sampling import Posterior, compared_with_laplace, search_in_words
 
 DRAWN = 24  # bodies in a spray
-
-
-@dataclass(frozen=True, eq=False)
-class BlockPosterior:
-    """The posterior of one block, by draws and by Laplace's approximation."""
-
-    name: str
-    posterior: Posterior
-    approximation: Posterior
 
 
 def write_posterior(
@@ -51,14 +45,17 @@ def write_posterior(
     for anchor, part in anchors.items():
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
-    words = [
-        f"{part.name}\n\n{part.posterior.summary(truth_of(part.posterior, setup))}\n"
-        for part in parts
-    ]
+    words = ["\n".join(blocks_table(parts, setup).lines()) + "\n"]
+    for part in parts:
+        told = part.posterior.summary(truth_of(part.posterior, setup), setup.priors)
+        words.append(f"{part.name}\n\n{told}\n")
     html = page(
         "posterior.html",
         title=title,
         question=setup.question,
+        summary=blocks_table(parts, setup),
+        synthetic=setup.made_of is not None,
+        conditional=any(part.posterior.conditional for part in parts),
         sections={anchor: _section(part, setup) for anchor, part in anchors.items()},
         files=files,
     )
@@ -83,11 +80,6 @@ def _save_draws(p: Posterior, path: Path) -> None:
     )
 
 
-def truth_of(p: Posterior, setup: Setup) -> Array | None:
-    """The true values (k,) of the sampled entries of synthetic data; None for other data."""
-    return None if setup.made_of is None else p.coordinates(setup.made_of)
-
-
 def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     """What the page says of one block: its figures of intervals only if these mean something."""
     p, laplace = part.posterior, part.approximation
@@ -102,7 +94,7 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         "modes": _modes(p),
         "synthetic": known,
-        "table": entries_table(p, rows, truth),
+        "table": entries_table(p, rows, setup),
         "traces": shown(sheets.traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
     }
     if p.mixed:
@@ -116,36 +108,6 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
             "corner": shown(corner, plots.caption_corner(p, len(entries), known)),
         }
     return section
-
-
-def entries_table(
-    p: Posterior, rows: tuple[EntryComparison, ...], truth: Array | None = None
-) -> Table:
-    """A row for every entry, with an interval only if the verdict allows it.
-
-    `if free` is the standard deviation, from J'J, if the fixed unknowns are free as well.
-    """
-    held = p.conditioning
-    columns: dict[str, list[str]] = {"entry": list(p.labels), "unit": list(p.units)}
-    if p.mixed:
-        ends = p.conditional_interval(0.9)
-        columns["mean"] = [number(row.mean, 3) for row in rows]
-        columns["sd"] = [number(row.sd, 2) for row in rows]
-        columns["5 %"] = [number(float(low), 3) for low, _ in ends]
-        columns["95 %"] = [number(float(high), 3) for _, high in ends]
-        if held.count:
-            columns["sd if free"] = [number(float(sd), 2) for sd in held.marginal]
-            columns["ratio"] = [number(float(ratio), 2) for ratio in held.ratios]
-    if truth is not None:
-        columns["truth"] = [number(float(one), 3) for one in truth]
-    columns["tau (steps)"] = [number(float(time), 2) for time in p.mixing.times]
-    columns["effective draws"] = [f"{count:,.0f}" for count in p.mixing.effective]
-    columns["R-hat"] = [f"{scale:.3f}" for scale in p.mixing.scales]
-    numbers = tuple(range(2, len(columns) + p.mixed))
-    if p.mixed:
-        columns["sd / Laplace's"] = [number(row.ratio, 2) for row in rows]
-        columns["beside Laplace"] = [row.remark for row in rows]
-    return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), numbers)
 
 
 def _modes(p: Posterior) -> str:
@@ -217,6 +179,8 @@ def _summary(p: Posterior, setup: Setup) -> dict[str, Any]:
         "mean": p.mean if p.usable else None,
         "sd": p.sd if p.usable else None,
         "held_fixed": p.conditioning.names,
+        "rest": p.rest,
+        "contraction": p.contraction(setup.priors) if p.usable else None,
         "ratio": p.conditioning.ratios,
         "searches": p.mode_search.extent.starts,
         "truth": truth_of(p, setup),

@@ -1,6 +1,7 @@
 """A problem's posterior: sampled by emcee, or approximated by Laplace; and what draws are worth."""
 
 from workbench.sampling.conditioning import Conditioning
+from workbench.sampling.contraction import contraction, contraction_bar, prior_deviations
 from workbench.sampling.descent import Mode
 from workbench.sampling.determined import determined
 from workbench.sampling.ensemble_settings import Progress
@@ -12,7 +13,7 @@ from workbench.sampling.modes import ModeSearch, search_in_words
 from workbench.sampling.moves import MOVES, BiasedMove, Snooker
 from workbench.sampling.posterior import NotConverged, Posterior
 from workbench.sampling.sample import sample
-from workbench.sampling.subspace import Improper, Names, Subspace, conditional, directions, fixed
+from workbench.sampling.subspace import Improper, Names, Subspace, directions, fixed, integrated
 
 __all__ = [
     "MOVES",
@@ -32,11 +33,14 @@ __all__ = [
     "Subspace",
     "Usability",
     "compared_with_laplace",
-    "conditional",
+    "contraction",
+    "contraction_bar",
     "determined",
     "directions",
     "fixed",
+    "integrated",
     "laplace",
+    "prior_deviations",
     "sample",
     "sampling_blocks",
     "search_in_words",

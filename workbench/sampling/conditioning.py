@@ -96,9 +96,9 @@ class Conditioning:
     def failed(self) -> str:
         """Why intervals are not usable, and what to do."""
         return (
-            f"these draws hold {self.what} fixed, as if known exactly. {self.wider}; at most "
-            f"{RATIO} is allowed. Name these blocks too, or integrate them out (`--conditional`, "
-            "in Python rest=conditional)"
+            f"these draws hold {self.what} fixed, as if known exactly, so that intervals are "
+            f"conditional. {self.wider}; at most {RATIO} is allowed. Name these blocks too, or "
+            "integrate them out, as is done without `--conditional` (in Python rest=integrated)"
         )
 
 
@@ -122,7 +122,9 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
         between = np.isfinite(there.upper - there.lower) & ~there.equal
         A = there.linearize(x, given).rows(between)
         J = np.vstack([J, A * (np.sqrt(12) / (there.upper - there.lower)[between])[:, None]])
-    tied = problem.free.size - len(held) - span.shape[1] if space.entries is not None else 0
+    free = problem.free.size
+    follow = space.entries is not None and not space.rest.shape[1]
+    tied = free - len(held) - span.shape[1] if follow else 0
     if span.shape[1] + tied + len(held) == problem.free.size:
         others = np.eye(problem.free.size)[:, held[width[held] > 0]]
     else:  # directions, which entries do not complete

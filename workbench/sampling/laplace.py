@@ -14,11 +14,12 @@ from workbench.sampling.conditioning import conditioning
 from workbench.sampling.descent import bounds_of, mode_from
 from workbench.sampling.feasible import refuse_flat, refuse_undefined
 from workbench.sampling.importance import of_laplace
+from workbench.sampling.joint import jointly_with_limits, named
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.subspace import Names, Rest, fixed, subspace_of
+from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
 from workbench.sampling.truncated_gaussian import draws_from, share_cut_off, truncated_laplace
 from workbench.threads import limited_threads
 
@@ -35,22 +36,27 @@ def laplace(
     at: Mapping[str, ArrayLike],
     names: Names = None,
     *,
-    rest: Rest = fixed,
+    rest: Rest = integrated,
     draws: int = 4000,
     seed: int = 0,
 ) -> Posterior:
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
-    J'J is Gauss and Newton's Hessian, whitened. Bounds and inequality constraints cut the Gaussian
-    off (see `cut`), which is exact where residuals and constraints are linear. All else is as in
-    `sample`. The verdict compares the Gaussian with the posterior by importance weights, and looks
-    for other modes, of which the Gaussian knows nothing. Raises what `sample` raises.
+    J'J is Gauss and Newton's Hessian, whitened. What is not named is integrated out, unless `rest`
+    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off (see
+    `cut`), which is exact where residuals and constraints are linear. The verdict compares the
+    Gaussian with the posterior by importance weights, and looks for other modes, of which the
+    Gaussian knows nothing. Raises what `sample` raises.
     """
     x, given = problem.split(at)
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
+    wanted = None if callable(names) or rest is not integrated else named(problem, names)
+    if wanted is not None and (all_of := jointly_with_limits(problem, at, wanted)):
+        found_whole = laplace(problem, at, all_of, rest=fixed, draws=draws, seed=seed)
+        return found_whole.marginal(wanted)
     with limited_threads():
-        subspace = subspace_of(problem, x, given, names, rest)
+        subspace = subspace_of(problem, x, given, wanted or names, rest)
         refuse_flat(problem, given, subspace)
         target = LogDensity(problem, given, subspace)
         refuse_undefined(problem, given, subspace.points(subspace.centre[None])[0])

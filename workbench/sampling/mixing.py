@@ -24,6 +24,8 @@ GAUSSIAN = 3.5  # steps per dimension that differential evolution takes to forge
 FAR = 2.0  # times as long: no Gaussian's, and growing
 SLOW = 0.01  # of the proposals accepted
 TOGETHER = 64  # chains in one transform
+MARGIN = 1.3  # more steps than are needed if all estimates are right
+FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
 WINDOW = 5.0  # autocorrelation times: Sokal's compromise between bias and noise
 
 
@@ -144,7 +146,9 @@ class Mixing:
                 return Usability.TOO_SHORT, f"{count} draws of {DRAWS:.0f} required; draw more"
             return Usability.USABLE, f"{count} draws"
         if S < 2:
-            return Usability.TOO_SHORT, "there is nothing to judge by; take more steps"
+            return Usability.TOO_SHORT, (
+                f"there is nothing to judge by; take {self.asked(FIRST * GAUSSIAN * k)}"
+            )
         if self.acceptance < SLOW:
             return Usability.NOT_MIXING, (
                 f"only {self.acceptance:.1%} of the proposals are accepted; sample fewer entries"
@@ -175,10 +179,12 @@ class Mixing:
                 "remember longer than their autocorrelation times say. Sample fewer entries"
             )
         if scale > SCALE or self.effective.min() < DRAWS:
+            few = DRAWS / float(self.effective.min())
+            apart = (scale**2 - 1) / (SCALE**2 - 1)
             return Usability.TOO_SHORT, (
                 f"R-hat is {scale:.3f} and the least effective number of draws "
                 f"{self.effective.min():.0f}, where {SCALE} and {DRAWS:.0f} are required; take "
-                "more steps"
+                + self.asked(MARGIN * self.steps * max(few, apart))
             )
         return Usability.USABLE, (
             f"{self.length:.0f} autocorrelation times, R-hat {scale:.3f}, at least "
@@ -203,8 +209,15 @@ class Mixing:
                 "that the data determine best"
             )
         least = max(self.times.max(), GAUSSIAN * k)  # of a short chain, times come out too short
-        wanted = int(np.ceil(1.3 * TIMES * least / 1000) * 1000)
-        return Usability.TOO_SHORT, f"{said}; take {wanted} steps or more"
+        return Usability.TOO_SHORT, f"{said}; take {self.asked(MARGIN * TIMES * least)}"
+
+    def asked(self, wanted: float) -> str:
+        """In words, how many steps a walker should take in all, burn-in included."""
+        taken = self.steps + self.discarded
+        wanted = max(wanted * taken / max(self.steps, 1), 1.1 * taken)
+        unit = 10.0 ** max(np.floor(np.log10(wanted)) - 1, 1)
+        total = int(np.ceil(wanted / unit) * unit)
+        return f"about {total - taken:,} steps more ({total:,} in all for each walker)"
 
     @property
     def verdict(self) -> Usability:

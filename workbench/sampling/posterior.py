@@ -1,7 +1,7 @@
 """A posterior as draws, with what is known of their worth."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.errors import WorkbenchError
+from workbench.blocks.entries import entries
+from workbench.errors import BadArgument, WorkbenchError, some_of
 from workbench.problem import Problem
 from workbench.sampling.arviz_interface import inference_data
 from workbench.sampling.conditioning import Conditioning
+from workbench.sampling.contraction import contraction, contraction_bar, prior_deviations
 from workbench.sampling.descent import Mode
 from workbench.sampling.importance import Importance
 from workbench.sampling.mixing import Mixing, Usability
@@ -50,6 +52,8 @@ class Posterior:
         seconds: how long the sampling took.
         interrupted: whether it was stopped early.
         unsaved: why the last checkpoint could not be written; empty if it was.
+        whole: the draws of all free numbers, where these are some of their columns; the verdict is
+            on all of them.
     """
 
     problem: Problem = field(repr=False)
@@ -65,6 +69,7 @@ class Posterior:
     seconds: float = 0.0
     interrupted: bool = False
     unsaved: str = ""
+    whole: "Posterior | None" = field(default=None, repr=False)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -119,6 +124,8 @@ class Posterior:
         whether Laplace's Gaussian fits; whether intervals are narrow because numbers are held
         fixed.
         """
+        if self.whole is not None:
+            return self.whole.judgement
         verdict, why = self.mixing.judgement
         if verdict is not Usability.USABLE:
             return verdict, why
@@ -195,8 +202,47 @@ class Posterior:
         span = space.span
         return np.asarray(space.centre + np.linalg.lstsq(span, x - space.origin)[0][: space.size])
 
+    def marginal(self, names: str | Iterable[str]) -> "Posterior":
+        """These draws of some entries alone, whatever the others are; the verdict stays as it is.
+
+        Raises UnknownName for names that are not free, and BadArgument for entries that were not
+        sampled, or if directions were.
+        """
+        space, meant = self.subspace, entries(self.problem.free, names)
+        if space.entries is None or not np.isin(meant, space.entries).all():
+            raise BadArgument(
+                f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
+            )
+        at = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in meant])
+        there = replace(
+            space,
+            along=space.along[:, at],
+            centre=space.centre[at],
+            labels=tuple(space.labels[i] for i in at),
+            units=tuple(space.units[i] for i in at),
+            entries=meant,
+        )
+        draws, held = np.ascontiguousarray(self.draws[..., at]), self.conditioning
+        modes = tuple(replace(mode, z=mode.z[at], half=_half(mode.half[at])) for mode in self.modes)
+        return replace(
+            self,
+            subspace=there,
+            draws=draws,
+            mixing=replace(self.mixing, labels=there.labels, draws=draws),
+            mode_search=replace(self.mode_search, modes=modes),
+            conditioning=replace(
+                held,
+                labels=there.labels,
+                conditional=held.conditional[at],
+                marginal=held.marginal[at],
+            ),
+            whole=self if self.whole is None else self.whole,
+        )
+
     def points(self, count: int, seed: int = 0) -> Array:
         """`count` random draws of all free numbers (count, n), what was integrated out included."""
+        if self.whole is not None:
+            return self.whole.points(count, seed)
         rng = np.random.default_rng(seed)
         z = self.flat[rng.integers(len(self.flat), size=count)]
         return self.subspace.points(z, rng.standard_normal((count, self.subspace.rest.shape[1])))
@@ -215,11 +261,39 @@ class Posterior:
     def __str__(self) -> str:
         return self.summary()
 
-    def summary(self, truth: Array | None = None) -> str:
+    @property
+    def conditional(self) -> bool:
+        """Whether intervals are given numbers that are held fixed."""
+        return self.conditioning.count > 0
+
+    @property
+    def rest(self) -> str:
+        """What became of the free numbers that are no entries here, in a few words."""
+        if self.whole is not None:
+            return "sampled too" if self.method == "emcee" else "in the same Gaussian"
+        if self.conditional:
+            return f"held fixed: {self.conditioning.what}"
+        if self.subspace.rest.shape[1]:
+            return "integrated out, by Laplace's approximation"
+        return "nothing else is free"
+
+    def contraction(self, priors: Iterable[str]) -> Array:
+        """1 - sd / (sd of the prior) of each entry, (k,); NaN where that is not known.
+
+        `priors` are the names of the residuals that are priors, as in `Setup.priors`.
+        """
+        problem, told = self.problem, tuple(priors)
+        at = self.subspace.entries
+        if at is None or problem.linearize(self.given).by_frames:
+            return np.full(self.size, np.nan)
+        return contraction(self.sd, prior_deviations(problem, self.given, self.labels, told))
+
+    def summary(self, truth: Array | None = None, priors: Iterable[str] = ()) -> str:
         """The verdict, how the draws were made, what is held fixed, and a line for each entry.
 
         `truth` (k,) holds the values that synthetic data were made with; it is printed beside the
-        entries.
+        entries. With the names of the residuals that are `priors`, each line has a bar of
+        `contraction`.
         """
         lines = [self.verdict, _how(self), f"Modes: {search_in_words(self.mode_search)}."]
         if truth is not None:
@@ -227,15 +301,22 @@ class Posterior:
         if len(self.modes) > 1:
             shares = ", ".join(f"{mode.share:.0%}" for mode in self.modes)
             lines.append(f"Least squares finds {len(self.modes)} modes, with {shares} of the mass")
+        if self.whole is not None or self.subspace.rest.shape[1]:
+            lines.append(f"All other free numbers: {self.rest}.")
         lines.append(str(self.conditioning))
         if self.conditioning.given:
             lines.append(
                 f"The problem assumes that these are known: {', '.join(self.conditioning.given)}."
             )
-        lines += list(_intervals(self, truth))
+        lines += list(_intervals(self, truth, tuple(priors)))
         if self.size > MOST:
             lines.append(f"and {self.size - MOST} entries more")
         return "\n".join(lines)
+
+
+def _half(rows: Array) -> Array:
+    """The square half (k, k) of the covariance of some rows (k, n) of a half (n, n)."""
+    return np.asarray(np.asarray(np.linalg.qr(rows.T, mode="r")).T)
 
 
 def _how(posterior: Posterior) -> str:
@@ -250,22 +331,26 @@ def _how(posterior: Posterior) -> str:
     )
 
 
-def _intervals(posterior: Posterior, truth: Array | None) -> Iterator[str]:
+def _intervals(posterior: Posterior, truth: Array | None, priors: tuple[str, ...]) -> Iterator[str]:
     """The table of entries: intervals where they mean something, else how chains went."""
     p, wide = posterior, max([5, *(len(label) for label in posterior.labels[:MOST])])
     some = range(min(p.size, MOST))
     if p.mixed:
-        held = p.conditioning.count > 0
+        held, bars = p.conditional, p.contraction(priors)
+        known = bool(np.isfinite(bars).any())
         if held:
             yield (
-                "The intervals hold only if what is held fixed is known exactly; `if free` is the "
-                "sd by J'J if that is left free too, and `ratio` is `if free` over the sd by J'J "
-                "with it fixed"
+                "The intervals are conditional: they hold only if what is held fixed is known "
+                "exactly. `marginal` is the sd by J'J if it is free too, and `ratio` is `marginal` "
+                "over the sd by J'J with it fixed"
             )
+        if known:
+            yield "`contraction` is 1 - sd / (sd of the prior): 0 if the data said nothing"
         yield (
             f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
-            + (f" {'if free':>9} {'ratio':>7}" if held else "")
+            + (f" {'marginal':>9} {'ratio':>7}  {'interval':11}" if held else "")
             + (f" {'truth':>10}" if truth is not None else "")
+            + ("  contraction" if known else "")
         ).rstrip()
         ends = p.conditional_interval(0.9)
         for i in some:
@@ -274,10 +359,12 @@ def _intervals(posterior: Posterior, truth: Array | None) -> Iterator[str]:
                 f"{ends[i, 1]:>10.4g}  {p.units[i]:6}"
                 + (
                     f" {p.conditioning.marginal[i]:>9.3g} {p.conditioning.ratios[i]:>7.3g}"
+                    "  conditional"
                     if held
                     else ""
                 )
                 + (f" {truth[i]:>10.4g}" if truth is not None else "")
+                + (f"  {contraction_bar(float(bars[i]))}" if known else "")
             ).rstrip()
     elif p.mixing.exact:
         yield "No intervals are given."

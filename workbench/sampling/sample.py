@@ -19,10 +19,11 @@ from workbench.sampling.ensemble_settings import (
 from workbench.sampling.ensembles import run
 from workbench.sampling.feasible import refuse_flat, violation_in_words
 from workbench.sampling.importance import of_the_rest
+from workbench.sampling.joint import jointly, named
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.moves import Moves, differential_evolution
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.subspace import Names, Rest, fixed, subspace_of
+from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
 from workbench.threads import limited_threads
 
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
@@ -33,7 +34,7 @@ def sample(
     at: Mapping[str, ArrayLike],
     names: Names = None,
     *,
-    rest: Rest = fixed,
+    rest: Rest = integrated,
     walkers: int | None = None,
     steps: int = 20_000,
     ensembles: int = 4,
@@ -48,12 +49,14 @@ def sample(
     """Draw samples of the named entries (or of all that are free) from exp(-cost), around `at`.
 
     `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
-    choice such as `directions(20, priors)`. All other numbers are held fixed (`rest=fixed`), or
-    integrated out by their Gaussian conditional (`rest=conditional`), or follow the named entries
+    choice such as `directions(20, priors)`. Intervals are marginal: all other numbers are
+    integrated out. If there are up to 21 free numbers, all are sampled; if there are more,
+    Laplace's approximation stands for those that are not named (`rest=integrated`), and the verdict
+    says whether it holds. They can also be held fixed (`rest=fixed`), or follow the named entries
     by the linear equations among the constraints (`rest=determined`). Holding numbers fixed makes
-    intervals narrower; `Posterior.conditioning` says by how much, and if the factor is above 1.2,
-    the draws are not called usable. Up to about 20 entries can be sampled well; more are allowed,
-    and the verdict says whether their draws are usable.
+    intervals narrower, or conditional; `Posterior.conditioning` says by how much, and if the factor
+    is above 1.2, the draws are not called usable. Up to about 20 entries can be sampled well; more
+    are allowed, and the verdict says whether their draws are usable.
 
     Beyond bounds and inequality constraints the posterior density is zero.
 
@@ -71,8 +74,27 @@ def sample(
     with equal bounds, BiasedMove, or BadFile for the checkpoint of another run.
     """
     x, given = problem.split(at)
+    wanted = None if callable(names) or rest is not integrated else named(problem, names)
+    if wanted is not None and (all_of := jointly(problem, at, wanted)):
+        drawn_whole = sample(
+            problem,
+            at,
+            all_of,
+            rest=fixed,
+            walkers=walkers,
+            steps=steps,
+            ensembles=ensembles,
+            seed=seed,
+            moves=moves,
+            stop_when_usable=stop_when_usable,
+            thin=thin,
+            checkpoint=checkpoint,
+            every=every,
+            callback=callback,
+        )
+        return drawn_whole.marginal(wanted)
     with limited_threads():
-        subspace = subspace_of(problem, x, given, names, rest)
+        subspace = subspace_of(problem, x, given, wanted or names, rest)
         refuse_flat(problem, given, subspace)
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers

@@ -2,10 +2,10 @@ r"""What is sampled of a problem's unknowns, and what becomes of the rest.
 
     x(z, w) = origin + along (z - centre) + rest w
 
-z (k,) is sampled. The rest is fixed (`rest` has no columns), or moves with z along the ridge of
-Laplace's approximation and is given its Gaussian conditional about it: w is standard normal. With
-H = J'J at the origin, a for what is sampled and b for what is not, the ridge is -H_bb^-1 H_ba and
-the conditional covariance H_bb^-1.
+z (k,) is sampled. The rest is integrated out: it moves with z along the ridge of Laplace's
+approximation, and is Gaussian about it, with w standard normal. Or it is held fixed (`rest` has no
+columns), which makes intervals conditional. With H = J'J at the origin, a for what is sampled and b
+for what is not, the ridge is -H_bb^-1 H_ba and the covariance about it H_bb^-1.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.blocks.entries import entries
 from workbench.errors import BadArgument, TooLarge, WorkbenchError
@@ -125,14 +125,16 @@ def fixed(problem: Problem, here: Linearization, x: Array, named: Index) -> Subs
     return _entries(problem.free, x, named, along, np.empty((len(x), 0)))
 
 
-def conditional(problem: Problem, here: Linearization, x: Array, named: Index) -> Subspace:
-    """What is not named is integrated out by its Gaussian conditional; see the module.
+def integrated(problem: Problem, here: Linearization, x: Array, named: Index) -> Subspace:
+    """What is not named is integrated out by Laplace's approximation of it; see the module.
 
-    Raises Improper where that has no width.
+    Three kinds of numbers stay where they are: those with equal bounds, those that equations among
+    the constraints read, and directions of the rest that change no residual, which therefore say
+    nothing about what is named. Raises Improper where a long sequence leaves such a direction.
     """
-    others = np.setdiff1d(np.arange(len(x)), named)
+    others = np.setdiff1d(np.flatnonzero(movable(problem)), named)
     along = fixed(problem, here, x, named).along
-    if here.by_frames and others.size:
+    if here.by_frames and len(others) == len(x) - len(named) > 0:
         found = banded_rest(here, named)
         if found is None:
             raise Improper(
@@ -142,13 +144,29 @@ def conditional(problem: Problem, here: Linearization, x: Array, named: Index) -
             )
         along[others] = found[0][others]
         return _entries(problem.free, x, named, along, found[1])
-    rest = np.zeros((len(x), len(others)))
-    if others.size:
-        R = _triangle(here.dense[:, others], problem.free, others)
-        ridge = scipy.linalg.lstsq(here.dense[:, others], here.dense[:, named])[0]
-        along[others] = -ridge
-        rest[others] = scipy.linalg.solve_triangular(R, np.eye(len(others)))
+    if not others.size:
+        return _entries(problem.free, x, named, along, np.empty((len(x), 0)))
+    J = here.dense[:, others]
+    lengths = np.linalg.norm(J, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    U, s, Vt = np.linalg.svd(J / lengths, full_matrices=False)
+    seen = s > np.finfo(float).eps * max(J.shape) * s.max(initial=0.0)
+    half = Vt[seen].T / s[seen] / lengths[:, None]
+    along[others] = -half @ (U[:, seen].T @ here.dense[:, named])
+    rest = np.zeros((len(x), half.shape[1]))
+    rest[others] = half
     return _entries(problem.free, x, named, along, rest)
+
+
+def movable(problem: Problem) -> Mask:
+    """Which unknowns (n,) can be integrated out: bounds leave room, and no equation reads them."""
+    free = problem.lower < problem.upper
+    there = problem.stacked_constraints
+    if there is not None and there.equal.any():
+        pattern = there.function.jac_sparsity(0, 0)  # not its values: one may vanish here
+        row, column = (np.array(part) for part in pattern.get_triplet())
+        free[column[there.equal[row]]] = False
+    return np.asarray(free)
 
 
 def directions(count: int, priors: Iterable[str]) -> Choice:

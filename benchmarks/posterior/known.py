@@ -1,0 +1,232 @@
+"""Posteriors whose marginals are known: whether intervals that are called usable are right.
+
+Four densities were looked at beforehand (`TUNING`) and are not reported.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import scipy.stats
+
+import workbench as wb
+from benchmarks.posterior.fitted import monocular
+from benchmarks.posterior.nuts import NutsSettings, nuts
+from workbench.arrays import Array
+from workbench.blocks.entries import entries
+from workbench.sampling import fixed, integrated, laplace, sample
+from workbench.sampling.descent import Mode
+
+LEVEL = 0.9
+OFF = 0.15  # of the width of an interval: more, and it is wrong
+EXACT = 2_000_000  # exact draws, where no formula gives the quantiles
+TUNING = ("banana", "two modes", "bounded", "Gaussian, 10")
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A problem, where sampling begins, what is named, and the ends (k, 2) of intervals of 90 %."""
+
+    problem: wb.Problem
+    at: wb.Values
+    names: str | tuple[str, ...] | None
+    ends: Array
+    steps: int = 4000
+
+
+def _exact(draws: Array) -> Array:
+    return np.quantile(draws, [0.05, 0.95], axis=0).T
+
+
+def _normal(sd: Array, mean: Array | float = 0.0) -> Array:
+    return np.asarray(mean + np.multiply.outer(sd, scipy.stats.norm.ppf([0.05, 0.95])))
+
+
+def _covariance(k: int, condition: float) -> Array:
+    Q = np.linalg.qr(np.random.default_rng(k).standard_normal((k, k)))[0]
+    return np.asarray((Q * np.geomspace(1.0, condition, k)) @ Q.T)
+
+
+def gaussian(k: int, condition: float, names: tuple[str, ...] | None, steps: int) -> Known:
+    """N(0, C) of k numbers in no particular axes; a few may be named."""
+    C, x = _covariance(k, condition), wb.Block("x", (k,))
+    problem = wb.Problem([wb.residuals.gaussian(x.symbol, covariance=C)], "x", blocks=[x])
+    at = range(k) if names is None else [int(name[2:-1]) for name in names]
+    return Known(problem, {"x": np.zeros(k)}, names, _normal(np.sqrt(np.diag(C))[list(at)]), steps)
+
+
+def banana(variance: float) -> Known:
+    """x ~ N(1, v) and y given x ~ N(x^2, 1/10)."""
+    x = wb.Block("x", (2,))
+    first, second = x.symbol[0], x.symbol[1]
+    terms = [
+        wb.Residual("valley", second - first**2, np.sqrt(0.1)),
+        wb.Residual("along", first - 1, np.sqrt(variance)),
+    ]
+    rng = np.random.default_rng(0)
+    one = 1 + np.sqrt(variance) * rng.standard_normal(EXACT)
+    two = one**2 + np.sqrt(0.1) * rng.standard_normal(EXACT)
+    problem = wb.Problem(terms, "x", blocks=[x])
+    return Known(problem, {"x": np.ones(2)}, None, _exact(np.column_stack([one, two])))
+
+
+def funnel() -> Known:
+    """v ~ N(0, 1) and x given v ~ N(0, exp(v)) three times, written as residuals.
+
+    Half the sum of squares has to hold the log of the width, 3 v / 2, which a square cannot be: it
+    is (v + 3/2)^2 / 2 without a constant, so v is taken about -3/2.
+    """
+    v, x = wb.Block("v"), wb.Block("x", (3,))
+    terms = [
+        wb.Residual("width", v.symbol + 1.5, 1.0),
+        wb.Residual("x", x.symbol * cs.exp(-v.symbol / 2), 1.0),
+    ]
+    rng = np.random.default_rng(0)
+    wide = rng.standard_normal(EXACT)
+    three = rng.standard_normal(EXACT) * np.exp(wide / 2)
+    ends = _exact(np.column_stack([wide, three]))
+    problem = wb.Problem(terms, ("v", "x"), blocks=[v, x])
+    at = {"v": np.array(-1.5), "x": np.zeros(3)}
+    return Known(problem, at, None, ends[[0, 1, 1, 1]], 8000)
+
+
+def two_modes(apart: float, share: float) -> Known:
+    """x: N(-apart, 1) with that share, else N(apart, 1); and y ~ N(0, 1)."""
+    x = wb.Block("x", (2,))
+    a, b = x.symbol[0], x.symbol[1]
+    mixture = -cs.log(
+        share * cs.exp(-0.5 * (a + apart) ** 2) + (1 - share) * cs.exp(-0.5 * (a - apart) ** 2)
+    )
+    terms = [wb.Residual("x", cs.sqrt(2 * mixture), 1.0), wb.Residual("y", b, 1.0)]
+    rng = np.random.default_rng(0)
+    one = rng.standard_normal(EXACT) + np.where(rng.uniform(size=EXACT) < share, -apart, apart)
+    ends = np.vstack([_exact(one[:, None]), _normal(np.ones(1))])
+    return Known(wb.Problem(terms, "x", blocks=[x]), {"x": np.array([apart, 0.1])}, None, ends)
+
+
+def student(freedom: float, k: int) -> Known:
+    """k independent numbers with Student's distribution of so many degrees of freedom."""
+    x = wb.Block("x", (k,))
+    u = x.symbol**2 / freedom + 1e-12
+    root = x.symbol * cs.sqrt((freedom + 1) / freedom * cs.log(1 + u) / u)  # signed: no kink at 0
+    ends = np.tile(scipy.stats.t(freedom).ppf([0.05, 0.95]), (k, 1))
+    problem = wb.Problem([wb.Residual("tails", root, 1.0)], "x", blocks=[x])
+    return Known(problem, {"x": np.full(k, 0.01)}, None, ends)
+
+
+def bounded() -> Known:
+    """A standard normal of two, the first above 1."""
+    x = wb.Block("x", (2,))
+    problem = wb.Problem(
+        [wb.residuals.gaussian(x.symbol)], "x", {"x": ([1.0, -np.inf], np.inf)}, [x]
+    )
+    ends = [scipy.stats.truncnorm(1, np.inf).ppf([0.05, 0.95]), scipy.stats.norm.ppf([0.05, 0.95])]
+    return Known(problem, {"x": np.array([1.5, 0.0])}, None, np.array(ends))
+
+
+def leaning() -> Known:
+    """x alone is named; y = x / 2 + N(0, 1/4) is not, and is at least 0."""
+    x, y = wb.Block("x"), wb.Block("y")
+    terms = [wb.Residual("x", x.symbol, 1.0), wb.Residual("y", y.symbol - x.symbol / 2, 0.5)]
+    rng = np.random.default_rng(0)
+    one = rng.standard_normal(EXACT)
+    kept = one[one / 2 + 0.5 * rng.standard_normal(EXACT) >= 0]
+    problem = wb.Problem(terms, ("x", "y"), {"y": (0.0, np.inf)}, [x, y])
+    return Known(problem, {"x": 0.1, "y": 0.1}, "x", _exact(kept[:, None]))
+
+
+def curved_rest() -> Known:
+    """x ~ N(0, 1) is named; 29 numbers that are not lie on a bent ridge, N(x^2, 1) each.
+
+    The marginal of x is N(0, 1); Laplace's approximation of the rest takes the ridge as straight.
+    """
+    x, y = wb.Block("x"), wb.Block("y", (29,))
+    terms = [
+        wb.Residual("x", x.symbol, 1.0),
+        wb.Residual("y", y.symbol - x.symbol**2, 1.0),
+    ]
+    problem = wb.Problem(terms, ("x", "y"), blocks=[x, y])
+    return Known(problem, {"x": 0.0, "y": np.zeros(29)}, "x", _normal(np.ones(1)))
+
+
+DENSITIES: dict[str, Callable[[], Known]] = {
+    "banana": lambda: banana(0.3),
+    "two modes": lambda: two_modes(3.0, 0.5),
+    "bounded": bounded,
+    "Gaussian, 10": lambda: gaussian(10, 1e4, None, 4000),
+    "wide banana": lambda: banana(1.0),
+    "funnel": funnel,
+    "unequal modes": lambda: two_modes(2.5, 0.3),
+    "Student, 4": lambda: student(4.0, 3),
+    "marginal at a bound": leaning,
+    "Gaussian, 50": lambda: gaussian(50, 1e4, None, 8000),
+    "2 of 50 named": lambda: gaussian(50, 1e4, ("x[3]", "x[20]"), 4000),
+    "bent rest": curved_rest,
+}
+
+
+def judged(known: Known, seed: int) -> dict[str, Any]:
+    """One run: its verdict, and by how much the width of its worst interval is off."""
+    posterior = sample(known.problem, known.at, known.names, seed=seed, steps=known.steps)
+    found = np.quantile(posterior.flat, [0.05, 0.95], axis=0)
+    off = np.ptp(found, axis=0) / np.ptp(known.ends, axis=1) - 1
+    return {
+        "usable": posterior.usable,
+        "off": float(off[np.argmax(abs(off))]),
+        "verdict": posterior.judgement[0].name,
+        "seconds": round(posterior.seconds, 2),
+    }
+
+
+def of_densities(names: Sequence[str], seeds: Sequence[int]) -> dict[str, Any]:
+    """Every density with every seed."""
+    found: dict[str, Any] = {}
+    for name in names:
+        known = DENSITIES[name]()
+        found[name] = [judged(known, seed) for seed in seeds]
+        print(f"{name}: {counted(found[name])}", flush=True)
+    return found
+
+
+def counted(runs: Sequence[dict[str, Any]]) -> dict[str, int]:
+    """How many runs are usable, wrong although usable, and refused although right."""
+    right = [abs(run["off"]) <= OFF for run in runs]
+    return {
+        "runs": len(runs),
+        "right": sum(right),
+        "usable": sum(run["usable"] for run in runs),
+        "wrong": sum(run["usable"] and not fine for run, fine in zip(runs, right, strict=True)),
+        "refused": sum(not run["usable"] and fine for run, fine in zip(runs, right, strict=True)),
+    }
+
+
+def of_a_person() -> dict[str, Any]:
+    """balance-monocular: NUTS on all 85 unknowns, and beside it the intervals of three ways."""
+    fitted = monocular()
+    problem, at = fitted.problem, fitted.values
+    x, given = problem.split(at)
+    here = problem.linearize_at(x, given)
+    mode = Mode(x, here.cost, np.linalg.cholesky(here.covariance), 0.0)
+    settings = NutsSettings(draws=3000, warm=1000, accepted=0.9)
+    draws, said = nuts(problem, x, given, np.arange(len(x)), mode, settings, seed=1)
+    place = entries(problem.free, "trans")
+    width = np.ptp(np.quantile(draws.reshape(-1, len(x))[:, place], [0.05, 0.95], axis=0), axis=0)
+    ways = {"Laplace": laplace(problem, at, "trans")}
+    for name, rest in (("ridge", integrated), ("held fixed", fixed)):
+        ways[name] = sample(problem, at, "trans", rest=rest, steps=8000)
+    return {
+        "nuts": said,
+        "width": width.tolist(),
+        "ways": {
+            name: {
+                "verdict": p.judgement[0].name,
+                "usable": p.usable,
+                "ratio": (
+                    np.ptp(np.quantile(p.flat, [0.05, 0.95], axis=0), axis=0) / width
+                ).tolist(),
+            }
+            for name, p in ways.items()
+        },
+    }

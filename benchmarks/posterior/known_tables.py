@@ -1,0 +1,64 @@
+"""The section of POSTERIOR.md on posteriors whose marginals are known."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from scipy.stats import beta
+
+from benchmarks.posterior.known import OFF, counted
+
+Found = dict[str, Any]
+
+
+def known(found: Found, _: Mapping[str, Found]) -> str:
+    """How often a verdict is right."""
+    lines = [
+        "## Verdicts on posteriors whose marginals are known\n",
+        f"An interval of 90% is wrong if its width is off by more than {OFF:.0%}. A run is right "
+        "if none of its intervals is wrong. Thresholds are those that the workbench had before "
+        "these densities were made up.\n",
+        "| density | runs | right | called usable | usable, but wrong | refused, but right |",
+        "| --- |" + " --: |" * 5,
+    ]
+    counts = {name: counted(runs) for name, runs in found["densities"].items() if runs}
+    for name, one in counts.items():
+        cells = " | ".join(str(one[key]) for key in ("runs", "right", "usable", "wrong", "refused"))
+        lines.append(f"| {name} | {cells} |")
+    total = {key: sum(one[key] for one in counts.values()) for key in next(iter(counts.values()))}
+    lines.append(
+        f"\nOf {total['usable']} runs called usable, {total['wrong']} are wrong "
+        f"({interval(total['wrong'], total['usable'])}); of {total['right']} runs that are right, "
+        f"{total['refused']} are refused ({interval(total['refused'], total['right'])}).\n"
+    )
+    if "person" in found:
+        lines.append(_person(found["person"]))
+    return "\n".join(lines)
+
+
+def _person(one: Found) -> str:
+    lines = [
+        "In `balance-monocular`, NUTS samples all 85 unknowns "
+        f"(R-hat {one['nuts']['R-hat']:.3f}, {one['nuts']['effective']:,.0f} effective draws). "
+        "Widths of the intervals of `trans`, divided by those of NUTS:\n",
+        "| way | x | y | z | verdict |",
+        "| --- | --: | --: | --: | --- |",
+    ]
+    for name, way in one["ways"].items():
+        ratios = " | ".join(f"{ratio:.2f}" for ratio in way["ratio"])
+        lines.append(f"| {name} | {ratios} | {way['verdict'].lower().replace('_', ' ')} |")
+    lines.append(
+        "\n`Laplace` is the joint Gaussian; `ridge` samples `trans` and integrates the rest out by "
+        "Laplace's approximation, which is what `sample` does. Where such widths are right and "
+        "refused, the reason is that importance weights judge all unknowns together, and not those "
+        "that were named.\n"
+    )
+    return "\n".join(lines)
+
+
+def interval(count: int, of: int) -> str:
+    """A share with its 95 % interval (Clopper and Pearson)."""
+    if not of:
+        return "none"
+    low = beta.ppf(0.025, count, of - count + 1) if count else 0.0
+    high = beta.ppf(0.975, count + 1, of - count) if count < of else 1.0
+    return f"{count / of:.1%}, 95% interval {low:.1%} to {high:.1%}"

@@ -1,0 +1,103 @@
+"""The summary over all blocks of a posterior, and the table of the entries of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.fitting.setup import Setup
+from workbench.reports.tables import Table, number
+from workbench.sampling import EntryComparison, Posterior, contraction_bar
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPosterior:
+    """The posterior of one block, by draws and by Laplace's approximation."""
+
+    name: str
+    posterior: Posterior
+    approximation: Posterior
+
+
+def truth_of(p: Posterior, setup: Setup) -> Array | None:
+    """The true values (k,) of the sampled entries of synthetic data; None for other data."""
+    return None if setup.made_of is None else p.coordinates(setup.made_of)
+
+
+def truths_inside(p: Posterior, setup: Setup) -> int | None:
+    """How many truths lie inside of the 90 % intervals; None without a truth or an interval."""
+    truth = truth_of(p, setup)
+    if truth is None or not p.mixed:
+        return None
+    low, high = p.conditional_interval(0.9).T
+    return int(np.sum((truth >= low) & (truth <= high)))
+
+
+def blocks_table(parts: Sequence[BlockPosterior], setup: Setup) -> Table:
+    """A row for every block: its verdict, what became of the rest, and what its draws are worth.
+
+    `ratio` is how many times wider intervals become if what is held fixed is free too, at most;
+    `contraction` is the median of 1 - sd / (sd of the prior) over the entries with a known prior.
+    """
+    columns: dict[str, list[str]] = {"block": [part.name for part in parts]}
+    posteriors = [part.posterior for part in parts]
+    columns["entries"] = [str(p.size) for p in posteriors]
+    columns["verdict"] = [p.judgement[0].value for p in posteriors]
+    columns["all other free numbers"] = [p.rest for p in posteriors]
+    if any(p.conditional for p in posteriors):
+        columns["ratio"] = [number(float(p.conditioning.ratios.max()), 3) for p in posteriors]
+    columns["effective draws"] = [f"{p.mixing.effective.min():,.0f}" for p in posteriors]
+    columns["R-hat"] = [f"{p.mixing.scales.max():.3f}" for p in posteriors]
+    columns["contraction"] = [_median(p, setup) for p in posteriors]
+    if setup.made_of is not None:
+        inside = [truths_inside(p, setup) for p in posteriors]
+        columns["truths (synthetic) in 90 %"] = [
+            "–" if one is None else f"{one} of {p.size}"
+            for one, p in zip(inside, posteriors, strict=True)
+        ]
+    right = [i for i, name in enumerate(columns) if name in ("entries", "effective draws", "R-hat")]
+    return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), tuple(right))
+
+
+def _median(p: Posterior, setup: Setup) -> str:
+    if not p.mixed:
+        return "–"
+    found = p.contraction(setup.priors)
+    known = found[np.isfinite(found)]
+    return contraction_bar(float(np.median(known))) if len(known) else "no prior known"
+
+
+def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup) -> Table:
+    """A row for every entry, with an interval only if the verdict allows it.
+
+    `marginal sd` is the standard deviation, from J'J, if the fixed unknowns are free as well.
+    """
+    held, truth = p.conditioning, truth_of(p, setup)
+    columns: dict[str, list[str]] = {"entry": list(p.labels), "unit": list(p.units)}
+    if p.mixed:
+        ends = p.conditional_interval(0.9)
+        columns["mean"] = [number(row.mean, 3) for row in rows]
+        columns["sd"] = [number(row.sd, 2) for row in rows]
+        columns["5 %"] = [number(float(low), 3) for low, _ in ends]
+        columns["95 %"] = [number(float(high), 3) for _, high in ends]
+        if p.conditional:
+            columns["marginal sd"] = [number(float(sd), 2) for sd in held.marginal]
+            columns["ratio"] = [number(float(ratio), 2) for ratio in held.ratios]
+    if truth is not None:
+        columns["truth (synthetic)"] = [number(float(one), 3) for one in truth]
+    columns["tau (steps)"] = [number(float(time), 2) for time in p.mixing.times]
+    columns["effective draws"] = [f"{count:,.0f}" for count in p.mixing.effective]
+    columns["R-hat"] = [f"{scale:.3f}" for scale in p.mixing.scales]
+    numbers = tuple(range(2, len(columns) + p.mixed))
+    if p.mixed:
+        columns["sd / Laplace's"] = [number(row.ratio, 2) for row in rows]
+        columns["beside Laplace"] = [row.remark for row in rows]
+        if p.conditional:
+            columns["interval"] = ["conditional"] * p.size
+        bars = p.contraction(setup.priors)
+        if np.isfinite(bars).any():
+            columns["contraction"] = [contraction_bar(float(one), "█", "░") for one in bars]
+    return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), numbers)
