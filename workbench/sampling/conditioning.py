@@ -5,7 +5,7 @@ a is H_aa^-1 given b (conditional), and the block (H^-1)_aa with b free as well 
 ratio of their standard deviations, at least 1, says what holding b fixed claims to know.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -46,6 +46,15 @@ class Conditioning:
     conditional: Array
     marginal: Array
     following: int = 0
+
+    def of_entries(self, at: Index) -> "Conditioning":
+        """The same of some entries (m,)."""
+        return replace(
+            self,
+            labels=tuple(self.labels[i] for i in at),
+            conditional=self.conditional[at],
+            marginal=self.marginal[at],
+        )
 
     @property
     def ratios(self) -> Array:

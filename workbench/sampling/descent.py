@@ -1,13 +1,13 @@
 """A minimum of the cost in what is sampled, and Laplace's approximation there."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
 import scipy.special
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.errors import WorkbenchError
 from workbench.sampling.feasible import violation_in_words
 from workbench.sampling.log_density import LogDensity
@@ -45,6 +45,11 @@ class Mode:
     share: float = 1.0
     found: int = 1
     settled: bool = True
+
+    def of_entries(self, at: Index) -> "Mode":
+        """The same minimum in some entries (m,): the marginal of its Gaussian."""
+        half = np.asarray(np.asarray(np.linalg.qr(self.half[at].T, mode="r")).T)
+        return replace(self, z=self.z[at], half=half)
 
     def away(self, z: Array) -> float:
         """How many standard deviations a point is away, as a root mean square over entries."""

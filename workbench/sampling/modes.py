@@ -94,6 +94,19 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
     return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), search)
 
 
+def missed_in_words(missed: tuple[float, float], exact: bool) -> str:
+    """What draws lack that hardly visit a mode; `exact` draws are Laplace's, of one mode."""
+    share, here = missed
+    return (
+        f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
+        f"approximation), where {here:.1%} of the draws are. "
+    ) + (
+        "Laplace's approximation is of one mode; draw with `sample`"
+        if exact
+        else "Begin at the other mode and compare, or add what tells the modes apart"
+    )
+
+
 def search_in_words(found: ModeSearch) -> str:
     """How widely other modes were looked for, and how many modes are known."""
     count = len(found.modes)

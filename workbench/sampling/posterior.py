@@ -1,6 +1,6 @@
 """A posterior as draws, with what is known of their worth."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,12 +15,13 @@ from workbench.errors import BadArgument, WorkbenchError, some_of
 from workbench.problem import Problem
 from workbench.sampling.arviz_interface import inference_data
 from workbench.sampling.conditioning import Conditioning
-from workbench.sampling.contraction import contraction, contraction_bar, prior_deviations
+from workbench.sampling.contraction import contraction, prior_deviations
 from workbench.sampling.descent import Mode
 from workbench.sampling.importance import Importance
 from workbench.sampling.mixing import Mixing, Usability
-from workbench.sampling.modes import ModeSearch, missed_mode, search_in_words
+from workbench.sampling.modes import ModeSearch, missed_in_words, missed_mode, search_in_words
 from workbench.sampling.subspace import Subspace
+from workbench.sampling.summary_tables import entry_table, how_sampled, time_table
 
 MOST = 40  # entries in a summary
 
@@ -120,9 +121,8 @@ class Posterior:
     def judgement(self) -> tuple[Usability, str]:
         """The verdict, and its reason: the first problem that was found, or the checks passed.
 
-        The checks are, in this order: whether the chains have mixed; whether the draws miss a mode;
-        whether Laplace's Gaussian fits; whether intervals are narrow because numbers are held
-        fixed.
+        The checks: have the chains mixed; do the draws miss a mode; does Laplace's Gaussian fit;
+        are intervals narrow because numbers are held fixed?
         """
         if self.whole is not None:
             return self.whole.judgement
@@ -130,27 +130,14 @@ class Posterior:
         if verdict is not Usability.USABLE:
             return verdict, why
         if self.missed_mode is not None:
-            share, here = self.missed_mode
-            return Usability.MODE_MISSED, (
-                f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
-                f"approximation), where {here:.1%} of the draws are. "
-                + (
-                    "Laplace's approximation is of one mode; draw with `sample`"
-                    if self.mixing.exact
-                    else "Begin at the other mode and compare, or add what tells the modes apart"
-                )
-            )
+            return Usability.MODE_MISSED, missed_in_words(self.missed_mode, self.mixing.exact)
         if self.importance is not None and not self.importance.holds:
             return Usability.NOT_GAUSSIAN, str(self.importance)
         if not self.conditioning.holds:
             mixed = "" if self.mixing.exact else f"the chains have mixed ({why}), but "
             return Usability.CONDITIONAL, mixed + self.conditioning.failed
-        told = [
-            why,
-            *([] if self.importance is None else [str(self.importance)]),
-            search_in_words(self.mode_search),
-        ]
-        return verdict, "; ".join(told)
+        fits = [] if self.importance is None else [str(self.importance)]
+        return verdict, "; ".join([why, *fits, search_in_words(self.mode_search)])
 
     @property
     def usable(self) -> bool:
@@ -214,28 +201,15 @@ class Posterior:
                 f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
             )
         at = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in meant])
-        there = replace(
-            space,
-            along=space.along[:, at],
-            centre=space.centre[at],
-            labels=tuple(space.labels[i] for i in at),
-            units=tuple(space.units[i] for i in at),
-            entries=meant,
-        )
-        draws, held = np.ascontiguousarray(self.draws[..., at]), self.conditioning
-        modes = tuple(replace(mode, z=mode.z[at], half=_half(mode.half[at])) for mode in self.modes)
+        there, modes = space.of_columns(at), tuple(mode.of_entries(at) for mode in self.modes)
+        draws = np.ascontiguousarray(self.draws[..., at])
         return replace(
             self,
             subspace=there,
             draws=draws,
             mixing=replace(self.mixing, labels=there.labels, draws=draws),
             mode_search=replace(self.mode_search, modes=modes),
-            conditioning=replace(
-                held,
-                labels=there.labels,
-                conditional=held.conditional[at],
-                marginal=held.marginal[at],
-            ),
+            conditioning=self.conditioning.of_entries(at),
             whole=self if self.whole is None else self.whole,
         )
 
@@ -262,6 +236,13 @@ class Posterior:
         return self.summary()
 
     @property
+    def _how(self) -> str:
+        if self.method == "laplace":
+            E, S, _, k = self.draws.shape
+            return f"Laplace's approximation, {E * S} independent draws of {k} entries"
+        return how_sampled(self.mixing, self.seconds, self.interrupted)
+
+    @property
     def conditional(self) -> bool:
         """Whether intervals are given numbers that are held fixed."""
         return self.conditioning.count > 0
@@ -282,20 +263,19 @@ class Posterior:
 
         `priors` are the names of the residuals that are priors, as in `Setup.priors`.
         """
-        problem, told = self.problem, tuple(priors)
-        at = self.subspace.entries
-        if at is None or problem.linearize(self.given).by_frames:
+        problem = self.problem
+        if self.subspace.entries is None or problem.linearize(self.given).by_frames:
             return np.full(self.size, np.nan)
-        return contraction(self.sd, prior_deviations(problem, self.given, self.labels, told))
+        prior = prior_deviations(problem, self.given, self.labels, tuple(priors))
+        return contraction(self.sd, prior)
 
     def summary(self, truth: Array | None = None, priors: Iterable[str] = ()) -> str:
         """The verdict, how the draws were made, what is held fixed, and a line for each entry.
 
-        `truth` (k,) holds the values that synthetic data were made with; it is printed beside the
-        entries. With the names of the residuals that are `priors`, each line has a bar of
-        `contraction`.
+        `truth` (k,) holds what synthetic data were made of, and is printed beside the entries. With
+        the names of the residuals that are `priors`, each line has a bar of `contraction`.
         """
-        lines = [self.verdict, _how(self), f"Modes: {search_in_words(self.mode_search)}."]
+        lines = [self.verdict, self._how, f"Modes: {search_in_words(self.mode_search)}."]
         if truth is not None:
             lines.append("The data are synthetic; `truth` is what they were made of")
         if len(self.modes) > 1:
@@ -304,73 +284,15 @@ class Posterior:
         if self.whole is not None or self.subspace.rest.shape[1]:
             lines.append(f"All other free numbers: {self.rest}.")
         lines.append(str(self.conditioning))
-        if self.conditioning.given:
-            lines.append(
-                f"The problem assumes that these are known: {', '.join(self.conditioning.given)}."
-            )
-        lines += list(_intervals(self, truth, tuple(priors)))
+        if known := self.conditioning.given:
+            lines.append(f"The problem assumes that these are known: {', '.join(known)}.")
+        if self.mixed:
+            held = self.conditioning if self.conditional else None
+            numbers = np.column_stack([self.mean, self.sd, self.conditional_interval(0.9)])
+            bars = self.contraction(priors)
+            lines += entry_table(self.labels[:MOST], self.units, numbers, held, truth, bars)
+        else:
+            lines += time_table(self.mixing, MOST)
         if self.size > MOST:
             lines.append(f"and {self.size - MOST} entries more")
         return "\n".join(lines)
-
-
-def _half(rows: Array) -> Array:
-    """The square half (k, k) of the covariance of some rows (k, n) of a half (n, n)."""
-    return np.asarray(np.asarray(np.linalg.qr(rows.T, mode="r")).T)
-
-
-def _how(posterior: Posterior) -> str:
-    E, S, W, k = posterior.draws.shape
-    if posterior.method == "laplace":
-        return f"Laplace's approximation, {E * S} independent draws of {k} entries"
-    mixing = posterior.mixing
-    return (
-        f"emcee: {E} ensembles of {W} walkers, {mixing.steps} steps after {mixing.discarded} "
-        f"discarded, {mixing.acceptance:.0%} accepted, {posterior.seconds:.1f} s"
-        + (", interrupted" if posterior.interrupted else "")
-    )
-
-
-def _intervals(posterior: Posterior, truth: Array | None, priors: tuple[str, ...]) -> Iterator[str]:
-    """The table of entries: intervals where they mean something, else how chains went."""
-    p, wide = posterior, max([5, *(len(label) for label in posterior.labels[:MOST])])
-    some = range(min(p.size, MOST))
-    if p.mixed:
-        held, bars = p.conditional, p.contraction(priors)
-        known = bool(np.isfinite(bars).any())
-        if held:
-            yield (
-                "The intervals are conditional: they hold only if what is held fixed is known "
-                "exactly. `marginal` is the sd by J'J if it is free too, and `ratio` is `marginal` "
-                "over the sd by J'J with it fixed"
-            )
-        if known:
-            yield "`contraction` is 1 - sd / (sd of the prior): 0 if the data said nothing"
-        yield (
-            f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
-            + (f" {'marginal':>9} {'ratio':>7}  {'interval':11}" if held else "")
-            + (f" {'truth':>10}" if truth is not None else "")
-            + ("  contraction" if known else "")
-        ).rstrip()
-        ends = p.conditional_interval(0.9)
-        for i in some:
-            yield (
-                f"{p.labels[i]:{wide}} {p.mean[i]:>10.4g} {p.sd[i]:>9.3g} {ends[i, 0]:>10.4g} "
-                f"{ends[i, 1]:>10.4g}  {p.units[i]:6}"
-                + (
-                    f" {p.conditioning.marginal[i]:>9.3g} {p.conditioning.ratios[i]:>7.3g}"
-                    "  conditional"
-                    if held
-                    else ""
-                )
-                + (f" {truth[i]:>10.4g}" if truth is not None else "")
-                + (f"  {contraction_bar(float(bars[i]))}" if known else "")
-            ).rstrip()
-    elif p.mixing.exact:
-        yield "No intervals are given."
-    else:
-        yield "No intervals are given. The autocorrelation time of each entry, in steps:"
-        for i in np.argsort(-p.mixing.times)[:MOST]:
-            yield (
-                f"{p.labels[i]:{wide}} {p.mixing.times[i]:>8.0f}   R-hat {p.mixing.scales[i]:.3f}"
-            )

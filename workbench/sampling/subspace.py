@@ -9,7 +9,7 @@ for what is not, the ridge is -H_bb^-1 H_ba and the covariance about it H_bb^-1.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -77,6 +77,18 @@ class Subspace:
     def size(self) -> int:
         """k, the number of entries of z."""
         return len(self.centre)
+
+    def of_columns(self, at: Index) -> "Subspace":
+        """With the entries of z at some places (m,) alone; the others no longer move."""
+        assert self.entries is not None  # directions have no marginal
+        return replace(
+            self,
+            along=self.along[:, at],
+            centre=self.centre[at],
+            labels=tuple(self.labels[i] for i in at),
+            units=tuple(self.units[i] for i in at),
+            entries=self.entries[at],
+        )
 
     @property
     def span(self) -> Array:

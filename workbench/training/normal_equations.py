@@ -239,7 +239,7 @@ class NormalEquations:
     def _pose_blocks(self) -> Array:
         """The inverse blocks of the poses, for small turns of each joint, (J, 3 K, 3 K)."""
         J, K, _ = self.estimate.poses.shape
-        blocks = np.empty((J, 3 * K, 3 * K))
+        blocks, prior = np.empty((J, 3 * K, 3 * K)), self.objective.pose_prior
 
         def fill(some_of: Sequence[slice]) -> None:
             for some in some_of:
@@ -247,9 +247,8 @@ class NormalEquations:
                 share = batch.trust
                 for j in range(len(batch.subject)):
                     at = batch.some.start + j
-                    one = SkinningPass.of(
-                        self.estimate, slice(at, at + 1), batch.subject[j : j + 1]
-                    )
+                    only, subject = slice(at, at + 1), batch.subject[j : j + 1]
+                    one = SkinningPass.of(self.estimate, only, subject)
                     turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
                     turns[:, 1:] += one.bulging()[0]
                     turns -= np.average(turns, axis=0, weights=share[j])
@@ -257,7 +256,6 @@ class NormalEquations:
                     blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
 
         over_halves(fill, pieces(self.objective.registrations))
-        prior = self.objective.pose_prior
         held = 0.0 if prior is None else prior.blocks(self.estimate.poses)
         return _inverses(blocks / self.objective.sigmas.data**2 + held)
 
