@@ -36,7 +36,7 @@ def test_a_corner_names_entries_and_units(posterior: object) -> None:
 
 def test_traces_have_an_axis_for_each_entry(posterior: object) -> None:
     figure = sheets.traces_sheet(posterior, [0, 3, 5])  # type: ignore[arg-type]
-    assert [ax.get_ylabel() for ax in figure.axes] == ["x[0] (1)", "x[3] (1)", "x[5] (1)"]
+    assert [ax.get_ylabel() for ax in figure.axes] == [f"x\n[{i}] (1)" for i in (0, 3, 5)]
     assert figure.axes[-1].get_xlabel() == "step of each walker"
 
 

@@ -22,6 +22,7 @@ from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.similarities import named_steps, similarity, steps_of
 from workbench.diagnostics.things import in_space
 from workbench.diagnostics.undoing import SAME, outside, undoing, undone, unit_vectors
+from workbench.geometry.rotation import slopes_by_turns
 from workbench.problem import Problem
 from workbench.problem.nonzeros import tied_columns
 
@@ -133,7 +134,7 @@ def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
             continue
         apart = np.concatenate([_places(free, b) for b in spatial])
         moves = np.zeros((n, 3))
-        moves[root] = np.linalg.inv(_left_jacobian(x[root]))
+        moves[root] = slopes_by_turns(x[root])
         coefficients, undo = undoing(moves, unit_vectors(apart, n), null)
         if coefficients.shape[1] == 3:
             for a, axis in zip(np.eye(3), "xyz", strict=True):
@@ -141,14 +142,6 @@ def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
                 v[apart] += undo(a)
                 block = free.block_of(root[0])[0]
                 yield named_gauge("rotation", f"a rotation about {axis}", v, free, [block])
-
-
-def _left_jacobian(theta: Array) -> Array:
-    """J with exp(theta + d) = exp(J d) exp(theta) to first order, (3, 3)."""
-    t, W = float(np.linalg.norm(theta)), np.cross(np.eye(3), -theta)
-    if t < 1e-6:
-        return np.eye(3) + W / 2
-    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * W + (t - np.sin(t)) / t**3 * W @ W)
 
 
 def _numbers(free: Layout, x: Array, null: Array, island: Index) -> Iterator[NamedSubspace]:
