@@ -71,7 +71,7 @@ def caption_body(vertices: Array, what: str = "The template") -> str:
     wide, tall, deep = np.ptp(vertices, axis=0)
     return (
         f"{what} from the front and from its right side, without perspective: "
-        f"{tall:.2f} m tall, {wide:.2f} m from hand to hand, {deep:.2f} m deep."
+        f"{tall:.2f} m tall, {wide:.2f} m wide, {deep:.2f} m deep."
     )
 
 

@@ -124,7 +124,8 @@ class MeasurementDesign:
             f"  before: {self._said(self.before)}",
         ]
         if self.unit == YARDSTICKS:
-            lines.append(f"  a yardstick is {self.yardstick}")
+            lines.append("  a yardstick is")
+            lines += [f"    {one}" for one in self.yardstick.split("; ")]
         if self.undetermined:
             lines.append(f"  nothing determines {some_of(self.undetermined)}")
         lines += [f"EACH CANDIDATE BY ITSELF ({self.unit}; gain in nats)"]
