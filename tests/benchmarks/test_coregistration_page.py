@@ -111,3 +111,12 @@ def test_what_else_was_tried_is_what_was_measured() -> None:
     assert f"Hidden vertices {tried['bends of templates']['hidden']:.2f} mm" in text
     drawn = (held["hidden"], tried["poses held, two-sided"]["hidden"])
     assert "With poses held, hidden vertices go from {:.2f} to {:.2f} mm".format(*drawn) in text
+
+
+def test_hidden_vertices_are_nearer_still_when_poses_move_too() -> None:
+    text = " ".join(PAGE.read_text().split())
+    for kind, row in KNOWN["with poses"].items():
+        control = KNOWN["sets"][kind][CONTROL]
+        ratio, low, high = share({"now": row, CONTROL: control}, "now", CONTROL)
+        assert f"{ratio:.2f} ({low:.2f} to {high:.2f}; " in text
+        assert np.mean(row["hidden"]) < np.mean(KNOWN["sets"][kind][TOGETHER]["hidden"])
