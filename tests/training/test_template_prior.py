@@ -45,6 +45,25 @@ def test_a_bump_costs_more_than_a_smooth_change_of_the_same_size() -> None:
     assert np.vdot(bump, PRIOR.curved(bump)) > 100 * np.vdot(smooth, PRIOR.curved(smooth))
 
 
+def test_bends_cost_what_neighbours_do_not_share() -> None:
+    """A displacement of all vertices costs nothing more; a bump of one does, by its own square."""
+    nothing = BODY.shapedirs[:, :, :0]
+    plain, bent = (
+        smooth_prior(START.faces, nothing, 0.01),
+        smooth_prior(START.faces, nothing, 0.01, bends=0.002),
+    )
+    moved = np.broadcast_to([0.0, 0.0, 0.1], (1, N, 3))
+    assert np.vdot(moved, bent.curved(moved)) == pytest.approx(
+        np.vdot(moved, plain.curved(moved)), rel=1e-9
+    )
+    bump = np.zeros((1, N, 3))
+    bump[0, N // 2, 1] = 0.002
+    more = np.vdot(bump, bent.curved(bump)) - np.vdot(bump, plain.curved(bump))
+    assert 1 < more < 2  # the vertex itself, and a share of it for each neighbour
+    with pytest.raises(BadArgument, match="bends is above 0 m"):
+        smooth_prior(START.faces, nothing, 0.01, bends=0.0)
+
+
 def test_no_sigma_is_refused() -> None:
     for sigma in (0.0, -1.0, np.inf, np.nan):
         with pytest.raises(BadArgument, match="above 0 m"):

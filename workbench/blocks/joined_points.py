@@ -109,7 +109,7 @@ class JoinedNumbers:
         )
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """(M, N, 3) m."""
+        """The points at M sets of values, (M, N, 3) m."""
         each = [
             part.evaluate_batch({name: values[name] for name in part.reads}) for part in self.parts
         ]

@@ -1,26 +1,22 @@
 """`workbench design`: what to measure next, and how well everything will be known then."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from workbench import diagnostics
-from workbench.blocks import Values
+from workbench.cli.bars import Bars
 from workbench.cli.output import folder_to_write, print_page, say
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
-from workbench.diagnostics.design import CRITERIA, Criterion, MeasurementDesign, with_candidates
-from workbench.diagnostics.design.candidates import Given
+from workbench.diagnostics.design import CRITERIA, with_candidates
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import find
 from workbench.fitting.candidate_catalogue import CANDIDATES, OWN, QUANTITIES, sd_named
-from workbench.fitting.repeated_fits import RepeatedFits, repeated_fits
-from workbench.fitting.setup import Setup
-from workbench.problem import Problem
+from workbench.fitting.repeated_fits import checked_by_fits, repeated_fits
 from workbench.reports import write_design
 from workbench.solvers import DEFAULT
 
@@ -89,23 +85,25 @@ def design(
     if sd_of is not None:
         wanted = sd_named(sd_of, setup, values)
     several = [values]
-    if points > 1:
-        drawn = _fits(console, "drawing points", setup.problem, values, points, seed)
-        several = [drawn.values(i, values) for i in range(points)]
-    with _bar(console) as bar:
-        task = bar.add_task("comparing candidates", total=None)
+    with Bars(console) as bars:
+        if points > 1:
+            drawing = partial(bars, "drawing points")
+            drawn = repeated_fits(setup.problem, values, points, seed=seed, progress=drawing)
+            several = [drawn.values(i, values) for i in range(points)]
         found = diagnostics.design(
             setup.problem,
             given,
             several,
             choose=choose,
             criterion=wanted,
-            progress=lambda done, of: bar.update(task, completed=done, total=of),
+            progress=partial(bars, "comparing candidates"),
         )
     say(console, escape(found.report()))
     told = ""
     if check:
-        told = _checked(console, setup, given, found, wanted, values, check, seed)
+        both = (setup.problem, with_candidates(setup.problem, given, found.chosen))
+        with Bars(console) as bars:
+            told = checked_by_fits(found, both, wanted, values, check, seed=seed, progress=bars)
         say(console, escape(told))
     console.print("[dim]writing the page[/]")
     page = write_design(
@@ -133,57 +131,3 @@ def _refuse_contradictions(
             "--check compares one standard deviation at one point; give --sd-of with it, and no "
             "--points"
         )
-
-
-def _checked(
-    console: Console,
-    setup: Setup,
-    given: Given,
-    found: MeasurementDesign,
-    criterion: Criterion,
-    values: Values,
-    count: int,
-    seed: int,
-) -> str:
-    """A sentence that compares predicted and simulated standard deviations."""
-    after = with_candidates(setup.problem, given, found.chosen)
-    parts = []
-    for when, problem, score in (
-        ("before", setup.problem, found.before),
-        ("after", after, found.after),
-    ):
-        if score.open:
-            parts.append(f"{when}: undetermined, so nothing was simulated")
-            continue
-        fits = _fits(console, f"simulated fits {when}", problem, values, count, seed)
-        sd = fits.spread(criterion, values)
-        unit = "" if found.unit == "1" else f" {found.unit}"
-        parts.append(f"{when}: predicted {score.sd:.3g}{unit}, simulated {sd:.3g}{unit}")
-    return f"Checked by {count} simulated fits each; {'; '.join(parts)}."
-
-
-def _fits(
-    console: Console, what: str, problem: Problem, values: Values, count: int, seed: int
-) -> RepeatedFits:
-    with _bar(console) as bar:
-        task = bar.add_task(what, total=count)
-        return repeated_fits(
-            problem,
-            values,
-            count,
-            seed=seed,
-            progress=lambda done, of: bar.update(task, completed=done),
-        )
-
-
-def _bar(console: Console) -> Bar:
-    return Bar(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )

@@ -52,6 +52,6 @@ def with_more(
         (*problem.residuals, *residuals),
         problem.free.spelled(),
         problem.bounds,
-        (*(b.base for b in problem.free.blocks), *problem.fixed.blocks),
+        problem.known.values(),
         (*problem.constraints, *constraints),
     )

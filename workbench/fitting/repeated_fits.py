@@ -9,6 +9,7 @@ maximum likelihood; Oliver, He and Reynolds, Conditioning permeability fields to
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as cs
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Values
 from workbench.blocks.entries import entries
-from workbench.diagnostics.design import Criterion, Quantity
+from workbench.diagnostics.design import Criterion, MeasurementDesign, Quantity
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.residuals import Residual
@@ -112,6 +113,35 @@ def repeated_fits(
         converged.append(solution.converged)
         progress(fit + 1, count)
     return RepeatedFits(problem.free, x, np.array(ends), np.array(converged))
+
+
+def checked_by_fits(
+    found: MeasurementDesign,
+    problems: tuple[Problem, Problem],
+    criterion: Criterion,
+    values: Values,
+    count: int,
+    *,
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] = lambda what, done, of: None,
+) -> str:
+    """A sentence that compares the standard deviations of a design with those of `count` fits each.
+
+    `problems` are those without and with the chosen candidates.
+    """
+    unit = "" if found.unit == "1" else f" {found.unit}"
+    parts = []
+    for when, problem, score in zip(
+        ("before", "after"), problems, (found.before, found.after), strict=True
+    ):
+        if score.open:
+            parts.append(f"{when}: undetermined, so nothing was simulated")
+            continue
+        told = partial(progress, f"simulated fits {when}")
+        fits = repeated_fits(problem, values, count, seed=seed, progress=told)
+        sd = fits.spread(criterion, values)
+        parts.append(f"{when}: predicted {score.sd:.3g}{unit}, simulated {sd:.3g}{unit}")
+    return f"Checked by {count} simulated fits each; {'; '.join(parts)}."
 
 
 def _noisy(residual: Residual, noise: Block, rows: slice, exact: Array) -> Residual:

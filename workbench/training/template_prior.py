@@ -81,10 +81,12 @@ def smooth_prior(
 
     `faces` (F, 3) are the triangles and `directions` (N, 3, B) the shape directions in metres per
     unit of betas. The place of a template, which no edge sees, has a sigma of 0.1 m. Raises
-    BadArgument for a sigma that is not above zero.
+    BadArgument for a length that is not above zero.
     """
     if not 0 < sigma < np.inf:
         raise BadArgument(f"the sigma of a template's edges is above 0 m, not {sigma:g}")
+    if not bends > 0:
+        raise BadArgument(f"the sigma of a template's bends is above 0 m, not {bends:g}")
     N, pairs = len(directions), mesh_edges(faces)
     E = len(pairs)
     ends = (np.tile(np.arange(E), 2), pairs.T.ravel())

@@ -12,6 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.blocks.checks import mapping, several, texts
 from workbench.blocks.entries import block_of
+from workbench.diagnostics.trials import with_more
 from workbench.errors import (
     BadArgument,
     NotFinite,
@@ -201,13 +202,7 @@ def with_candidates(problem: Problem, candidates: Given, names: Iterable[str]) -
         for i, residual in enumerate(one.residuals):
             called = f"{name} ({i + 1})" if several_of else name
             added.append(_with_constants(replace(residual, name=called), one.values))
-    return Problem(
-        [*problem.residuals, *added],
-        problem.free.spelled(),
-        problem.bounds,
-        problem.known.values(),
-        problem.constraints,
-    )
+    return with_more(problem, added)
 
 
 def _with_constants(residual: Residual, values: Mapping[str, ArrayLike]) -> Residual:

@@ -52,10 +52,8 @@ class Pulled:
     confidence: Array
 
 
-def pulled(
-    pulls: Sequence[Residual], vertices: Array, coupling: float, name: str = VERTICES
-) -> Pulled:
-    """What residuals of vertices (N, 3) m alone, a block `name`, say of each of them.
+def pulled(pulls: Sequence[Residual], vertices: Array, coupling: float) -> Pulled:
+    """What residuals of the block `vertices` (N, 3) m alone say of each of its rows.
 
     `coupling` is sigma in m. A row that reads several vertices, or several coordinates, is bounded
     as above, with the lengths of its derivatives as shares. Raises BadArgument for a kernel of
@@ -69,7 +67,8 @@ def pulled(
                 f"the kernel of residual {residual.name!r} is one of norms, and scans are bounded "
                 "row by row; give a kernel of single numbers"
             )
-        here = Problem((replace(residual, kernel=quadratic),), (name,)).linearize({name: vertices})
+        plain = Problem((replace(residual, kernel=quadratic),), (VERTICES,))
+        here = plain.linearize({VERTICES: vertices})
         whole = here.jacobian
         J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
         r = here.residual
