@@ -77,9 +77,10 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
             save_body(body, temporary)
     scans, state = found.scans, found.state
     measured = distances(scans, start, state.vertices)
+    away = beyond_betas(start, state.estimate.templates)
     for name, text in (
-        ("index.html", coregistration_page(found, measured, str(place))),
-        (SUMMARY, as_json(summary(found, measured, source))),
+        ("index.html", coregistration_page(found, measured, away, str(place))),
+        (SUMMARY, as_json(summary(found, measured, away, source))),
     ):
         with replacing(place / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -93,12 +94,11 @@ def begin_folder(place: Path, source: str) -> None:
         temporary.write_text(as_json({**about, "versions": versions(), "files": list(FILES)}))
 
 
-def coregistration_page(found: Coregistered, measured: Mapping[str, Array], place: str) -> str:
-    """The page of a coregistration."""
-    log, away = (
-        found.state.log,
-        MM * beyond_betas(found.problem.body, found.state.estimate.templates),
-    )
+def coregistration_page(
+    found: Coregistered, measured: Mapping[str, Array], beyond: Array, place: str
+) -> str:
+    """The page of a coregistration; `beyond` (S, N) m is what `beyond_betas` says of templates."""
+    log, away = found.state.log, MM * beyond
     subjects, counts = found.scans.subjects, np.bincount(found.scans.subject)
     return page(
         "coregistration.html",
@@ -150,7 +150,9 @@ def _templates(found: Coregistered, away: Array) -> Shown:
     return shown(figure_of(draw, 2.0 + 1.6 * len(coloured), 3.2), caption)
 
 
-def summary(found: Coregistered, measured: Mapping[str, Array], source: str) -> dict[str, Any]:
+def summary(
+    found: Coregistered, measured: Mapping[str, Array], beyond: Array, source: str
+) -> dict[str, Any]:
     """The numbers of the page, for programs: lengths in m, times in s."""
     log = found.state.log
     return {
@@ -163,9 +165,7 @@ def summary(found: Coregistered, measured: Mapping[str, Array], source: str) -> 
         "blocks": [entry.block for entry in log],
         "seconds": sum(entry.seconds for entry in log),
         "median_m": {name: each.tolist() for name, each in measured.items()},
-        "beyond_betas_m": beyond_betas(found.problem.body, found.state.estimate.templates)
-        .mean(axis=1)
-        .tolist(),
+        "beyond_betas_m": beyond.mean(axis=1).tolist(),
         "versions": versions(),
         "files": list(FILES),
     }
