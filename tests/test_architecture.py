@@ -36,6 +36,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("experiments",),
     ("comparison",),
     ("plots",),
+    ("replay",),
     ("reports",),
     ("studies",),  # each draws its own figures and writes its own page
     ("course",),

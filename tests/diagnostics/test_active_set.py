@@ -173,7 +173,7 @@ def test_an_unknown_on_its_bound_counts_as_noticed(y: float, said: str) -> None:
     np.testing.assert_allclose(d.identifiability.sigma, [0.1, 0.0], rtol=1e-12)
     assert not d.warnings
     sentence = f"active bounds ({said}) fix 1 direction, which counts towards the rank"
-    page = diagnosis_page(d, title="", question="", body=None, compared=None)
+    page = diagnosis_page(d, title="", question="", body=None, views=(), compared=None)
     for text in (str(d), d.report(), html.unescape(page)):
         assert sentence in text
     assert d.data()["held"] == [said]

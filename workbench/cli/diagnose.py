@@ -59,6 +59,7 @@ def diagnose(
         title=experiment.name,
         question=setup.question,
         body=setup.body,
+        views=setup.views,
         against=second,
         source=experiment.source,
     )

@@ -1,6 +1,7 @@
 """A diagnosis as a folder: one page with figures, and the same as text and as JSON beside it."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagno
 from workbench.diagnostics.findings import held
 from workbench.diagnostics.structure import pose_moves_template
 from workbench.errors import BadArgument
+from workbench.fitting.setup import View
 from workbench.plots import sheets
+from workbench.replay import recorded_diagnosis
 from workbench.reports import diagnosis_tables, tables
 from workbench.reports.direction_pictures import pictures
 from workbench.reports.figures import drawn, plotted, spectrum
@@ -32,12 +35,14 @@ def write_diagnosis(
     title: str,
     question: str = "",
     body: Body | None = None,
+    views: Sequence[View] = (),
     against: Diagnosis | SequenceDiagnosis | None = None,
     source: str | None = None,
 ) -> Path:
     """Write the folder of a diagnosis, and return its page.
 
-    With `body` the directions are drawn on it; with `against` a comparison is on the page. The
+    With `body` the directions are drawn on it, and with `views` what cameras observed of it; with
+    `against` a comparison is on the page. The
     folder appears whole or not at all; raises BadFile if it cannot be written. The page of a long
     sequence is its report without figures, and BadArgument is raised for comparing it.
     """
@@ -48,7 +53,7 @@ def write_diagnosis(
     if isinstance(diagnosis, SequenceDiagnosis):
         html = sequence_page(diagnosis, title, question)
     else:
-        html = diagnosis_page(diagnosis, title, question, body, compared)
+        html = diagnosis_page(diagnosis, title, question, body, views, compared)
     contents = {
         "index.html": html,
         "diagnosis.txt": text + "\n",
@@ -79,6 +84,7 @@ def diagnosis_page(
     title: str,
     question: str,
     body: Body | None,
+    views: Sequence[View],
     compared: DiagnosisComparison | None,
 ) -> str:
     """The page of a diagnosis."""
@@ -96,7 +102,7 @@ def diagnosis_page(
         terms=tables.terms_table(d),
         parts=diagnosis_tables.parts_table(d),
         compared=None if compared is None else compared.report(),
-        **(_numbers(d, body) if d.here.finite else {}),
+        **(_numbers(d, body, views) if d.here.finite else {}),
     )
 
 
@@ -114,7 +120,7 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
     }
 
 
-def _numbers(d: Diagnosis, body: Body | None) -> dict[str, Any]:
+def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
         "yardsticks": str(d.point.yardsticks),
@@ -124,6 +130,7 @@ def _numbers(d: Diagnosis, body: Body | None) -> dict[str, Any]:
         "unseen_pictures": pictures(d, d.null_directions, body),
         "weak": tables.gathered_directions_table(d.weak_directions, "yardstick"),
         "weak_pictures": pictures(d, d.weak_directions, body),
+        "recording": recorded_diagnosis(d, body, views),
         "conditioning": diagnosis_tables.conditioning_table(d),
         "sigmas": plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d),
         "share": plotted(8.0, 3.4, plots.plot_data_share, plots.caption_data_share, d)

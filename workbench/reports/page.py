@@ -5,7 +5,7 @@ import platform
 from collections.abc import Mapping
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from workbench.diagnostics.schema import plain
 from workbench.installation import DISTRIBUTION, version_of
@@ -14,9 +14,17 @@ PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "matplot
 
 
 def page(template: str, **content: Any) -> str:
-    """Fill one of `templates/`, which also get `versions`; every text is escaped."""
+    """Fill one of `templates/`, which also get `versions`; every text is escaped.
+
+    Templates may include the scripts of `workbench/replay/scripts`.
+    """
     environment = Environment(
-        loader=PackageLoader("workbench.reports", "templates"),
+        loader=ChoiceLoader(
+            [
+                PackageLoader("workbench.reports", "templates"),
+                PackageLoader("workbench.replay", "scripts"),
+            ]
+        ),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -14,6 +14,7 @@ from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import sheets
+from workbench.replay import Recording, recorded_posterior
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
@@ -57,6 +58,7 @@ def write_posterior(
         synthetic=setup.made_of is not None,
         conditional=any(part.posterior.conditional for part in parts),
         sections={anchor: _section(part, setup) for anchor, part in anchors.items()},
+        recordings=_recordings(anchors, setup),
         files=files,
     )
     contents: dict[str, Content] = {"index.html": html, "posterior.txt": "\n".join(words)}
@@ -65,6 +67,17 @@ def write_posterior(
     numbers = {part.name: _summary(part.posterior, setup) for part in parts}
     summary = {"kind": "posterior", "title": title, "parts": numbers}
     return write_folder(folder, source, contents, summary)
+
+
+def _recordings(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, Recording]:
+    """Of the posteriors whose chains have mixed, bodies drawn from each."""
+    found = {}
+    for anchor, part in parts.items():
+        p, body = part.posterior, setup.body
+        recording = recorded_posterior(p, part.name, body, setup.views) if p.mixed else None
+        if recording is not None:
+            found[anchor] = recording
+    return found
 
 
 def _save_draws(p: Posterior, path: Path) -> None:

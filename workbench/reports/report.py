@@ -17,6 +17,7 @@ from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
 from workbench.plots import sheets
+from workbench.replay import recorded_run
 from workbench.reports import tables
 from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
@@ -112,6 +113,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         arrays=tables.array_tables(outcome),
         fixed=tables.fixed_table(outcome),
         files=files,
+        recording=recorded_run(outcome),
     )
 
 

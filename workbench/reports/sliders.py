@@ -1,23 +1,14 @@
 """A body as one page in which theta and beta can be moved, computed in the browser."""
 
-from base64 import b64encode
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadArgument
-from workbench.geometry.stitching import banded_factor
+from workbench.replay.browser_bodies import skinned_data, triangle_data
 from workbench.reports.page import page
 from workbench.writing import replacing
 
-MOST_WEIGHTS = 4  # per vertex, as in SMPL
-MOST_STITCHED = 2_000  # vertices: beyond, the factor of the stitching makes the page too large
 NOTE = (
     "This page computes what the workbench computes, in double precision; only {single} stored in "
     "single precision. A test compares its vertices in a browser with those of Python: they differ "
@@ -81,93 +72,3 @@ def sliders_page(body: SkinnedBody | TriangleBody) -> str:
         script=script,
         note=NOTE.format(single=single, millimetres=millimetres),
     )
-
-
-def skinned_data(body: SkinnedBody) -> dict[str, Any]:
-    """The arrays for smpl.js, in base64: little-endian, row by row.
-
-    Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
-    or more than four weights in a vertex, or more than 65,536 vertices.
-    """
-    if other := not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
-        raise BadArgument(other)
-    most = int(np.count_nonzero(body.weights, axis=1).max())
-    for wrong, why in (
-        (not body.is_smpl, "is not blended linearly with features of rotation elements"),
-        (body.bind_pose.any(), "is drawn in a pose that is not zero"),
-        (body.free, "has free arrays; give them values first"),
-        (most > MOST_WEIGHTS, f"has {most} weights in a vertex, and the page knows four"),
-        (body.n_vertices > 2**16, f"has {body.n_vertices:,} vertices, and the page knows 65,536"),
-    ):
-        if wrong:
-            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
-    carriers = np.argsort(-body.weights, axis=1, kind="stable")[:, :MOST_WEIGHTS]
-    carriers = np.pad(carriers, ((0, 0), (0, MOST_WEIGHTS - carriers.shape[1])))
-    shares = np.take_along_axis(body.weights, carriers, axis=1)
-    shares[:, body.n_joints :] = 0  # where there are fewer joints than weights
-    skeleton = body.numeric.skeleton
-    return {
-        "model": "SMPL",
-        **_common(body),
-        "shapedirs": _text(body.shapedirs.transpose(2, 0, 1), "<f8"),
-        "joints_mean": _text(skeleton.mean, "<f8"),
-        "joints_move": _text(skeleton.slopes.transpose(2, 0, 1), "<f8"),
-        "weights": _text(shares, "<f8"),
-        "carriers": _text(carriers, "<u2"),
-        "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],
-    }
-
-
-def triangle_data(body: TriangleBody) -> dict[str, Any]:
-    """The arrays for scape.js, in base64: little-endian, row by row.
-
-    Raises BadArgument for a body with free arrays, or of more than 2,000 vertices.
-    """
-    for wrong, why in (
-        (body.free, "has free arrays; give them values first"),
-        (
-            body.n_vertices > MOST_STITCHED,
-            f"has {body.n_vertices:,} vertices, and the page stitches up to {MOST_STITCHED:,}",
-        ),
-    ):
-        if wrong:
-            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
-    factor, order = banded_factor(body.stitching)
-    return {
-        "model": "SCAPE" if body.one_part_per_face else "BlendSCAPE",
-        **_common(body),
-        "shapedirs": _text(body.shapedirs, "<f4"),
-        "posedirs": _text(body.posedirs, "<f4"),
-        "near": _text(body.near, "<u2"),
-        "shares": _text(body.weights.data, "<f8"),
-        "carriers": _text(body.weights.indices, "<u2"),
-        "ends": _text(body.weights.indptr[1:], "<u4"),
-        "root_row": _text(body.J_regressor[[0]].toarray(), "<f8"),
-        "factor": _text(factor, "<f8"),
-        "order": _text(order, "<u4"),
-    }
-
-
-def _common(body: SkinnedBody | TriangleBody) -> dict[str, Any]:
-    """What every body has."""
-    return {
-        "joint_names": list(body.joint_names),
-        "parents": list(body.parents),
-        "template": _text(body.template, "<f8"),
-        "faces": _text(body.faces, "<u4"),
-    }
-
-
-def _bulge(body: SkinnedBody, joint: int) -> dict[str, Any]:
-    """A joint's blend shapes, for the vertices that they move."""
-    shapes = body.posedirs[:, :, 9 * (joint - 1) : 9 * joint]
-    vertices = np.flatnonzero(shapes.any(axis=(1, 2)))
-    return {
-        "joint": joint,
-        "vertices": _text(vertices, "<u2"),
-        "shapes": _text(shapes[vertices], "<f4"),
-    }
-
-
-def _text(array: NDArray[Any], kind: str) -> str:
-    return b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")

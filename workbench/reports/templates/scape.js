@@ -4,11 +4,6 @@
 class Body {
   constructor(data) {
     Object.assign(this, data);
-    for (const [name, Kind] of Object.entries({
-      template: Float64Array, shapedirs: Float32Array, posedirs: Float32Array, near: Uint16Array,
-      shares: Float64Array, carriers: Uint16Array, ends: Uint32Array, root_row: Float64Array,
-      factor: Float64Array, order: Uint32Array, faces: Uint32Array }))
-      this[name] = decoded(data[name], Kind);
     this.N = this.template.length / 3;
     this.F = this.faces.length / 3;
     this.K = this.parents.length;

@@ -1,4 +1,3 @@
-"use strict";
 // Sliders to a pose, a pose to two drawings by one camera: what was chosen, and the whole model.
 
 const get = id => document.getElementById(id), DEGREE = Math.PI / 180, AXES = ["x", "y", "z"];

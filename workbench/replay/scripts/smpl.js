@@ -17,13 +17,6 @@ function dualQuaternion(R, t) { // Shepperd's choice of the largest of four, the
 class Body {
   constructor(data) {
     Object.assign(this, data);
-    for (const [name, Kind] of Object.entries({
-      template: Float64Array, shapedirs: Float64Array, joints_mean: Float64Array,
-      joints_move: Float64Array, weights: Float64Array, carriers: Uint16Array,
-      faces: Uint32Array })) this[name] = decoded(data[name], Kind);
-    this.bulges = data.bulges.map(b => ({
-      joint: b.joint, vertices: decoded(b.vertices, Uint16Array),
-      shapes: decoded(b.shapes, Float32Array) }));
     this.N = this.template.length / 3;
     this.K = this.parents.length;
     this.B = this.N ? this.shapedirs.length / (3 * this.N) : 0;

@@ -1,11 +1,4 @@
-"use strict";
-// Rotations in plain JavaScript, and arrays that Python wrote in base64.
-
-function decoded(text, Kind) {
-  const bytes = atob(text), buffer = new Uint8Array(bytes.length);
-  for (let i = 0; i < bytes.length; i++) buffer[i] = bytes.charCodeAt(i);
-  return new Kind(buffer.buffer);
-}
+// Rotations in plain JavaScript.
 
 function rotation(x, y, z) { // exp of a rotation vector in radians, row by row
   const t = Math.hypot(x, y, z);

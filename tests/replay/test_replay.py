@@ -1,0 +1,218 @@
+"""Replays show what Python found: the numbers in the page, and the bodies in a real browser."""
+
+import base64
+import gzip
+import json
+import re
+import shutil
+import subprocess
+from functools import cache
+from html import unescape
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.experiments import find, run
+from workbench.experiments.running import Outcome
+from workbench.replay import Recording, recorded_diagnosis, recorded_posterior, recorded_run
+from workbench.replay.packing import KINDS, packed
+from workbench.replay.tracks import kept
+from workbench.reports.report import run_page
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+BROWSER = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+LARGEST = 750_000  # bytes that a replay adds to the page of a run
+
+ASKED = """
+<pre id="answers"></pre>
+<script type="module">
+const answers = {};
+try {
+  const root = document.querySelector("[data-replay]");
+  for (let n = 0; n < 200 && !root.dataset.ready && !root.hidden; n++)
+    await new Promise(done => setTimeout(done, 50));
+  const replay = root.replay, [run] = replay.runs;
+  answers.vertices = run.iterates.map((_, i) => [...replay.iterate(run, i).points]);
+  const places = replay.places(replay.iterate(run, run.iterates.length - 1));
+  answers.pixels = replay.lenses.map(lens => replay.landmarks.names.map(
+    (_, m) => lens.pixel([...places.subarray(3 * m, 3 * m + 3)])));
+  answers.onRays = replay.lenses.map(lens => lens.rays.map((ray, m) =>
+    lens.pixel(lens.eye.map((x, d) => x + 3 * ray[d])).map((u, d) => u - lens.observed[m][d])));
+  const buttons = [...document.querySelectorAll("[data-replay] button")];
+  const press = text => buttons.find(button => button.textContent.startsWith(text)).click();
+  press("cam02");
+  answers.camera = replay.sentence.textContent;
+  press("directions");
+  replay.take(1);
+  answers.direction = replay.sentence.textContent;
+  press("draws");
+  replay.take(0);
+  answers.draw = replay.sentence.textContent;
+  answers.moved = [...replay.surface(replay.moved()).points];
+} catch (error) { answers.error = String(error); }
+document.getElementById("answers").textContent = JSON.stringify(answers);
+</script>
+"""
+
+
+@cache
+def outcome() -> Outcome:
+    return run(find("balance", {}), compare=False)
+
+
+@cache
+def recording() -> Recording:
+    found = recorded_run(outcome())
+    assert found is not None
+    return found
+
+
+def numbers(given: dict[str, str]) -> Array:
+    """What `packed` packed."""
+    text = gzip.decompress(base64.b64decode(given["gzip"]))
+    return np.frombuffer(text, KINDS[given["kind"]]).astype(float)
+
+
+def vertices(values: Values) -> Array:
+    body = outcome().setup.body
+    assert body is not None
+    return body.vertices(*({**outcome().values, **values}[block.name] for block in body.blocks()))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_packed_arrays_come_back(kind: str) -> None:
+    array = np.arange(24).reshape(2, 3, 4)
+    np.testing.assert_array_equal(numbers(packed(array, kind)), array.ravel())
+
+
+@pytest.mark.parametrize("count", [1, 5, 64, 65, 1000])
+def test_the_first_and_the_last_iterate_are_kept(count: int) -> None:
+    at = kept(count)
+    assert len(at) <= 64
+    assert (at[0], at[-1]) == (0, count - 1)
+    assert (np.diff(at) > 0).all()
+
+
+def test_a_run_is_recorded_as_it_went() -> None:
+    (track,) = recording().data["runs"]
+    trace = outcome().solution.trace
+    assert track["iterates"] == list(range(len(trace)))
+    np.testing.assert_allclose(track["cost"], [one.cost for one in trace], rtol=1e-11)
+    x = numbers(track["x"]).reshape(len(trace), -1)
+    for one, row in zip(trace, x, strict=True):
+        wanted = np.concatenate([np.ravel(one.values[name]) for name in ("pose", "betas", "trans")])
+        np.testing.assert_allclose(row, wanted, rtol=1e-6, atol=1e-7)
+    assert track["evaluations"] == sorted(track["evaluations"])
+    assert track["condition"][-1] == pytest.approx(outcome().diagnosis.condition, rel=1e-5)
+
+
+def test_along_unseen_directions_the_data_do_not_change() -> None:
+    d = outcome().data_alone
+    assert d is not None
+    directions = recording().data["directions"]
+    unseen = [one for one in directions if one["kind"].startswith("not seen")]
+    assert len(unseen) >= 10
+    for one in unseen:
+        step = numbers(one["step"])  # of pose, betas and trans, which are what is free
+        assert np.linalg.norm(d.here.along(step)) < 1e-6  # sigma a unit
+    for one in directions:
+        assert one["exact"][10] == pytest.approx(0, abs=1e-9)
+        first_order = one["change"] * one["reach"] / 10  # a tenth of the way
+        second_order = max(one["exact"]) / 100
+        assert one["exact"][11] < 1.2 * first_order + 3 * second_order + 1e-3
+
+
+def test_draws_have_the_covariance_of_the_solution() -> None:
+    d = outcome().diagnosis
+    draws = numbers(recording().data["draws"]["x"]).reshape(40, -1)
+    x = d.free.pack(d.values)
+    whitened = (draws - x) @ np.linalg.inv(np.linalg.cholesky(d.here.covariance)).T
+    assert np.mean(whitened**2) == pytest.approx(1, abs=4 * np.sqrt(2 / whitened.size))
+
+
+def test_a_replay_is_small_and_asks_for_nothing() -> None:
+    text = run_page(outcome(), {})
+    found = recording()
+    assert len(json.dumps([found.body, found.data])) < LARGEST
+    assert not re.findall(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""", text)
+
+
+def test_where_no_body_is_fitted_there_is_no_replay() -> None:
+    assert recorded_run(run(find("nist-chwirut2", {}), compare=False)) is None
+
+
+def test_a_diagnosis_shows_its_directions() -> None:
+    d, body = outcome().data_alone, outcome().setup.body
+    assert d is not None
+    found = recorded_diagnosis(d, body, outcome().setup.views)
+    assert found is not None
+    assert found.data["directions"] == recording().data["directions"]
+    assert recorded_diagnosis(d, wb.load_body("small-scape"), ()) is None
+
+
+def test_a_posterior_shows_its_draws() -> None:
+    o = outcome()
+    posterior = wb.laplace(o.setup.problem, o.values, ("betas",), draws=200)
+    found = recorded_posterior(posterior, "betas", o.setup.body, o.setup.views)
+    assert found is not None
+    assert found.data["draws"]["count"] == 40
+    assert found.data["draws"]["by"] == "the posterior of betas"
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What the replay on the page of a run says when it is asked in the browser."""
+    if BROWSER is None:
+        pytest.skip(f"no browser is called {', '.join(BROWSERS)}")
+    folder = tmp_path_factory.mktemp("page")
+    asking = run_page(outcome(), {}).replace("</main>", ASKED + "</main>")
+    (folder / "index.html").write_text(asking, encoding="utf-8")
+    options = (
+        "--headless",
+        "--no-sandbox",
+        "--use-gl=angle",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--no-first-run",
+        "--window-size=500,500",
+        f"--user-data-dir={folder / 'profile'}",
+        "--virtual-time-budget=20000",
+        "--dump-dom",
+    )
+    address = (folder / "index.html").as_uri()
+    ran = subprocess.run([BROWSER, *options, address], capture_output=True, timeout=300)
+    found = re.search(r'<pre id="answers">(.*?)</pre>', ran.stdout.decode(), re.DOTALL)
+    assert found, ran.stderr.decode()[-1000:]
+    told = json.loads(unescape(found[1]))
+    assert "error" not in told, (told, ran.stderr.decode()[-1000:])
+    return told
+
+
+def test_bodies_in_the_browser_are_those_of_python(answers: Any) -> None:
+    for one, points in zip(outcome().solution.trace, answers["vertices"], strict=True):
+        off = np.array(points).reshape(-1, 3) - vertices(one.values)
+        assert np.linalg.norm(off, axis=1).max() < 1e-6  # m
+
+
+def test_cameras_in_the_browser_are_those_of_python(answers: Any) -> None:
+    for pixels, overlay in zip(answers["pixels"], outcome().overlays, strict=True):
+        np.testing.assert_allclose(pixels, overlay.projected, atol=0.01)  # px
+    assert np.abs(np.array(answers["onRays"], dtype=float)).max() < 1e-6  # px
+
+
+def test_the_replay_says_what_it_shows(answers: Any) -> None:
+    (measure,) = (m for m in outcome().measures if m.name == "reprojection, cam02")
+    assert f"{measure.value:.1f} px off on average" in answers["camera"]
+    first = recording().data["directions"][0]
+    assert answers["direction"].startswith(f"Along “{first['name']}”, which is not seen")
+    assert answers["draw"].startswith("Draw 1 of 40 from the Gaussian about the solution")
+    draw = numbers(recording().data["draws"]["x"]).reshape(40, -1)[0]
+    pose, betas, trans = np.split(draw, [72, 82])
+    off = np.array(answers["moved"]).reshape(-1, 3) - vertices(
+        {"pose": pose.reshape(24, 3), "betas": betas, "trans": trans}
+    )
+    assert np.linalg.norm(off, axis=1).max() < 1e-6

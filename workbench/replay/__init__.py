@@ -1,0 +1,10 @@
+"""Replays: what a run, a diagnosis or a posterior found, moving in a page of its own numbers."""
+
+from workbench.replay.recording import (
+    Recording,
+    recorded_diagnosis,
+    recorded_posterior,
+    recorded_run,
+)
+
+__all__ = ["Recording", "recorded_diagnosis", "recorded_posterior", "recorded_run"]

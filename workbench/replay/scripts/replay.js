@@ -1,0 +1,391 @@
+// A replay: bodies along the runs of several solvers, moved along directions, or drawn from a
+// posterior. What it shows is computed here from the numbers that Python wrote.
+
+// Okabe and Ito's colours, one a solver, as in the figures
+const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
+const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1];
+const FAR = 0.05; // m from the solution: fully orange
+const CACHED = 600; // surfaces of small bodies; fewer of large ones
+const CLOCKS = {
+  evaluations: [run => run.evaluations.map(n => Math.max(n, 1)), n => `${n} evaluation${n === 1 ? "" : "s"}`],
+  iterations: [run => run.iterates.map(i => i + 1), n => `${n - 1} iteration${n === 2 ? "" : "s"}`],
+  seconds: [run => run.seconds.map(s => Math.max(s, 1e-3)), s => `${short(s)} s`],
+};
+
+const rgb = colour => [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16) / 255);
+const pale = colour => colour.map(x => 0.3 + 0.7 * x);
+
+function short(x) { // four digits at most
+  if (x === null || x === undefined) return "–";
+  const size = Math.abs(x);
+  return size >= 1e4 || (x && size < 1e-2) ? x.toExponential(1) : String(+x.toPrecision(4));
+}
+
+function listed(texts) {
+  return texts.length < 2 ? texts.join("") : `${texts.slice(0, -1).join(", ")} and ${texts.at(-1)}`;
+}
+
+class Replay {
+  constructor(root, data, body) {
+    Object.assign(this, data, { body });
+    this.lenses = data.views.map(view => new Lens(view));
+    this.lenses.forEach(lens => { lens.rays = lens.observed.map(pixel => lens.ray(pixel)); });
+    this.runs.forEach((run, i) => Object.assign(run, { on: true, colour: COLOURS[i % COLOURS.length] }));
+    this.lowest = Math.min(...this.runs.flatMap(run => run.cost));
+    this.surfaces = new Map();
+    this.whole = this.surface(this.here);
+    this.mode = this.runs.length ? "runs" : this.directions.length ? "directions" : "draws";
+    Object.assign(this, { clock: "evaluations", share: 1, lens: null, focus: 0, rays: true, direction: 0, amount: 0, draw: 0, zoom: 1, playing: 0, milliseconds: [] });
+    this.build(root);
+    this.setUp();
+    this.scene.handle(() => this.paint());
+    addEventListener("resize", () => this.paint());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.paint());
+    this.paint();
+  }
+
+  // Numbers.
+
+  arguments(x) { // pose, betas and trans of a row of numbers
+    const { K, B } = this.body;
+    return [x.subarray(0, 3 * K), x.subarray(3 * K, 3 * K + B), x.subarray(3 * K + B)];
+  }
+
+  surface(x) { // points and normals (3 N), in m
+    const [pose, betas, trans] = this.arguments(x), points = Float32Array.from(this.body.vertices(pose, betas));
+    for (let i = 0; i < points.length; i++) points[i] += trans[i % 3];
+    return { points, normals: normalsOf(points, this.body.faces) };
+  }
+
+  iterate(run, i) {
+    const key = `${run.name}/${i}`, size = this.here.length;
+    if (!this.surfaces.has(key)) {
+      if (this.surfaces.size * this.body.N > CACHED * 2000) this.surfaces.clear();
+      this.surfaces.set(key, this.surface(run.x.subarray(i * size, (i + 1) * size)));
+    }
+    return this.surfaces.get(key);
+  }
+
+  places({ points }) { // the landmarks of a surface, (3 M) m
+    const { rows, columns, weights, names } = this.landmarks, found = new Float32Array(3 * names.length);
+    rows.forEach((row, n) => { for (let d = 0; d < 3; d++) found[3 * row + d] += weights[n] * points[3 * columns[n] + d]; });
+    return found;
+  }
+
+  times(run) { return CLOCKS[this.clock][0](run); }
+
+  get axis() {
+    const all = this.runs.flatMap(run => this.times(run)), low = Math.min(...all);
+    return [low, Math.max(...all, low * 1.001)];
+  }
+
+  get time() { // where the replay stands on the axis
+    const [low, high] = this.axis;
+    return low * (high / low) ** this.share;
+  }
+
+  now(run) { // the last iterate that a run has reached
+    const times = this.times(run), time = this.time * (1 + 1e-9);
+    let i = 0;
+    while (i + 1 < times.length && times[i + 1] <= time) i++;
+    return i;
+  }
+
+  moved() { // the numbers of the body that is shown along a direction, or of a draw
+    const x = Float64Array.from(this.here), size = x.length;
+    if (this.mode === "draws") return this.draws.x.subarray(this.draw * size, (this.draw + 1) * size);
+    const { step, reach } = this.directions[this.direction];
+    for (let i = 0; i < size; i++) x[i] += this.amount * reach * step[i];
+    return x;
+  }
+
+  // What is drawn.
+
+  shown() { // surfaces with their paint, and the runs they belong to
+    if (this.mode === "runs") {
+      const runs = this.lens ? [this.runs[this.focus]] : this.runs.filter(run => run.on);
+      return runs.map(run => ({ run, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
+    }
+    const surface = this.surface(this.moved()), paint = new Float32Array(surface.points.length);
+    for (let i = 0; i < paint.length; i += 3) {
+      const away = Math.hypot(...[0, 1, 2].map(d => surface.points[i + d] - this.whole.points[i + d]));
+      const share = Math.min(1, away / FAR);
+      for (let d = 0; d < 3; d++) paint[i + d] = GREY[d] + share * (ORANGE[d] - GREY[d]);
+    }
+    return [{ surface, paint }];
+  }
+
+  setUp() { // the camera stands in front of the body, and every body has the room that it needs
+    const { scene, whole: { points }, lenses } = this, middle = [0, 0, 0];
+    if (lenses.length) scene.up = unit([0, 1, 2].map(d => lenses.reduce((sum, lens) => sum + lens.up[d], 0)));
+    for (let i = 0; i < points.length; i++) middle[i % 3] += 3 * points[i] / points.length;
+    scene.middle = middle;
+    const [a, b, c] = this.here, R = rotation(a, b, c), front = [R[2], R[5], R[8]];
+    let best = -2;
+    for (let k = 0; k < 72; k++) {
+      const before = scene.turn;
+      scene.turn = k * Math.PI / 36;
+      const seen = dot(scene.axes()[2], front);
+      if (seen > best) best = seen; else scene.turn = before;
+    }
+    scene.turn += 0.35;
+    let radius = 0, low = Infinity, high = -Infinity;
+    for (let i = 0; i < points.length; i += 3) {
+      const p = [0, 1, 2].map(d => points[i + d] - middle[d]), up = dot(p, scene.up);
+      radius = Math.max(radius, Math.hypot(...p.map((x, d) => x - up * scene.up[d])));
+      low = Math.min(low, up);
+      high = Math.max(high, up);
+    }
+    scene.middle = middle.map((x, d) => x + (low + high) / 2 * scene.up[d]);
+    this.room = [1.9 * radius, 1.18 * (high - low)]; // m, across and upwards
+  }
+
+  paint() {
+    const begun = performance.now(), { scene, room: [wide, tall] } = this, all = this.shown();
+    const ratio = scene.canvas.clientHeight / scene.canvas.clientWidth;
+    let columns = 1, most = 0; // as many columns as show the bodies largest
+    for (let n = 1; n <= all.length; n++) {
+      const size = Math.min(1 / (n * wide * ratio), 1 / (Math.ceil(all.length / n) * tall));
+      if (size > most) { most = size; columns = n; }
+    }
+    const rows = Math.ceil(all.length / columns);
+    scene.distance = this.zoom * FOCAL / 2 * Math.max(columns * wide * ratio, rows * tall);
+    scene.begin(this.lens);
+    const [right, up] = scene.axes(), labels = [];
+    all.forEach(({ surface, paint, run }, i) => {
+      const row = Math.floor(i / columns), inRow = Math.min(columns, all.length - row * columns);
+      const across = (i % columns - (inRow - 1) / 2) * wide, above = ((rows - 1) / 2 - row) * tall;
+      const shift = right.map((x, d) => x * across + up[d] * above);
+      scene.mesh(surface, this.body.faces, paint, shift);
+      if (this.rays && !this.lens && this.lenses.length) this.paintRays(surface, shift);
+      if (run) labels.push([run, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
+    });
+    this.paintOver(all, labels);
+    if (this.mode === "runs") this.curves.draw(
+      this.runs.filter(run => run.on).map(run => ({ run, at: this.times(run), colour: run.colour })),
+      this.axis, this.time, run => this.now(run));
+    this.sentence.textContent = this.said();
+    this.milliseconds.push(performance.now() - begun);
+  }
+
+  paintRays(surface, shift) { // from each landmark to the ray of every camera that observed it
+    const places = this.places(surface), lines = [];
+    for (const lens of this.lenses) lens.rays.forEach((ray, m) => {
+      if (!(lens.confidence[m] > this.least_confidence)) return;
+      const place = places.subarray(3 * m, 3 * m + 3);
+      lines.push(...place, ...lens.nearestOnRay([...place], ray));
+    });
+    this.scene.lines(Float32Array.from(lines), RED, shift);
+  }
+
+  paintOver(all, labels) { // names above the bodies, or keypoints in the image of a camera
+    const { scene, over, lens } = this, g = over.getContext("2d"), style = getComputedStyle(over);
+    Object.assign(over, { width: scene.canvas.width, height: scene.canvas.height });
+    g.scale(scene.ratio, scene.ratio);
+    const ink = style.getPropertyValue("--ink");
+    Object.assign(g, { font: "12px system-ui, sans-serif", textAlign: "center", textBaseline: "top", fillStyle: ink });
+    if (!lens) {
+      for (const [run, point] of labels.length > 1 ? labels : []) {
+        const [x, y] = scene.place(point), [next] = scene.place(point.map((p, d) => p + this.room[0] * scene.axes()[0][d]));
+        g.fillText(run.name, x, y, 0.95 * (next - x)); // condensed to the room of a body
+      }
+      return;
+    }
+    const { left, top, scale } = scene.image(lens), place = ([u, v]) => [left + scale * u, top + scale * v];
+    g.strokeStyle = style.getPropertyValue("--line");
+    g.strokeRect(left, top, scale * lens.size[0], scale * lens.size[1]);
+    const places = this.places(all[0].surface);
+    let sum = 0, count = 0;
+    lens.observed.forEach((pixel, m) => {
+      if (!(lens.confidence[m] > this.least_confidence)) return;
+      const found = lens.pixel([...places.subarray(3 * m, 3 * m + 3)]), a = place(found), b = place(pixel);
+      sum += Math.hypot(found[0] - pixel[0], found[1] - pixel[1]);
+      count++;
+      Object.assign(g, { globalAlpha: Math.min(1, lens.confidence[m]), strokeStyle: ink, lineWidth: 1.3 });
+      line(g, [a, b]);
+      g.beginPath();
+      g.arc(...b, 3, 0, 7);
+      g.stroke();
+      g.strokeStyle = "#D55E00";
+      line(g, [[a[0] - 3, a[1] - 3], [a[0] + 3, a[1] + 3]]);
+      line(g, [[a[0] - 3, a[1] + 3], [a[0] + 3, a[1] - 3]]);
+    });
+    g.globalAlpha = 1;
+    this.error = [sum / count, count];
+  }
+
+  said() {
+    if (this.mode === "draws")
+      return `Draw ${this.draw + 1} of ${this.draws.count} from ${this.draws.by}. The farther a point is from the solution, the more orange it is, up to 5 cm.`;
+    if (this.mode === "directions") {
+      const { name, kind, change, reach, exact } = this.directions[this.direction];
+      const units = this.amount * reach, place = (this.amount + 1) / 2 * (exact.length - 1);
+      const i = Math.min(exact.length - 2, Math.floor(place)), t = place - i;
+      const truly = exact[i] + t * (exact[i + 1] - exact[i]);
+      return `Along “${name}”, which is ${kind}: moved by ${units.toFixed(2)}, the whitened residuals change by ${short(change * Math.abs(units))} sigma altogether to first order, and truly by ${short(truly)} sigma.`;
+    }
+    const runs = this.lens ? [this.runs[this.focus]] : this.runs.filter(run => run.on);
+    if (!runs.length) return "No solver is chosen.";
+    const costs = listed(runs.map(run => `${run.name} ${short(run.cost[this.now(run)])}`));
+    const seen = this.lens ? ` In ${this.lens.name} its ${this.error[1]} keypoints are ${this.error[0].toFixed(1)} px off on average.` : "";
+    const time = this.clock === "seconds" ? this.time : Math.floor(this.time * (1 + 1e-9));
+    return `Costs after ${CLOCKS[this.clock][1](time)}: ${costs}.${seen}`;
+  }
+
+  // Controls.
+
+  build(root) {
+    const make = (tag, parent, properties = {}) => {
+      const made = Object.assign(document.createElement(tag), properties);
+      parent.append(made);
+      return made;
+    };
+    const row = (parent, name) => {
+      const made = make("div", parent, { className: "replay-row" });
+      if (name) make("span", made, { className: "name", textContent: name });
+      made.setAttribute("role", "group");
+      if (name) made.setAttribute("aria-label", name);
+      return made;
+    };
+    const button = (parent, text, press, on) => {
+      const made = make("button", parent, { type: "button", textContent: text });
+      if (on !== undefined) made.setAttribute("aria-pressed", on);
+      made.addEventListener("click", () => { press(made); this.paint(); });
+      return made;
+    };
+    const choice = (parent, options, chosen, choose) => options.forEach(([text, value]) =>
+      button(parent, text, pressed => {
+        choose(value);
+        parent.querySelectorAll("button").forEach(one => one.setAttribute("aria-pressed", one === pressed));
+      }, value === chosen));
+    const top = make("div", root);
+    const modes = [["the solvers' way", "runs", this.runs.length],
+                   ["directions hardly seen", "directions", this.directions.length],
+                   ["draws from the posterior", "draws", this.draws.count]].filter(([, , some]) => some);
+    if (modes.length > 1) choice(row(top, "show"), modes, this.mode, mode => {
+      this.stop();
+      this.mode = mode;
+      this.anywhere?.click();
+      this.sync();
+    });
+    const columns = this.columns = make("div", top, { className: "replay-columns" });
+    const left = make("div", columns), stage = make("div", left, { className: "replay-stage" });
+    const canvas = make("canvas", stage);
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "The body in 3D. Drag it or use the arrow keys to turn it.");
+    this.scene = new Scene(canvas);
+    this.over = make("canvas", stage, { className: "over" });
+    const time = row(left);
+    this.player = button(time, "▶", () => this.playing ? this.stop() : this.play());
+    this.slider = make("input", time, { type: "range", min: 0, max: 1000, value: 1000 });
+    this.slider.addEventListener("input", () => { this.stop(); this.take(this.slider.value / 1000); });
+    this.rows = { runs: [], directions: [] };
+    const which = row(left);
+    const select = make("select", which);
+    select.setAttribute("aria-label", "direction");
+    this.directions.forEach(({ name, kind }, i) => select.add(new Option(`${name} (${kind})`, i)));
+    select.addEventListener("change", () => { this.direction = +select.value; this.paint(); });
+    const solvers = row(left, "solvers");
+    this.runs.forEach((run, i) => {
+      const chip = button(solvers, run.name, () => {
+        if (this.lens) this.focus = i;
+        else run.on = !run.on;
+        this.sync();
+      }, true);
+      chip.style.setProperty("--colour", run.colour);
+      chip.title = `${run.status}, ${run.iterations} iterations, cost ${short(run.cost.at(-1))}`;
+    });
+    this.chips = solvers;
+    this.rows.directions.push(which);
+    this.rows.runs.push(solvers);
+    if (this.lenses.length) {
+      const cameras = row(left, "seen from");
+      choice(cameras, [["anywhere", null], ...this.lenses.map(lens => [lens.name, lens])], null, lens => { this.lens = lens; this.sync(); });
+      this.rows.runs.push(cameras);
+      this.anywhere = cameras.querySelector("button");
+      const label = make("label", row(left));
+      const box = make("input", label, { type: "checkbox", checked: true });
+      label.append(" lines from the body to what the cameras observed");
+      box.addEventListener("change", () => { this.rays = box.checked; this.paint(); });
+    }
+    this.sentence = make("p", left, { className: "replay-said" });
+    this.sentence.setAttribute("aria-live", "polite");
+    this.side = make("div", columns);
+    if (this.runs.length) {
+      choice(row(this.side, "clock"), Object.keys(CLOCKS).map(name => [name, name]), "evaluations", clock => { this.clock = clock; });
+      const charts = make("div", this.side, { className: "replay-curves" });
+      this.curves = new Curves(charts, [
+        ["cost above the lowest", run => run.cost.map(cost => cost - this.lowest)],
+        ["optimality", run => run.optimality],
+        ["damping", run => run.damping],
+        ["condition number of the Jacobian", run => run.condition],
+      ], share => { this.stop(); this.take(share); });
+    }
+    this.sync();
+  }
+
+  sync() { // what belongs to the mode is shown, and the slider stands where it should
+    for (const [mode, rows] of Object.entries(this.rows)) rows.forEach(one => { one.hidden = mode !== this.mode; one.style.display = one.hidden ? "none" : ""; });
+    this.side.hidden = this.mode !== "runs";
+    this.columns.classList.toggle("alone", this.side.hidden);
+    this.chips.querySelectorAll("button").forEach((chip, i) =>
+      chip.setAttribute("aria-pressed", this.lens ? i === this.focus : this.runs[i].on));
+    const name = { runs: "time along the runs", directions: "how far along the direction", draws: "which draw" };
+    this.slider.setAttribute("aria-label", name[this.mode]);
+    this.slider.value = 1000 * this.given;
+  }
+
+  get given() { // the slider's place, from 0 to 1
+    if (this.mode === "runs") return this.share;
+    if (this.mode === "directions") return (this.amount + 1) / 2;
+    return this.draws.count > 1 ? this.draw / (this.draws.count - 1) : 0;
+  }
+
+  take(place) {
+    if (this.mode === "runs") this.share = place;
+    else if (this.mode === "directions") this.amount = 2 * place - 1;
+    else this.draw = Math.round(place * (this.draws.count - 1));
+    this.slider.value = 1000 * place;
+    this.paint();
+  }
+
+  stop() {
+    cancelAnimationFrame(this.playing);
+    this.playing = 0;
+    this.player.textContent = "▶";
+    this.player.setAttribute("aria-label", "play");
+  }
+
+  play() {
+    const begun = performance.now(), from = this.given >= 1 ? 0 : this.given;
+    this.player.textContent = "❚❚";
+    this.player.setAttribute("aria-label", "stop");
+    const tick = at => {
+      const seconds = (at - begun) / 1000;
+      this.playing = requestAnimationFrame(tick);
+      if (this.mode === "runs") {
+        this.take(Math.min(1, from + seconds / 6));
+        if (this.share >= 1) this.stop();
+      } else if (this.mode === "directions") this.take((1 + Math.sin(2 * seconds)) / 2);
+      else this.take((Math.floor(2.5 * seconds) % this.draws.count) / Math.max(1, this.draws.count - 1));
+    };
+    this.playing = requestAnimationFrame(tick);
+  }
+}
+
+const read = element => unpacked(JSON.parse(element.textContent));
+let theirBody; // one for all replays of a page
+
+for (const root of document.querySelectorAll("[data-replay]")) {
+  const begun = performance.now(), place = document.createElement("div");
+  try {
+    root.prepend(place);
+    theirBody ??= new Body(await read(document.getElementById("replay-body")));
+    root.replay = new Replay(place, await read(root.querySelector("script")), theirBody);
+    root.dataset.ready = Math.round(performance.now() - begun);
+  } catch (error) { // an old browser; the page's figures say the same
+    place.remove();
+    root.hidden = true;
+    console.warn(`no replay: ${error.message}`);
+  }
+}
