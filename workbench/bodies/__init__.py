@@ -11,6 +11,7 @@ from workbench.bodies.mirrored import mirrored
 from workbench.bodies.penetrations import BodySolids, Penetration, penetrations
 from workbench.bodies.pose_space import PoseSpace, pose_space
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
+from workbench.bodies.shape_space import ShapeSpace, shape_space
 from workbench.bodies.skinned import SkinnedBody
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Landmarks",
     "Penetration",
     "PoseSpace",
+    "ShapeSpace",
     "SkinnedBody",
     "Skinning",
     "capsule_ends",
@@ -34,6 +36,7 @@ __all__ = [
     "mirrored",
     "penetrations",
     "pose_space",
+    "shape_space",
     "skin",
     "skin_vertices",
 ]
