@@ -11,7 +11,11 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from tests.bodies.random_bodies import Entries, entries
+from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.extras import REQUIRED
 from workbench.bodies.files.joint_names import TREES
+from workbench.bodies.files.saving import arrays_of
+from workbench.geometry.mirror import AXIAL
 
 LANDMARKS, CONTOUR = 51, (79, 17)  # of SMPL-X: static ones, and one row of contour for each degree
 
@@ -94,6 +98,45 @@ def star(N: int = 40, B: int = 300) -> Entries:
     rng = np.random.default_rng(7)
     raw = layout("SMPL", N, B)
     return raw | {"posedirs": rng.normal(size=(N, 3, 93)) * 0.01}
+
+
+def foreign(name: str) -> Entries:
+    """An embedded body in the seven arrays of SMPL's files alone, as from another program."""
+    body = load_skinned(name)
+    arrays = arrays_of(body)
+    return {key: arrays[key].copy() for key in (*REQUIRED, *body.extras)}
+
+
+def with_fingers(name: str = "default") -> Entries:
+    """An embedded body of 24 joints in SMPL-H's layout, with the hands' joints and pose spaces.
+
+    The joints are those of the embedded hand, moved to the wrists; the weights of a hand go to the
+    nearest of its fingers' joints. It is made up, to be looked at, and moves like no hand.
+    """
+    body, hand = load_skinned(name), load_skinned("hand")
+    own, K = foreign(name), 52
+    parents = TREES["SMPL-H"]
+    weights, regressor = np.zeros((body.n_vertices, K)), np.zeros((K, body.n_vertices))
+    weights[:, :22], regressor[:22] = own["weights"][:, :22], own["J_regressor"][:22]
+    space = {key: hand.extras[key] for key in ("hands_mean", "hands_components")}
+    spaces: Entries = {}
+    for joint, first, side, letter in ((22, 22, 1.0, "l"), (23, 37, -1.0, "r")):
+        wrist = body.joints()[joint - 2]
+        places = wrist + (hand.joints() - hand.joints()[0])[1:] * [-side, 1, 1]
+        there = np.flatnonzero(own["weights"][:, joint] > 0)
+        nearest = np.linalg.norm(body.template[there, None] - places, axis=2).argmin(axis=1)
+        weights[there, first + nearest] = own["weights"][there, joint]
+        means = np.column_stack([body.template[there], np.ones(len(there))])
+        wanted = np.column_stack([places, np.ones(15)])
+        regressor[first : first + 15, there] = np.linalg.lstsq(means.T, wanted.T, rcond=None)[0].T
+        for key, rows in space.items():
+            turned = rows.reshape(-1, 3) * (AXIAL if side > 0 else 1)
+            spaces[key + letter] = turned.reshape(rows.shape)
+    posedirs = np.zeros((body.n_vertices, 3, 9 * (K - 1)))
+    posedirs[:, :, : 9 * 21] = own["posedirs"][:, :, : 9 * 21]
+    table = np.array([(2**32 - 1, *parents[1:]), range(K)], np.uint32)
+    changed = {"weights": weights, "J_regressor": regressor, "posedirs": posedirs}
+    return own | changed | {"kintree_table": table} | spaces
 
 
 MODELS: dict[str, Any] = {

@@ -3,6 +3,8 @@
 from workbench.bodies.body import Body
 from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.capsules import Capsules
+from workbench.bodies.checking.check_file import FileCheck, check_body_file
+from workbench.bodies.checking.findings import FileFinding
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
@@ -19,6 +21,8 @@ __all__ = [
     "Body",
     "BodySolids",
     "Capsules",
+    "FileCheck",
+    "FileFinding",
     "Landmarks",
     "Penetration",
     "PoseSpace",
@@ -29,6 +33,7 @@ __all__ = [
     "capsule_gaps",
     "capsule_points",
     "capsules_of",
+    "check_body_file",
     "dual_quaternion_blend",
     "fit_capsules",
     "hand_points",
