@@ -19,6 +19,7 @@ from scipy.sparse import csr_array, issparse
 
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
+from tests.fitting.mediapipe_made import mediapipe_results
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies import check_body_file, pose_space, shape_space
@@ -147,7 +148,7 @@ def _read_models(folder: Path) -> object:
         found += [body.template, body.shapedirs, body.posedirs, body.weights]
         space = shape_space(body)
         some = space.first(min(2, len(space.shape)), min(1, len(space.expression)))
-        found.append(body.vertices(None, some.numbers(np.ones(len(some.shape)))))
+        found.append(some.numbers(np.ones(len(some.shape))))
         for hand in ("left", "right") if body.n_joints > 50 else (None,):
             keys = ("hands_mean", "hands_components")
             if all(key + (hand or " ")[0].strip() in body.extras for key in keys):
@@ -373,6 +374,17 @@ def _read_annotations(folder: Path) -> object:
     return vars(read_observations([folder / "coco.json"]))
 
 
+def _mediapipe(folder: Path) -> None:
+    for name, said in mediapipe_results().items():
+        (folder / f"{name}.json").write_text(json.dumps(said))
+
+
+def _read_mediapipe(folder: Path) -> object:
+    return [
+        vars(read_observations([path], size=(640, 480))) for path in sorted(folder.glob("*.json"))
+    ]
+
+
 def _camera(given: Any) -> dict[str, Any]:
     K = [[900.0, 0.0, 500.0], [0.0, 900.0, 400.0], [0.0, 0.0, 1.0]]
     return {"K": K, "R": [0.1, 0.2, 0.3], "t": [0.0, 0.0, 3.0], "size": [1000, 800]} | given
@@ -460,6 +472,7 @@ FORMATS: dict[str, Format] = {
     "mesh.glb": _mesh(".glb"),
     "openpose.json": Format(_people, _read_people),
     "coco.json": Format(_annotations, _read_annotations),
+    "mediapipe.json": Format(_mediapipe, _read_mediapipe),
     "cameras.json": Format(_calibration, _cameras("cameras.json")),
     "cameras.toml": Format(_tables, _cameras("cameras.toml")),
     "motion-files": Format(_motions, _read_motions),

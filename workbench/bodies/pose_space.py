@@ -55,6 +55,9 @@ class PoseSpace:
                     f"{key} of a pose space of {J} joints and {C} components have shape "
                     f"{getattr(self, key).shape}, but must be {shape}"
                 )
+        for key in ("mean", "components", "deviations"):
+            if not np.isfinite(getattr(self, key)).all():
+                raise BadBody(f"{key} of a pose space hold numbers that are not finite")
         if not (self.deviations > 0).all():
             raise BadBody("deviations of a pose space must be above zero")
 
@@ -172,6 +175,7 @@ def _deviations(extras: Mapping[str, NDArray[Any]], letter: str, count: int) -> 
         return reals("hands_deviations", extras[f"hands_deviations{letter}"])
     coefficients = extras.get(f"hands_coeffs{letter}")
     if coefficients is not None and coefficients.ndim == 2 and coefficients.shape[1] == count:
-        spread = np.asarray(coefficients.std(axis=0), dtype=np.float64)
-        return spread if (spread > 0).all() else np.ones(count)
+        with np.errstate(over="ignore", invalid="ignore"):
+            spread = np.asarray(coefficients.std(axis=0), dtype=np.float64)
+        return spread if ((spread > 0) & np.isfinite(spread)).all() else np.ones(count)
     return np.ones(count)

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array, Index, Mask
 from workbench.bodies.checking.findings import FileFinding, counted
 from workbench.bodies.files.entries import SPARSE_PARTS, Contents, Entries, Unread
 from workbench.bodies.files.extras import REQUIRED
 from workbench.bodies.files.joint_names import family, joint_names
 from workbench.errors import BadFile, cut
 
+HUGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
 PURPOSE = {  # of each array without which there is no body
     "v_template": "the vertices at rest",
     "shapedirs": "what betas do",
@@ -93,7 +94,7 @@ class ModelArrays:
         value = self.raw.get(key)
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or not value.size:
             return None
-        return value if np.isfinite(value).all() else None
+        return value if _usable(value).all() else None
 
     def scalar(self, key: str) -> int | None:
         """A single whole number."""
@@ -119,7 +120,8 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
             found.append(FileFinding(key, _sentence(str(error), where)))
             return None
         numbers = array.data if isinstance(array, csr_array) else array
-        return array if np.isfinite(numbers).all() else None
+        there = array.ndim and array.shape[0]
+        return array if there and _usable(numbers).all() else None
 
     def fits(key: str, array: Any, shape: tuple[int | None, ...], because: str) -> Any:
         """The array if its shape is this one, in which None stands for any size."""
@@ -192,6 +194,11 @@ def _missing(raw: Contents) -> list[FileFinding]:
     ]
 
 
+def _usable(numbers: NDArray[Any]) -> Mask:
+    """Which numbers can be computed with."""
+    return np.asarray(np.abs(numbers) < HUGE)  # which NaN is not
+
+
 def _not_finite(raw: Contents) -> list[FileFinding]:
     """A finding for each array with entries that are infinite or not numbers."""
     found = []
@@ -199,14 +206,15 @@ def _not_finite(raw: Contents) -> list[FileFinding]:
         numbers = value.data if isinstance(value, csr_array) else value
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f":
             continue
-        bad = ~np.isfinite(numbers)
+        bad: Mask = np.asarray(~_usable(numbers))
         if not bad.any():
             continue
         first = [int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape)]
         where = "" if isinstance(value, csr_array) else f", the first at {first}"
         how_many = counted(int(bad.sum()), "entry that is", "entries that are")
+        what = "not finite" if not np.isfinite(numbers).all() else f"above {HUGE:g}"
         text = (
-            f"{cut(key, 60)} has {how_many} not finite{where}; they spread to every number that is "
+            f"{cut(key, 60)} has {how_many} {what}{where}; they spread to every number that is "
             "computed from them. Export the model again, or find out what these entries should be."
         )
         found.append(FileFinding(cut(key, 60), text))
