@@ -14,7 +14,7 @@ import workbench as wb
 from tests.bodies.model_files import MODELS, flame, layout, mano, smplh, smplx, star, written
 from tests.bodies.random_bodies import Entries, same
 from workbench.blocks import Block
-from workbench.bodies import SkinnedBody, pose_space, shape_space
+from workbench.bodies import SkinnedBody, mirrored, pose_space, shape_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.joint_names import FLAME, NAMES, TREES
 from workbench.bodies.files.npz_files import read_npz
@@ -229,3 +229,27 @@ def test_blocks_of_shape_have_prefixes() -> None:
     shape, expression = shape_space(body).blocks("anna/")
     assert (shape.name, shape.shape, expression.shape) == ("anna/shape", (10,), (0,))
     assert isinstance(shape, Block)
+
+
+def test_a_body_in_a_mirror_exchanges_its_hands(tmp_path: Path) -> None:
+    """Also what is said of the corners of faces, which a mirrored face has in another order."""
+    raw = smplx(B=20)
+    body = load_skinned(written(raw, tmp_path / "m.npz"))
+    other = mirrored(body, "other")
+    left = pose_space(other, hand="left")
+    expected = raw["hands_meanr"].reshape(15, 3) * [1, -1, -1]
+    np.testing.assert_array_equal(left.mean, expected)
+    np.testing.assert_array_equal(other.extras["hands_coeffsl"], raw["hands_coeffsr"])
+    z = np.array([1.0, -2, 0.5])
+    pose = pose_space(body, 3, "right").poses(body, z)
+    there = pose_space(other, 3, "left").poses(other, z)
+    np.testing.assert_allclose(other.vertices(there), body.vertices(pose) * [-1, 1, 1], atol=1e-12)
+    seen, found = (
+        np.einsum(
+            "lc,lcx->lx",
+            one.extras["lmk_bary_coords"],
+            one.template[one.faces[raw["lmk_faces_idx"].astype(int)]],
+        )
+        for one in (body, other)
+    )
+    np.testing.assert_allclose(found, seen * [-1, 1, 1], atol=1e-14)

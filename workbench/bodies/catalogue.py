@@ -55,9 +55,10 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBod
     """A body of the catalogue by its name in `BODIES`, or the body in an .npz or .pkl file.
 
     Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO, FLAME, STAR and the like), or were
-    written by `save_body`; `check_body_file` says what is wrong with one. The first bytes of a file tell what it is; its name does not. A file whose
-    `bs_style` is `triangles` holds a TriangleBody, all others hold a SkinnedBody. Nothing in a file
-    is ever run, changed or copied. `Path("small")` means a file that is called like a body.
+    written by `save_body`; `check_body_file` says what is wrong with one. The first bytes of a file
+    tell what it is; its name does not. A file whose `bs_style` is `triangles` holds a TriangleBody,
+    all others hold a SkinnedBody. Nothing in a file is ever run, changed or copied. `Path("small")`
+    means a file that is called like a body.
 
     Arrays that a body does not compute with, such as the principal components of MANO's hands or
     the face landmarks of SMPL-X, are the body's `extras`. Entries that cannot be kept, such as

@@ -174,7 +174,9 @@ def _deviations(extras: Mapping[str, NDArray[Any]], letter: str, count: int) -> 
     if f"hands_deviations{letter}" in extras:
         return reals("hands_deviations", extras[f"hands_deviations{letter}"])
     coefficients = extras.get(f"hands_coeffs{letter}")
-    if coefficients is not None and coefficients.ndim == 2 and coefficients.shape[1] == count:
+    if coefficients is None or coefficients.ndim != 2:
+        return np.ones(count)
+    if coefficients.shape[1] == count and len(coefficients) > 1:
         with np.errstate(over="ignore", invalid="ignore"):
             spread = np.asarray(coefficients.std(axis=0), dtype=np.float64)
         return spread if ((spread > 0) & np.isfinite(spread)).all() else np.ones(count)

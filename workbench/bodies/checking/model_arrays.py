@@ -196,7 +196,8 @@ def _missing(raw: Contents) -> list[FileFinding]:
 
 def _usable(numbers: NDArray[Any]) -> Mask:
     """Which numbers can be computed with."""
-    return np.asarray(np.abs(numbers) < HUGE)  # which NaN is not
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(np.abs(numbers) < HUGE)  # which NaN is not
 
 
 def _not_finite(raw: Contents) -> list[FileFinding]:
