@@ -5,15 +5,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.bodies.checking.findings import FileFinding, row_name
+from workbench.bodies.checking.findings import FileFinding, counted, row_name
 from workbench.bodies.checking.model_arrays import ModelArrays
 from workbench.bodies.files.joint_names import NAMES, TREES
 
 FAR = 0.15  # of the size of a model, from a joint to where its skin begins; 0.07 is seen
+EXCHANGED = 0.03  # by how much two joints together are closer to their skin if they change places
 FAR_IN_A_HEAD = 0.4  # the skin that a jaw moves begins far from its joint
 REORDER = (
     "Sort the joints so that parents come before their children: the columns of kintree_table and "
     "weights, the rows of J_regressor, and the groups of 9 columns of posedirs, all in one order"
+)
+
+
+ORDERS = (
+    "The rows of J_regressor, the columns of weights and the tree are in different orders, or the "
+    "vertices are those of another mesh: take all from one file."
 )
 
 
@@ -100,36 +107,52 @@ def _of_family(model: ModelArrays) -> Iterator[FileFinding]:
 
 def _apart(model: ModelArrays) -> Iterator[FileFinding]:
     """Joints that are far from where their skin meets that of their parents."""
-    far = joints_apart(model)
-    wrong = np.flatnonzero(far > (FAR_IN_A_HEAD if model.family == "FLAME" else FAR))
-    if len(wrong):
-        k = int(np.argmax(far))
+    away = joints_away(model)
+    if away is None:
+        return
+    known = model.family in TREES  # in a tree that nobody knows, it may be meant
+    own = np.diag(away)
+    gains = own[:, None] + own - away - away.T
+    i, j = (int(k) for k in np.unravel_index(int(np.nanargmax(gains)), gains.shape))
+    if gains[i, j] > EXCHANGED:
+        i, j = sorted((i, j))
         yield FileFinding(
             "J_regressor",
-            f"{len(wrong)} of {len(far)} joints are far from the skin that they move: "
-            f"{row_name(model.names, k)} is {far[k]:.0%} of the size of the model away from where "
-            "its skin begins. Either the rows of J_regressor, the columns of weights and the tree "
-            "are in different orders, or the vertices are those of another mesh: take all from one "
-            "file.",
-            warning=model.family in TREES,  # of a tree that nobody knows, it may be meant
+            f"{row_name(model.names, i).capitalize()} and {row_name(model.names, j)} would be "
+            f"closer to the skin that they move if they changed places. {ORDERS}",
+            known,
+        )
+        return
+    far = np.flatnonzero(own > (FAR_IN_A_HEAD if model.family == "FLAME" else FAR))
+    if len(far):
+        k = int(np.nanargmax(own))
+        joints = counted(len(far), "joint is", "joints are")
+        yield FileFinding(
+            "J_regressor",
+            f"Of {len(own)} joints, {joints} far from the skin that they move: "
+            f"{row_name(model.names, k)} is {own[k]:.0%} of the size of the model away from where "
+            f"its skin begins. {ORDERS}",
+            known,
         )
 
 
-def joints_apart(model: ModelArrays) -> Array:
-    """For each joint (K,) its distance from where its skin meets its parent's, by the model's size.
+def joints_away(model: ModelArrays) -> Array | None:
+    """The distance of each joint from where the skin of each begins, by the model's size: (K, K).
 
-    That place is the mean of the vertices by the product of both weights; 0 where there are none.
+    The skin of a joint begins where it meets its parent's: at the mean of the vertices by the
+    product of both weights. NaN in the columns of joints that have no such place; None if no joint
+    has one.
     """
-    joints, parents = model.joints, model.parents
-    found = np.zeros(model.n_joints)
-    if joints is None or parents is None or model.weights is None or model.template is None:
-        return found
+    joints, parents, template = model.joints, model.parents, model.template
+    if joints is None or parents is None or model.weights is None or template is None:
+        return None
     if not model.size > 0:
-        return found
+        return None
+    places = np.full((len(parents), 3), np.nan)
     for k in range(1, len(parents)):
         shared = model.weights[:, k] * model.weights[:, parents[k]]
         total = float(shared.sum())
         if total > 0:
-            place = shared @ model.template / total
-            found[k] = np.linalg.norm(joints[k] - place) / model.size
-    return found
+            places[k] = shared @ template / total
+    away = np.asarray(np.linalg.norm(joints[:, None] - places, axis=2) / model.size)
+    return away if np.isfinite(np.diag(away)).any() else None
