@@ -247,7 +247,7 @@ def _names(
 def _sentence(message: str, where: str) -> str:
     """What a reader says, without the name of the file."""
     text = message.removeprefix(where).removeprefix(":").strip()
-    return f"{text[:1].upper() if text[1:2].islower() and ' ' in text[:4] else text[:1]}{text[1:]}."
+    return f"{text}. Take it from the original file, or export the model again."
 
 
 def used_keys(raw: Contents) -> frozenset[str]:
