@@ -182,14 +182,14 @@ def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
 
 def _missing(raw: Contents) -> list[FileFinding]:
     have = {key.partition("/")[0] for key in raw}
+    zeros = ", or add zeros (N, 3, 9 (K - 1)) for a body without correctives"
     return [
         FileFinding(
             key,
-            f"There is no {key}, which says {PURPOSE[key]}. Take a file that has it, or add it"
-            + (" as zeros (N, 3, 9 (K - 1)) for a body without correctives." * (key == "posedirs"))
-            + ("." * (key != "posedirs")),
+            f"There is no {key} ({what}), without which there is no body. Take a file that has it"
+            f"{zeros if key == 'posedirs' else ''}.",
         )
-        for key in REQUIRED
+        for key, what in PURPOSE.items()
         if key not in have
     ]
 
