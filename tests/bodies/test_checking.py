@@ -332,7 +332,7 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         BODY,
         lambda raw: {"posedirs": None},
         "posedirs",
-        "There is no posedirs, which",
+        "There is no posedirs .what poses do",
     ),
     "texts for numbers": (
         BODY,
