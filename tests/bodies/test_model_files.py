@@ -141,6 +141,11 @@ def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> No
     body = load_skinned(written(raw, tmp_path / "m.pkl"))
     with pytest.raises(BadBody, match="hand='left' or hand='right', not for None"):
         pose_space(body)
+    none = pose_space(
+        replace(body, extras={**body.extras, "hands_componentsl": np.zeros((0, 45))}), hand="left"
+    )
+    assert none.n_components == 0
+    assert none.poses(body, []).shape == (body.n_joints, 3)  # the mean pose
     for hand in ("left", "right"):
         space, letter = pose_space(body, 4, hand), hand[0]
         z = np.array([1.0, -2, 0.5, 0])

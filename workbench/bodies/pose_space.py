@@ -93,7 +93,7 @@ class PoseSpace:
                 f"body {body.name!r} has {len(others)} joints outside of the pose space; their "
                 f"rotations are an expression (3, {len(others)}), not {rest.shape}"
             )
-        flat = self.components.reshape(self.n_components, -1).T
+        flat = self.components.reshape(self.n_components, 3 * len(self.joints)).T
         own = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
         order = np.argsort([*rows, *others])
         return cs.horzcat(own, rest)[:, order.tolist()]
@@ -114,7 +114,9 @@ class PoseSpace:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""
         own = reals("poses", poses)[..., self._rows(body), :] - self.mean
         flat = own.reshape(*own.shape[:-2], -1)
-        return np.asarray(flat @ np.linalg.pinv(self.components.reshape(self.n_components, -1)))
+        return np.asarray(
+            flat @ np.linalg.pinv(self.components.reshape(self.n_components, 3 * len(self.joints)))
+        )
 
     def _rows(self, body: Body) -> list[int]:
         for joint in self.joints:
@@ -147,7 +149,7 @@ def pose_space(body: Body, count: int | None = None, hand: str | None = None) ->
             f"body {body.name!r} has {len(joints)} joints {_where(letter)}, but {mean_key} of "
             f"shape {mean.shape} and {rows_key} of shape {rows.shape}"
         )
-    components = rows.reshape(len(rows), -1, 3)
+    components = rows.reshape(len(rows), len(joints), 3)
     deviations = _deviations(extras, letter, len(rows))
     space = PoseSpace(joints, mean.reshape(-1, 3), components, deviations)
     return space if count is None else space.first(count)
