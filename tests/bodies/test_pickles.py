@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_matrix, csc_array, csc_matrix, csr_matrix
 
+from tests.bodies.model_files import mano
 from tests.bodies.random_bodies import Entries, entries
+from workbench.bodies import check_body_file
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.files.entries import Unread
 from workbench.bodies.files.pickle_records import KNOWN, Made
@@ -129,6 +131,25 @@ def test_strings_of_python_2_s_first_protocol() -> None:
         "a\0\xff\n'": True,
         "b": 5,
     }
+
+
+@pytest.mark.usefixtures("chumpy")
+def test_mano_of_chumpy_values_keeps_its_hands(tmp_path: Path) -> None:
+    """As MANO's own files are: some of 20 shape directions selected, the hands plain arrays."""
+    raw = mano()
+    wide = np.random.default_rng(2).normal(size=(40, 3, 20))
+    idxs = np.arange(wide.size).reshape(wide.shape)[:, :, :10].ravel()
+    chumpy_values = {key: Ch(x=raw[key]) for key in ("v_template", "posedirs", "weights")}
+    shapedirs = Select(a=Ch(x=wide), idxs=idxs, preferred_shape=(40, 3, 10))
+    held = raw | chumpy_values | {"shapedirs": shapedirs}
+    body = load_body(dumped(held, tmp_path / "MANO_RIGHT.pkl"))
+    np.testing.assert_array_equal(body.shapedirs, wide[:, :, :10])
+    np.testing.assert_array_equal(body.posedirs, raw["posedirs"])
+    for key in ("hands_components", "hands_mean", "hands_coeffs"):
+        np.testing.assert_array_equal(body.extras[key], raw[key])
+    found = check_body_file(tmp_path / "MANO_RIGHT.pkl")
+    assert found.facts["loads"] == "yes"
+    assert "chumpy" not in sys.modules
 
 
 @pytest.mark.usefixtures("chumpy")

@@ -3,12 +3,16 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.bodies.random_bodies import decorated, entries
-from workbench.bodies.catalogue import load_body
+from tests.bodies.model_files import mano, smplh, written
+from tests.bodies.model_files import smplx as smplx_file
+from tests.bodies.random_bodies import Entries, decorated, entries
+from workbench.bodies import mirrored, pose_space, shape_space
+from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.skinned import SkinnedBody
@@ -53,3 +57,109 @@ def test_smplx_computes_the_same(tmp_path: Path, which: str | int) -> None:
     assert away_joints < TOLERANCE
     assert out.joints.shape == (BATCH, 45, 3)
     np.testing.assert_allclose(out.joints.numpy()[:, 24], vertices[:, ids["nose"]], atol=TOLERANCE)
+
+
+def given(**arrays: np.ndarray) -> dict[str, Any]:
+    """The arguments of a model of smplx, in single precision."""
+    return {key: torch.tensor(array, dtype=torch.float32) for key, array in arrays.items()}
+
+
+def as_body(raw: Entries, name: str, folder: Path) -> SkinnedBody:
+    """A body about as large as its model, out of a file in the layout of that model."""
+    suffix = ".pkl" if name == "hand" else ".npz"
+    sized = raw | {"v_template": raw["v_template"] * 0.3}
+    return load_skinned(written(sized, folder / f"{name}{suffix}"))
+
+
+def agree(out: Any, body: SkinnedBody, pose: np.ndarray, betas: np.ndarray) -> None:
+    trans = np.broadcast_to([0.1, 0.2, 0.3], (BATCH, 3))
+    vertices, joints = body.vertices(pose, betas, trans), body.joints(pose, betas, trans)
+    away = abs(out.vertices.detach().numpy() - vertices).max()
+    away_joints = abs(out.joints.detach().numpy()[:, : body.n_joints] - joints).max()
+    print(f"{body.name}: vertices {away:.1e} m, joints {away_joints:.1e} m")
+    assert max(away, away_joints) < TOLERANCE
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("which", ["mano", "left of mano", "hand"])
+@pytest.mark.parametrize("count", [6, 45])
+def test_mano_by_the_coefficients_of_its_pose_space(tmp_path: Path, which: str, count: int) -> None:
+    """The mean pose is added once: by smplx to what it is given, and here by the pose space."""
+    body = load_skinned("hand") if which == "hand" else as_body(mano(), "hand", tmp_path)
+    left = which == "left of mano"
+    body = mirrored(body, "left") if left else body
+    side = "LEFT" if left else "RIGHT"
+    save_body(body, tmp_path / f"MANO_{side}.pkl")
+    assert not (tmp_path / f"MANO_{side}_vertex_ids.json").exists()
+    theirs = smplx.MANO(
+        str(tmp_path),
+        is_rhand=not left,
+        num_pca_comps=count,
+        flat_hand_mean=False,
+        batch_size=BATCH,
+    )
+    space, rng = pose_space(body, count), np.random.default_rng(1)
+    z, wrist, betas = (rng.normal(size=(BATCH, n)) * 0.5 for n in (count, 3, 10))
+    pose = space.poses(body, z)
+    pose[:, 0] = wrist
+    # with all 45 components smplx takes rotation vectors, still without the mean
+    hand = z if count < 45 else (pose[:, 1:] - space.mean).reshape(BATCH, 45)
+    trans = np.tile([0.1, 0.2, 0.3], (BATCH, 1))
+    out = theirs(**given(betas=betas, global_orient=wrist, hand_pose=hand, transl=trans))
+    agree(out, body, pose, betas)
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("with_space", [True, False])
+def test_smplh_of_52_joints(tmp_path: Path, with_space: bool) -> None:
+    body = as_body(smplh(), "body", tmp_path)
+    body = body if with_space else replace(body, extras={})
+    (tmp_path / "smplh").mkdir()
+    save_body(body, tmp_path / "smplh" / "SMPLH_NEUTRAL.pkl")
+    ids = json.loads((tmp_path / "smplh" / "SMPLH_NEUTRAL_vertex_ids.json").read_text())
+    theirs = smplx.create(
+        str(tmp_path), "smplh", vertex_ids=ids, num_betas=10, batch_size=BATCH, num_pca_comps=6
+    )
+    rng = np.random.default_rng(2)
+    betas, z = np.zeros((BATCH, 16)), rng.normal(size=(2, BATCH, 6)) * 0.5
+    betas[:, :10] = rng.normal(size=(BATCH, 10))  # smplx shows no more of a file of less than 300
+    pose = rng.normal(size=(BATCH, 52, 3)) * 0.4
+    hands = ("left", z[0], slice(22, 37)), ("right", z[1], slice(37, 52))
+    for hand, coefficients, rows in hands:
+        if with_space:
+            pose[:, rows] = pose_space(body, 6, hand).poses(body, coefficients)[:, rows]
+        else:
+            pose[:, rows] = np.pad(coefficients, ((0, 0), (0, 39))).reshape(BATCH, 15, 3)
+    out = theirs(
+        **given(
+            betas=betas[:, :10],
+            global_orient=pose[:, 0],
+            body_pose=pose[:, 1:22].reshape(BATCH, 63),
+            left_hand_pose=z[0],
+            right_hand_pose=z[1],
+            transl=np.tile([0.1, 0.2, 0.3], (BATCH, 1)),
+        )
+    )
+    agree(out, body, pose, betas)
+
+
+@pytest.mark.filterwarnings("default")
+def test_smplx_of_55_joints_with_shape_and_expression(tmp_path: Path) -> None:
+    raw = smplx_file(N=9930)  # smplx shows vertex 9,929
+    raw["posedirs"][100:] = 0  # what is random takes long to write
+    raw["shapedirs"][100:, :, 10:300] = 0
+    body = as_body(raw, "body", tmp_path)
+    save_body(body, tmp_path / "SMPLX_NEUTRAL.npz")
+    theirs = smplx.SMPLX(
+        str(tmp_path), use_pca=False, flat_hand_mean=True, batch_size=BATCH, use_face_contour=True
+    )
+    rng = np.random.default_rng(3)
+    shape, expression = rng.normal(size=(2, BATCH, 10))
+    pose = rng.normal(size=(BATCH, 55, 3)) * 0.4
+    parts = ("global_orient", "body_pose", "jaw_pose", "leye_pose", "reye_pose")
+    parts += ("left_hand_pose", "right_hand_pose")
+    split = np.split(pose, [1, 22, 23, 24, 25, 40], axis=1)
+    posed = {key: part.reshape(BATCH, -1) for key, part in zip(parts, split, strict=True)}
+    trans = np.tile([0.1, 0.2, 0.3], (BATCH, 1))
+    out = theirs(**given(betas=shape, expression=expression, transl=trans, **posed))
+    agree(out, body, pose, shape_space(body).numbers(shape, expression))

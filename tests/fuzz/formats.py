@@ -17,9 +17,13 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
+from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
+from tests.fitting.mediapipe_made import mediapipe_results
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from workbench import Block, Problem, Residual, load_body, save_body, solve
+from workbench.bodies import check_body_file, pose_space, shape_space
+from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.triangles import TriangleBody, blend_scape
@@ -121,6 +125,36 @@ def _body(name: str) -> Callable[[Path], object]:
         return body.vertices(np.zeros((body.n_joints, 3)), np.zeros(body.n_betas), np.zeros(3))
 
     return read
+
+
+def _models(folder: Path) -> None:
+    """One file of each model of the family, with all of its keys."""
+    for model, (make, suffix) in MODELS.items():
+        written(make(12), folder / f"{model}{suffix}")
+
+
+def _read_models(folder: Path) -> object:
+    """Loaded, taken apart and checked, each as a user would; a refusal of one is one of the file.
+
+    Betas of a body are those of a shape and an expression, and hands are posed by coefficients.
+    """
+    found: list[object] = []
+    for model, (_, suffix) in MODELS.items():
+        path = folder / f"{model}{suffix}"
+        check = check_body_file(path)
+        assert all(len(finding.text) < 1200 for finding in check.findings)
+        assert len(check.report()) < 100_000
+        body = load_skinned(path)
+        found += [body.template, body.shapedirs, body.posedirs, body.weights]
+        space = shape_space(body)
+        some = space.first(min(2, len(space.shape)), min(1, len(space.expression)))
+        found.append(some.numbers(np.ones(len(some.shape))))
+        for hand in ("left", "right") if body.n_joints > 50 else (None,):
+            keys = ("hands_mean", "hands_components")
+            if all(key + (hand or " ")[0].strip() in body.extras for key in keys):
+                hands = pose_space(body, None, hand)
+                found.append(hands.poses(body, np.zeros(hands.n_components)))
+    return found
 
 
 def _embedded(folder: Path) -> None:
@@ -340,6 +374,17 @@ def _read_annotations(folder: Path) -> object:
     return vars(read_observations([folder / "coco.json"]))
 
 
+def _mediapipe(folder: Path) -> None:
+    for name, said in mediapipe_results().items():
+        (folder / f"{name}.json").write_text(json.dumps(said))
+
+
+def _read_mediapipe(folder: Path) -> object:
+    return [
+        vars(read_observations([path], size=(640, 480))) for path in sorted(folder.glob("*.json"))
+    ]
+
+
 def _camera(given: Any) -> dict[str, Any]:
     K = [[900.0, 0.0, 500.0], [0.0, 900.0, 400.0], [0.0, 0.0, 1.0]]
     return {"K": K, "R": [0.1, 0.2, 0.3], "t": [0.0, 0.0, 3.0], "size": [1000, 800]} | given
@@ -411,6 +456,7 @@ FORMATS: dict[str, Format] = {
     "triangles.npz": Format(_triangle_body, _read_triangle_body),
     "SMPL.npz": Format(_raw_npz_body, _body("SMPL.npz")),
     "SMPL.pkl": Format(_pkl_body, _body("SMPL.pkl"), *OF_PICKLES),
+    "model-files": Format(_models, _read_models),
     "embedded.npz": Format(_embedded, _read_embedded),
     "solution.npz": Format(_write_solution, _read_solution),
     "comparison": Format(_write_store, _read_store),
@@ -426,6 +472,7 @@ FORMATS: dict[str, Format] = {
     "mesh.glb": _mesh(".glb"),
     "openpose.json": Format(_people, _read_people),
     "coco.json": Format(_annotations, _read_annotations),
+    "mediapipe.json": Format(_mediapipe, _read_mediapipe),
     "cameras.json": Format(_calibration, _cameras("cameras.json")),
     "cameras.toml": Format(_tables, _cameras("cameras.toml")),
     "motion-files": Format(_motions, _read_motions),

@@ -3,6 +3,8 @@
 from workbench.bodies.body import Body
 from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.capsules import Capsules
+from workbench.bodies.checking.check_file import FileCheck, check_body_file
+from workbench.bodies.checking.findings import FileFinding
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
@@ -11,6 +13,7 @@ from workbench.bodies.mirrored import mirrored
 from workbench.bodies.penetrations import BodySolids, Penetration, penetrations
 from workbench.bodies.pose_space import PoseSpace, pose_space
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
+from workbench.bodies.shape_space import ShapeSpace, shape_space
 from workbench.bodies.skinned import SkinnedBody
 
 __all__ = [
@@ -18,15 +21,19 @@ __all__ = [
     "Body",
     "BodySolids",
     "Capsules",
+    "FileCheck",
+    "FileFinding",
     "Landmarks",
     "Penetration",
     "PoseSpace",
+    "ShapeSpace",
     "SkinnedBody",
     "Skinning",
     "capsule_ends",
     "capsule_gaps",
     "capsule_points",
     "capsules_of",
+    "check_body_file",
     "dual_quaternion_blend",
     "fit_capsules",
     "hand_points",
@@ -34,6 +41,7 @@ __all__ = [
     "mirrored",
     "penetrations",
     "pose_space",
+    "shape_space",
     "skin",
     "skin_vertices",
 ]

@@ -6,10 +6,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args, overload
 
+from workbench.bodies.files.contents import contents_of
 from workbench.bodies.files.embedded import embedded, embedded_hand
 from workbench.bodies.files.embedded_triangles import embedded_triangles
-from workbench.bodies.files.npz_files import read_npz
-from workbench.bodies.files.pickled_arrays import read_pickled_arrays
 from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
 from workbench.bodies.mirrored import mirrored
@@ -44,21 +43,6 @@ BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
     "hand-left": embedded_left_hand,
     **{name: partial(embedded_triangles, name) for name in get_args(EmbeddedTriangles)},
 }  # a body of your own is a function without arguments that returns it, and a line here
-NPZ = b"PK\x03\x04"
-PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
-OTHERS = (  # how other files begin that people try
-    (b"\x93NUMPY", "a single array (.npy)"),
-    (b"\x1f\x8b", "compressed with gzip; decompress it first"),
-    (b"Rar!", "a rar archive; unpack it first"),
-    (b"7z\xbc\xaf", "a 7z archive; unpack it first"),
-    (b"\x89HDF", "an HDF5 file"),
-    (b"glTF", "a glTF mesh, which read_mesh reads"),
-    (b"ply", "a PLY mesh, which read_mesh reads"),
-    (b"OFF", "an OFF mesh, which read_mesh reads"),
-    (b"solid", "an STL mesh, which read_mesh reads"),
-    (b"version https://git-lfs", "a pointer of git-lfs, not the file itself; run `git lfs pull`"),
-    (b"<", "a web page, perhaps the one that asked you to log in"),
-)
 
 
 @overload
@@ -70,10 +54,11 @@ def load_body(name_or_path: str | Path) -> SkinnedBody | TriangleBody: ...
 def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBody:
     """A body of the catalogue by its name in `BODIES`, or the body in an .npz or .pkl file.
 
-    Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO and the like), or were written by
-    `save_body`. The first bytes of a file tell what it is; its name does not. A file whose
-    `bs_style` is `triangles` holds a TriangleBody, all others hold a SkinnedBody. Nothing in a file
-    is ever run, changed or copied. `Path("small")` means a file that is called like a body.
+    Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO, FLAME, STAR and the like), or were
+    written by `save_body`; `check_body_file` says what is wrong with one. The first bytes of a file
+    tell what it is; its name does not. A file whose `bs_style` is `triangles` holds a TriangleBody,
+    all others hold a SkinnedBody. Nothing in a file is ever run, changed or copied. `Path("small")`
+    means a file that is called like a body.
 
     Arrays that a body does not compute with, such as the principal components of MANO's hands or
     the face landmarks of SMPL-X, are the body's `extras`. Entries that cannot be kept, such as
@@ -90,21 +75,14 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBod
             f"the bodies are {listed(BODIES)}"
         )
     path = expanded(name_or_path)
-    if path.is_dir():
-        raise BadFile(f"{path} is a folder; give the file in it")
     if not path.exists():
         raise BadFile(
             f"no body is called {str(name_or_path)!r}, and there is no such file; "
             f"the bodies are {listed(BODIES)}, or give the path of an .npz or .pkl file"
         )
-    if (
-        not path.is_file()
-    ):  # opening a pipe waits until another process writes to it, perhaps for ever
-        raise BadFile(f"{path} is a pipe or a device; give a file")
-    try:
-        return _from_file(path)
-    except OSError as error:
-        raise BadFile(f"cannot read {path}: {error.strerror}") from error
+    raw = contents_of(path)
+    make = triangle_body_from if is_triangle_body(raw) else body_from
+    return make(raw, path.stem, str(path))
 
 
 def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
@@ -120,20 +98,3 @@ def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
         f"a SkinnedBody is needed here, but body {body.name!r} is a TriangleBody; the skinned "
         f"bodies are {listed(skinned)}, or give a file of another kind"
     )
-
-
-def _from_file(path: Path) -> SkinnedBody | TriangleBody:
-    with path.open("rb") as file:
-        start = file.read(32)
-    if start.startswith(NPZ):
-        raw = read_npz(path)
-    else:
-        for magic, what in OTHERS:
-            if start.lstrip().startswith(magic):
-                raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
-        if not start.startswith(PICKLES):
-            what = "empty" if not start else "neither"
-            raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
-        raw = read_pickled_arrays(path)
-    make = triangle_body_from if is_triangle_body(raw) else body_from
-    return make(raw, path.stem, str(path))

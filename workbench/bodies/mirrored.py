@@ -1,5 +1,6 @@
 """A body in a mirror: a left hand from a right one."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,9 @@ from workbench.errors import NotSupported
 from workbench.geometry.mirror import AXIAL, REFLECTION, Mirror, opposite
 
 HANDS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
+SIDED = (*HANDS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
+CORNERS = [0, 2, 1]  # the order in which a mirrored face has its corners
+BY_CORNER = ("lmk_bary_coords", "dynamic_lmk_bary_coords", "ft")  # extras with a number for each
 
 
 def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
@@ -20,9 +24,10 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
 
     Vertices and joints keep their numbers, and faces look outwards again. Where its pose is
     theta * (1, -1, -1) and trans is reflected, its vertices are those of the body reflected, for
-    all betas. Names change sides (left_index1 becomes right_index1). What is a position or a
-    direction in space (template, shapedirs, posedirs) turns its x; a file of a left MANO whose
-    shapedirs were not turned puts vertices centimetres away.
+    all betas. Names change sides (left_index1 becomes right_index1), and so do the pose spaces of
+    the hands of a whole body. What is a position or a direction in space (template, shapedirs,
+    posedirs) turns its x; a file of a left MANO whose shapedirs were not turned puts vertices
+    centimetres away.
 
     Raises NotSupported for a body that does not have SMPL's pose features, is bound in a pose, or
     has free arrays or capsules.
@@ -33,24 +38,36 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
             "features, without free arrays, capsules and a pose that they are bound in, can"
         )
     mirror = Mirror(np.arange(body.n_vertices), np.arange(body.n_joints))
-    axial = {key: _turned(body.extras[key]) for key in HANDS if key in body.extras}
     joints = body.rest_joints
     return replace(
         body,
         template=mirror.points(body.template),
         shapedirs=mirror.directions(body.shapedirs),
         posedirs=mirror.posedirs(body.posedirs),
-        faces=body.faces[:, [0, 2, 1]],
+        faces=body.faces[:, CORNERS],
         joint_names=tuple(map(opposite, body.joint_names)),
         rest_joints=None if joints is None else joints * REFLECTION,
         landmarks={
             key: Landmarks(tuple(map(opposite, some.names)), csr_array(some.regressor))
             for key, some in body.landmarks.items()
         },
-        extras={**body.extras, **axial},
+        extras=_mirrored_extras(body.extras),
         name=name,
         card={**body.card, "name": name, "mirrored": f"{body.name} in a mirror, x -> -x"},
     )
+
+
+def _mirrored_extras(extras: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The pose spaces of hands in the mirror, and what is said corner by corner of faces."""
+    found = dict(extras)
+    for what in SIDED:
+        for letter, other in (("", ""), ("l", "r"), ("r", "l")):
+            found.pop(what + letter, None)
+            if what + other in extras:
+                rows = extras[what + other]
+                found[what + letter] = _turned(rows) if what in HANDS else rows
+    corners = {key: extras[key][..., CORNERS] for key in BY_CORNER if key in extras}
+    return found | corners
 
 
 def _turned(rows: NDArray[Any]) -> NDArray[Any]:

@@ -19,8 +19,11 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Body
+from workbench.bodies.files.joint_names import FINGERS
 from workbench.bodies.readonly import readonly
 from workbench.errors import BadArgument, BadBody, UnknownName
+
+HANDS = {side: tuple(f"{side}_{name}" for name in FINGERS) for side in ("left", "right")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,9 @@ class PoseSpace:
                     f"{key} of a pose space of {J} joints and {C} components have shape "
                     f"{getattr(self, key).shape}, but must be {shape}"
                 )
+        for key in ("mean", "components", "deviations"):
+            if not np.isfinite(getattr(self, key)).all():
+                raise BadBody(f"{key} of a pose space hold numbers that are not finite")
         if not (self.deviations > 0).all():
             raise BadBody("deviations of a pose space must be above zero")
 
@@ -87,7 +93,7 @@ class PoseSpace:
                 f"body {body.name!r} has {len(others)} joints outside of the pose space; their "
                 f"rotations are an expression (3, {len(others)}), not {rest.shape}"
             )
-        flat = self.components.reshape(self.n_components, -1).T
+        flat = self.components.reshape(self.n_components, 3 * len(self.joints)).T
         own = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
         order = np.argsort([*rows, *others])
         return cs.horzcat(own, rest)[:, order.tolist()]
@@ -108,7 +114,9 @@ class PoseSpace:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""
         own = reals("poses", poses)[..., self._rows(body), :] - self.mean
         flat = own.reshape(*own.shape[:-2], -1)
-        return np.asarray(flat @ np.linalg.pinv(self.components.reshape(self.n_components, -1)))
+        return np.asarray(
+            flat @ np.linalg.pinv(self.components.reshape(self.n_components, 3 * len(self.joints)))
+        )
 
     def _rows(self, body: Body) -> list[int]:
         for joint in self.joints:
@@ -117,34 +125,61 @@ class PoseSpace:
         return [body.joint_names.index(joint) for joint in self.joints]
 
 
-def pose_space(body: Body, count: int | None = None) -> PoseSpace:
+def pose_space(body: Body, count: int | None = None, hand: str | None = None) -> PoseSpace:
     """The pose space in a body's file: `hands_mean` and `hands_components` of MANO's layout.
 
-    Components are rows. Their deviations are `hands_deviations`, or those of `hands_coeffs`, the
-    coefficients of the poses that MANO was trained on, or else one. `count` is the number of
-    components that are kept; None keeps all. Raises BadBody if the body has none.
+    Files of whole bodies (SMPL-H, SMPL-X) have one for each hand, under `hands_meanl` and
+    `hands_meanr` and so on; `hand` is `left` or `right` then, and the joints are the 15 of its
+    fingers. Components are rows. Their deviations are `hands_deviations`, or those of
+    `hands_coeffs`, the coefficients of the poses that MANO was trained on, or else one. `count` is
+    the number of components that are kept; None keeps all. Raises BadBody if the body has none.
     """
-    extras = body.extras
-    if not {"hands_mean", "hands_components"} <= extras.keys():
+    extras, letter = body.extras, _letter(body, hand)
+    mean_key, rows_key = (f"hands_{what}{letter}" for what in ("mean", "components"))
+    if not {mean_key, rows_key} <= extras.keys():
         raise BadBody(
-            f"body {body.name!r} has no pose space: there are no hands_mean and hands_components "
-            "among its extras; take the embedded body 'hand', or a file of MANO"
+            f"body {body.name!r} has no pose space: there are no {mean_key} and {rows_key} "
+            "among its extras; take the embedded body 'hand', or a file of MANO or SMPL-H"
         )
-    joints = body.joint_names[1:]
-    mean, rows = (reals(key, extras[key]) for key in ("hands_mean", "hands_components"))
+    names = body.joint_names
+    joints = tuple(n for n in names if n in HANDS[hand]) if hand in HANDS and letter else names[1:]
+    mean, rows = (reals(key, extras[key]) for key in (mean_key, rows_key))
     if mean.size != 3 * len(joints) or rows.ndim != 2 or rows.shape[1] != mean.size:
         raise BadBody(
-            f"body {body.name!r} has {len(joints)} joints below its root, but hands_mean of shape "
-            f"{mean.shape} and hands_components of shape {rows.shape}"
+            f"body {body.name!r} has {len(joints)} joints {_where(letter)}, but {mean_key} of "
+            f"shape {mean.shape} and {rows_key} of shape {rows.shape}"
         )
-    components = rows.reshape(len(rows), -1, 3)
-    space = PoseSpace(joints, mean.reshape(-1, 3), components, _deviations(extras, len(rows)))
+    components = rows.reshape(len(rows), len(joints), 3)
+    deviations = _deviations(extras, letter, len(rows))
+    space = PoseSpace(joints, mean.reshape(-1, 3), components, deviations)
     return space if count is None else space.first(count)
 
 
-def _deviations(extras: Mapping[str, NDArray[Any]], count: int) -> Array:
-    if "hands_deviations" in extras:
-        return reals("hands_deviations", extras["hands_deviations"])
-    if "hands_coeffs" in extras and extras["hands_coeffs"].shape[-1] == count:
-        return np.asarray(extras["hands_coeffs"].std(axis=0))
+def _letter(body: Body, hand: str | None) -> str:
+    """What the keys of the hand's arrays end in: nothing in a file of a single hand, or l or r."""
+    both = "hands_meanl" in body.extras or "hands_meanr" in body.extras
+    if not both:
+        return ""
+    if hand not in HANDS:
+        raise BadBody(
+            f"body {body.name!r} has a pose space for each hand; ask for hand='left' or "
+            f"hand='right', not for {hand!r}"
+        )
+    return hand[0]
+
+
+def _where(letter: str) -> str:
+    return {"": "below its root", "l": "in its left hand", "r": "in its right hand"}[letter]
+
+
+def _deviations(extras: Mapping[str, NDArray[Any]], letter: str, count: int) -> Array:
+    if f"hands_deviations{letter}" in extras:
+        return reals("hands_deviations", extras[f"hands_deviations{letter}"])
+    coefficients = extras.get(f"hands_coeffs{letter}")
+    if coefficients is None or coefficients.ndim != 2:
+        return np.ones(count)
+    if coefficients.shape[1] == count and len(coefficients) > 1:
+        with np.errstate(over="ignore", invalid="ignore"):
+            spread = np.asarray(coefficients.std(axis=0), dtype=np.float64)
+        return spread if ((spread > 0) & np.isfinite(spread)).all() else np.ones(count)
     return np.ones(count)

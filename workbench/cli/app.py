@@ -10,6 +10,7 @@ from workbench.cli import lecture
 from workbench.cli.basins import basins
 from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
+from workbench.cli.check_body import check_body
 from workbench.cli.compare import compare
 from workbench.cli.coregister import coregister
 from workbench.cli.design import design
@@ -83,6 +84,7 @@ for command in (
     register,
     coregister,
     body,
+    check_body,
     motion,
     basins,
     sliders,

@@ -14,6 +14,7 @@ from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.clip_files import read_clip
 from workbench.fitting.clips import Clip, Film, clip_of
+from workbench.fitting.detector_layouts import KEYPOINT_SCHEMAS
 from workbench.fitting.effective_frames import effective_frames
 from workbench.fitting.image_fit import ImageFits, image_fit
 from workbench.fitting.image_recipe import (
@@ -60,6 +61,7 @@ from workbench.fitting.stature import stature, stature_prior
 from workbench.fitting.videos import Smoothness, video_fit
 
 __all__ = [
+    "KEYPOINT_SCHEMAS",
     "STARTS",
     "Appearance",
     "BadObservation",

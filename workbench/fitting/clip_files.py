@@ -1,7 +1,6 @@
 """Reading a clip: a folder of keypoint files, one for each frame, or one such folder per camera."""
 
 import re
-from collections.abc import Sequence
 from math import gcd
 from pathlib import Path
 
@@ -11,9 +10,9 @@ from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, some
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.clips import Clip, Film
-from workbench.fitting.keypoint_files import DetectedPerson, read_person
+from workbench.fitting.detected_person import DetectedPerson
+from workbench.fitting.keypoint_files import people_in, read_person
 from workbench.fitting.observations import pinhole
-from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
 FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
@@ -153,19 +152,9 @@ def _followed(
 
 def _people(path: Path, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
     """The people of a frame who have a keypoint, by their number in the file."""
-    data = json_in(path)
-    key, among = "keypoints", data
-    if isinstance(data, dict):
-        if "people" in data:
-            key, among = "pose_keypoints_2d", data["people"]
-        else:
-            among = data.get("annotations", [data])
-    if not isinstance(among, list):
-        raise BadFile(f"{path}: the people of a frame are a list of objects")
-    entries: Sequence[object] = among
-    if len(entries) > MOST_PEOPLE:
-        raise BadFile(f"{path} holds {len(entries):,} people; a frame of a clip, {MOST_PEOPLE}")
-    there = [i for i, one in enumerate(entries) if isinstance(one, dict) and one.get(key)]
+    there = people_in(path)
+    if len(there) > MOST_PEOPLE:
+        raise BadFile(f"{path} holds {len(there):,} people; a frame of a clip, {MOST_PEOPLE}")
     people = {i: read_person(path, size=size, person=i) for i in there}
     return {i: one for i, one in people.items() if (one.points[:, 2] > 0).any()}
 

@@ -7,6 +7,7 @@ knuckle. Faces are numbered; no body of the package has landmarks for them.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from workbench.bodies.hand_points import HAND_POINTS
 from workbench.fitting.observations import COCO, FEET, HEAD, LIMBS
 
 Names = tuple[str, ...]
@@ -60,17 +61,20 @@ class Layout:
     """Where a file format stores the keypoints of a person.
 
     Attributes:
+        name: what the format is called.
         main: the key of the body's keypoints; an entry without it is no person.
         bodies: the names of the keypoints under `main`, by their number.
         parts: the same for each further key, such as that of a hand.
     """
 
+    name: str
     main: str
     bodies: Mapping[int, Names]
     parts: Mapping[str, Mapping[int, Names]]
 
 
 OPENPOSE = Layout(
+    "openpose",
     "pose_keypoints_2d",
     {25: OPENPOSE_25, 18: OPENPOSE_18, 135: OPENPOSE_135},
     {
@@ -79,10 +83,13 @@ OPENPOSE = Layout(
         "face_keypoints_2d": {70: face(70)},
     },
 )
+BODIES_FILES = Layout("alphapose", "joints", {17: COCO, 18: OPENPOSE_18}, {})  # its format cmu
 COCO_FILES = Layout(
+    "coco",
     "keypoints",
     {
         17: COCO,
+        21: HAND_POINTS,
         23: COCO + FEET,
         26: HALPE_26,
         33: MEDIAPIPE_33,
@@ -96,6 +103,24 @@ COCO_FILES = Layout(
         "righthand_kpts": {21: HANDS[1]},
     },
 )
+
+KEYPOINT_SCHEMAS: dict[str, Names] = {  # the names of the points of each schema, in its order
+    "COCO 17": COCO,
+    "COCO 23, with feet": COCO + FEET,
+    "COCO-WholeBody 133": WHOLE_BODY,
+    "OpenPose COCO 18": OPENPOSE_18,
+    "OpenPose BODY_25": OPENPOSE_25,
+    "OpenPose BODY_135": OPENPOSE_135,
+    "OpenPose left hand 21": HANDS[0],
+    "OpenPose right hand 21": HANDS[1],
+    "OpenPose face 70": face(70),
+    "Halpe 26 (AlphaPose)": HALPE_26,
+    "Halpe 136 (AlphaPose)": HALPE_136,
+    "MediaPipe pose 33": MEDIAPIPE_33,
+    "MediaPipe left hand 21": HANDS[0],
+    "MediaPipe right hand 21": HANDS[1],
+    "a hand 21, of either side": HAND_POINTS,
+}
 
 
 def counted_by_part(names: Iterable[str]) -> str:

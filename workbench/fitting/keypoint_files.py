@@ -1,7 +1,6 @@
 """Reading keypoints from files of detectors, and the cameras that saw them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,13 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, shown, some
 from workbench.fitting.calibration_files import read_calibration
-from workbench.fitting.detector_layouts import COCO_FILES, OPENPOSE, Layout
+from workbench.fitting.detected_person import DetectedPerson
+from workbench.fitting.detector_layouts import BODIES_FILES, COCO_FILES, OPENPOSE, Layout
+from workbench.fitting.mediapipe_files import (
+    is_mediapipe,
+    mediapipe_people,
+    mediapipe_person,
+)
 from workbench.fitting.observations import Observations, Photograph, pinhole
 from workbench.fitting.reading import numbers_in, size_in
 from workbench.reading.facts import json_in
@@ -21,33 +26,16 @@ UNSEEN = np.zeros((0, 3))
 FARTHEST = 1e7  # px: no detector reports a keypoint farther out
 
 
-@dataclass(frozen=True, eq=False)
-class DetectedPerson:
-    """The keypoints of one person in a file.
-
-    Attributes:
-        names: the keypoints' names.
-        points: (M, 3) u, v in px, and a confidence.
-        size: width and height of the image in px, if the file says so.
-        body: the names of the keypoints without hands and face.
-        notes: sentences on what else the file holds.
-    """
-
-    names: tuple[str, ...]
-    points: Array
-    size: tuple[int, int] | None
-    body: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
 def read_keypoints(
     path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
 ) -> tuple[tuple[str, ...], Array, tuple[int, int] | None]:
     """Read names, keypoints (M, 3) as u, v, confidence, and the image's size if it is given.
 
-    COCO JSON (annotations or results, as AlphaPose writes too) has 17 keypoints, 23 with feet,
-    Halpe's 26 or 136, MediaPipe's 33 in px, or COCO-WholeBody's 133, in one list or in parts;
-    OpenPose JSON has BODY_25, BODY_135 or COCO-18, hands and face. Of several people the one
+    `KEYPOINT_SCHEMAS` lists the schemas. COCO JSON (annotations or results, as AlphaPose writes
+    too) has 17 keypoints, 23 with feet, Halpe's 26 or 136, MediaPipe's 33 in px, COCO-WholeBody's
+    133 in one list or in parts, or the 21 of a hand whose side it does not say; OpenPose JSON has
+    BODY_25, BODY_135 or COCO-18, hands and face; AlphaPose's files with `bodies` have COCO-18. JSON
+    of MediaPipe's own results has hands of 21 points and bodies of 33. Of several people the one
     with the largest sum of confidences is taken, or number `person`, counted from 0.
 
     Raises BadFile or UnknownName.
@@ -64,8 +52,9 @@ def read_person(
     Raises BadFile or UnknownName.
     """
     data = json_in(path)
-    kind = OPENPOSE if isinstance(data, dict) and "people" in data else COCO_FILES
-    entries = _objects(path, "people", data["people"]) if kind is OPENPOSE else _coco(path, data)
+    if is_mediapipe(data):
+        return mediapipe_person(path, data, size, person)
+    kind, entries = _entries(path, data)
     if len(entries) > MOST_PEOPLE:
         raise BadFile(
             f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
@@ -87,9 +76,8 @@ def read_person(
     where, given = entries[number]
     if len(people[number]) not in kind.bodies:
         counts = " or ".join(map(str, kind.bodies))
-        what = "openpose" if kind is OPENPOSE else "coco"
         raise BadFile(
-            f"{path} has {len(people[number])} keypoints per person; {what} JSON has {counts}"
+            f"{path} has {len(people[number])} keypoints per person; {kind.name} JSON has {counts}"
         )
     body = kind.bodies[len(people[number])]
     names, chosen, notes = _with_parts(path, where, given, kind, (body, people[number]))
@@ -111,6 +99,26 @@ def read_person(
     if size is None and kind is COCO_FILES:
         size = _image_size(path, data, given.get("image_id"))
     return DetectedPerson(names, chosen, size, body, tuple(notes))
+
+
+def people_in(path: str | Path) -> list[int]:
+    """The numbers of the people of a file who have keypoints, as `person` takes them.
+
+    Raises BadFile.
+    """
+    data = json_in(path)
+    if is_mediapipe(data):
+        return list(range(mediapipe_people(path, data)))
+    kind, entries = _entries(path, data)
+    return [i for i, (_, one) in enumerate(entries) if one.get(kind.main)]
+
+
+def _entries(path: str | Path, data: Any) -> tuple[Layout, list[tuple[str, dict[str, Any]]]]:
+    """The layout of a file, and its people, each with its place in the file."""
+    for key, kind in (("people", OPENPOSE), ("bodies", BODIES_FILES)):
+        if isinstance(data, dict) and key in data:
+            return kind, _objects(path, key, data[key])
+    return COCO_FILES, _coco(path, data)
 
 
 def _coco(path: str | Path, data: Any) -> list[tuple[str, dict[str, Any]]]:

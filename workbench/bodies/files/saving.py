@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.bodies.files.entries import SPARSE_PARTS
+from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.smplx_vertices import vertex_ids
 from workbench.bodies.files.triangle_layout import STYLE
 from workbench.bodies.forward.features import rotation_elements, star_features
@@ -21,6 +22,8 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
 from workbench.writing import replacing, write_arrays
 
+HANDS_OF = {16: ("",), 52: ("l", "r")}  # what the keys of hands end in, by the number of joints
+WITHOUT_IDS = ("MANO", "FLAME")  # to which smplx appends no vertices, or its own
 ROOT = 2**32 - 1  # the parent of the root in SMPL's files: -1, unsigned
 
 
@@ -33,14 +36,20 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     .npz alone, STAR's, which are told by the number of columns of posedirs. A TriangleBody is
     saved as .npz, with the keys that `triangles/layout.py` lists.
 
-    The package smplx opens the .pkl of a body of 24 joints. Beside it, `<stem>_vertex_ids.json`
-    says which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
-    the joints; a mesh that is not SMPL's own needs it, or smplx takes SMPL's vertices:
+    The package smplx opens the .pkl of a body of 24 joints (SMPL), 52 (SMPL-H) and 16 (MANO), and
+    the .npz of one of 55 (SMPL-X) that has SMPL-X's landmarks among its extras. It asks for a pose
+    space of the hands: a .pkl of 16 or 52 joints without one says that the mean is zero and that
+    the components are the coordinates themselves. Beside the .pkl, `<stem>_vertex_ids.json` says
+    which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
+    the joints; a mesh that is not SMPL's own needs it, or smplx takes SMPL's vertices. A hand of
+    16 joints and FLAME have none of these:
 
         ids = json.loads(Path("models/smpl/SMPL_NEUTRAL_vertex_ids.json").read_text())
         smplx.create("models", model_type="smpl", vertex_ids=ids, num_betas=10)
 
-    Give smplx `num_betas` of at most `body.n_betas`; it shows no more than ten.
+    Give smplx `num_betas` of at most `body.n_betas`; of SMPL it shows no more than ten. With
+    `flat_hand_mean=False`, its default for MANO, it adds the mean pose to the pose that it is
+    given; here the mean is part of the pose. `tests/bodies/test_smplx_parity.py` compares all four.
 
     Raises BadFile for another suffix, a folder that cannot be written, or a body that the
     format cannot hold.
@@ -59,7 +68,7 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
             f"body {body.name!r} is a TriangleBody, which the package smplx does not know; save "
             "it as .npz"
         )
-    arrays = _of_triangles(body) if isinstance(body, TriangleBody) else _skinned(body)
+    arrays = arrays_of(body)
     if isinstance(body, TriangleBody) or path.suffix == ".npz":
         with replacing(path) as temporary:
             write_arrays(temporary, arrays)
@@ -79,11 +88,33 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
             f"the pose blend shapes of body {body.name!r} go by star_features, which the package "
             "smplx does not know; save it as .npz"
         )
+    arrays = _pose_spaces(body.n_joints) | arrays
+    if family(body.n_joints, body.parents) in WITHOUT_IDS:
+        _write_pickle(arrays, path)
+        return
     # the names come last: a model without them is whole, names without a model are not
     with replacing(path.with_name(f"{path.stem}_vertex_ids.json")) as names:
         names.write_text(json.dumps(vertex_ids(body), indent=2) + "\n")
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            pickle.dump(arrays, file, protocol=2)
+        _write_pickle(arrays, path)
+
+
+def arrays_of(body: SkinnedBody | TriangleBody) -> dict[str, NDArray[Any]]:
+    """What `save_body` writes as .npz, by key. Raises BadFile for what the format cannot hold."""
+    return _of_triangles(body) if isinstance(body, TriangleBody) else _skinned(body)
+
+
+def _write_pickle(arrays: dict[str, NDArray[Any]], path: Path) -> None:
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        pickle.dump(arrays, file, protocol=2)
+
+
+def _pose_spaces(n_joints: int) -> dict[str, NDArray[Any]]:
+    """The hands' pose spaces that smplx asks for, where a body has none: angles as they are."""
+    return {
+        f"hands_{what}{hand}": array
+        for hand in HANDS_OF.get(n_joints, ())
+        for what, array in (("mean", np.zeros(45)), ("components", np.eye(45)))
+    }
 
 
 def _of_triangles(body: TriangleBody) -> dict[str, NDArray[Any]]:

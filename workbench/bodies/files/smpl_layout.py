@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.capsules import Capsules
@@ -37,6 +38,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     entries = Entries(raw, where)
     _check_keys(entries)
     N, parents = _vertices(entries), parents_from(entries)
+    _refuse_supr(entries, N, len(parents))
     _check_shape(entries, name, "weights", (N, len(parents)))
     _check_shape(entries, name, "J_regressor", (len(parents), N))
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
@@ -52,7 +54,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         faces=entries.wholes("f"),
         joint_names=entries.texts("joint_names")
         if "joint_names" in entries
-        else joint_names(len(parents)),
+        else joint_names(len(parents), parents),
         mirror=mirror,
         features=_features(posedirs, len(parents)),
         landmarks=landmarks_from(entries),
@@ -60,7 +62,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
         rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
         capsules=capsules_from(entries),
-        card=_card(entries, _model(posedirs, len(parents)), mirror, left_out),
+        card=_card(entries, _model(posedirs, parents), mirror, left_out),
         extras=extras,
     )
 
@@ -89,6 +91,17 @@ def _vertices(entries: Entries) -> int:
     if len(shape) != 2 or shape[1] != 3 or not shape[0]:
         raise BadFile(f"{entries.where}: v_template has shape {shape}, but must be (N, 3)")
     return int(shape[0])
+
+
+def _refuse_supr(entries: Entries, N: int, K: int) -> None:
+    """Raise BadFile for SUPR, whose joints are an affine map of all coordinates."""
+    value = entries.raw.get("J_regressor")
+    if isinstance(value, np.ndarray | csr_array) and value.shape == (3 * K, 3 * N + 1):
+        raise BadFile(
+            f"{entries.where} holds SUPR (Osman et al., 2022), whose joints are an affine map of "
+            "all coordinates of the vertices, and whose pose features include the root; such "
+            "models are not read. Take STAR, SMPL, SMPL-H or SMPL-X"
+        )
 
 
 def _check_shape(entries: Entries, name: str, key: str, shape: tuple[int, int]) -> None:
@@ -166,9 +179,10 @@ def capsules_from(entries: Entries) -> Capsules | None:
     )
 
 
-def _model(posedirs: Array, K: int) -> str:
-    """What a file without a card is called: its family by the number of joints, or STAR."""
-    return "STAR" if _features(posedirs, K) is star_features else family(K)
+def _model(posedirs: Array, parents: tuple[int, ...]) -> str:
+    """What a file without a card is called: its family by its joints, or STAR."""
+    K = len(parents)
+    return "STAR" if _features(posedirs, K) is star_features else family(K, parents)
 
 
 def _card(
@@ -179,8 +193,8 @@ def _card(
         return own_card(entries, left_out)
     file, notes = Path(entries.where).name, []
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
-    if model == "SMPL-X":
-        notes.append("betas are the shape's, followed by the expression's")
+    if model in ("SMPL-X", "FLAME"):
+        notes.append("betas are the shape's, followed by the expression's (`shape_space`)")
     if MIRROR in entries and mirror is None:
         notes.append(
             f"{MIRROR} do not swap the vertices in pairs: they are kept as they are, but the body "

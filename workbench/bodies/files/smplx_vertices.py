@@ -24,6 +24,13 @@ class Extra:
 
 
 HEAD, FOOT, HAND = ("head",), ("ankle", "foot"), ("wrist", "hand")
+
+
+def _finger(name: str) -> tuple[str, ...]:
+    """The joints whose skin has the tip of a finger: its own, or the hand's if it has none."""
+    return (*HAND, *(f"{name}{i}" for i in (1, 2, 3)))
+
+
 # The name in smplx with the letter of its side, and what it is on the left. Directions are those in
 # a T-pose, palms down; they matter only for bodies without such landmarks.
 SIDED = (
@@ -32,11 +39,11 @@ SIDED = (
     ("{1}BigToe", Extra("big_toe", FOOT, (-0.3, 0.0, 1.0))),
     ("{1}SmallToe", Extra("small_toe", FOOT, (0.7, 0.0, 1.0))),
     ("{1}Heel", Extra("heel", FOOT, (0.0, -0.3, -1.0))),
-    ("{0}thumb", Extra("thumb", HAND, (0.5, 0.0, 1.0))),
-    ("{0}index", Extra("index", HAND, (1.0, 0.0, 0.4))),
-    ("{0}middle", Extra("middle", HAND, (1.0, 0.0, 0.1))),
-    ("{0}ring", Extra("ring", HAND, (1.0, 0.0, -0.2))),
-    ("{0}pinky", Extra("pinky", HAND, (1.0, 0.0, -0.6))),
+    ("{0}thumb", Extra("thumb", _finger("thumb"), (0.5, 0.0, 1.0))),
+    ("{0}index", Extra("index", _finger("index"), (1.0, 0.0, 0.4))),
+    ("{0}middle", Extra("middle", _finger("middle"), (1.0, 0.0, 0.1))),
+    ("{0}ring", Extra("ring", _finger("ring"), (1.0, 0.0, -0.2))),
+    ("{0}pinky", Extra("pinky", _finger("pinky"), (1.0, 0.0, -0.6))),
 )
 SIDES = (("l", "left", 1.0), ("r", "right", -1.0))
 

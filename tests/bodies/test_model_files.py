@@ -1,0 +1,260 @@
+"""Files of the whole family: all keys survive, joints have names, expressions are apart."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import issparse
+
+import workbench as wb
+from tests.bodies.model_files import MODELS, flame, layout, mano, smplh, smplx, star, written
+from tests.bodies.random_bodies import Entries, same
+from workbench.blocks import Block
+from workbench.bodies import SkinnedBody, mirrored, pose_space, shape_space
+from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.joint_names import FLAME, NAMES, TREES
+from workbench.bodies.files.npz_files import read_npz
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.files.smplx_vertices import vertex_ids
+from workbench.errors import BadArgument, BadBody, BadFile
+
+OBJECTS = {"joint2num", "part2num"}  # dictionaries, which are not read
+
+
+def dense(value: Any) -> Any:
+    return value.toarray() if issparse(value) else np.asarray(value)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("saved", [".npz", ".pkl"])
+def test_every_key_of_a_model_survives(tmp_path: Path, model: str, saved: str) -> None:
+    make, suffix = MODELS[model]
+    raw = make() | {"a key that nobody knows": np.arange(6, dtype=np.int16).reshape(2, 3)}
+    body = load_skinned(written(raw, tmp_path / f"model{suffix}"))
+    assert body.card["model"] == model
+    assert {
+        line.partition(",")[0] for line in body.card.get("left_out", ())
+    } == raw.keys() & OBJECTS
+    if (model, saved) == ("STAR", ".pkl"):
+        with pytest.raises(BadFile, match="star_features"):
+            save_body(body, tmp_path / "again.pkl")
+        return
+    save_body(body, tmp_path / f"again{saved}")
+    again = load_skinned(tmp_path / f"again{saved}")
+    same(body, again)
+    path = tmp_path / f"again{saved}"
+    found = read_npz(path) if saved == ".npz" else pickle.loads(path.read_bytes())
+    for key in raw.keys() - OBJECTS:
+        np.testing.assert_array_equal(dense(found[key]), dense(raw[key]), err_msg=key)
+
+
+def test_the_trees_are_those_of_the_family() -> None:
+    for n_joints, (model, names) in NAMES.items():
+        tree = TREES[model]
+        assert len(tree) == len(names) == n_joints
+        assert all(-1 <= parent < k for k, parent in enumerate(tree))
+        for k, name in enumerate(names):
+            if name[-1] in "23" and "spine" not in name:  # a finger's joints follow each other
+                assert names[tree[k]] == name[:-1] + str(int(name[-1]) - 1)
+            elif name.endswith("1") and name != "spine1":
+                side = name.partition("_")[0]
+                assert names[tree[k]] == (f"{side}_wrist" if n_joints > 16 else "wrist")
+    of_body = NAMES[55][1]
+    assert [of_body[TREES["SMPL-X"][of_body.index(n)]] for n in FLAME[2:]] == ["head"] * 3
+
+
+def test_the_joints_of_flame_have_names(tmp_path: Path) -> None:
+    body = load_skinned(written(flame(), tmp_path / "generic_model.pkl"))
+    assert body.joint_names == ("root", "neck", "jaw", "left_eye", "right_eye")
+    other = layout("FLAME")
+    other["kintree_table"][0, 4] = 0
+    assert load_skinned(written(other, tmp_path / "other.npz")).joint_names[4] == "joint_4"
+
+
+def test_supr_is_refused_by_name(tmp_path: Path) -> None:
+    raw = layout("SMPL", N=20)
+    raw["J_regressor"] = np.zeros((72, 61))
+    raw["posedirs"] = np.zeros((20, 3, 96))
+    with pytest.raises(BadFile, match="holds SUPR"):
+        load_skinned(written(raw, tmp_path / "supr.npz"))
+
+
+# Shape and expression.
+
+
+@pytest.mark.parametrize(
+    ("raw", "shape", "expression"),
+    [
+        (smplx(), 300, 100),
+        (smplx(B=20), 10, 10),
+        (smplx(B=16), 16, 0),
+        (flame(), 300, 100),
+        (smplh(), 16, 0),
+    ],
+)
+def test_shape_and_expression_are_apart(
+    tmp_path: Path, raw: Entries, shape: int, expression: int
+) -> None:
+    body = load_skinned(written(raw, tmp_path / "m.pkl"))
+    space = shape_space(body)
+    assert (len(space.shape), len(space.expression)) == (shape, expression)
+    rng = np.random.default_rng(0)
+    s, e = rng.normal(size=(5, 3)), rng.normal(size=(5, min(3, expression)))
+    found = body.vertices(None, space.numbers(s, e))
+    directions = body.shapedirs[:, :, [0, 1, 2, *range(shape, shape + e.shape[1])]]
+    expected = body.template + np.einsum("nij,tj->tni", directions, np.hstack([s, e]))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_an_expression_is_fitted_while_the_shape_is_held(tmp_path: Path) -> None:
+    body = load_skinned(written(flame(), tmp_path / "m.pkl"))
+    space = shape_space(body).first(4, 5)
+    shape, expression = space.blocks()
+    pose, _, trans = body.blocks()
+    truth = np.array([0.5, -1, 0.3, 2, 1])
+    seen = body.vertices(None, space.numbers([1, 2, 3, 4], truth))
+    betas = space.betas(shape.symbol, expression.symbol)
+    points = body.points(pose.symbol, betas, trans.symbol)
+    residual = wb.residuals.vertices(points, seen, sigma=0.001)
+    problem = wb.Problem([residual], ["expression"], blocks=[shape, expression])
+    start = {"pose": np.zeros((5, 3)), "trans": np.zeros(3), "expression": np.zeros(5)}
+    found = wb.solve(problem, start | {"shape": np.array([1.0, 2, 3, 4])})
+    np.testing.assert_allclose(found.values["expression"], truth, atol=1e-8)
+    with pytest.raises(BadArgument, match="there are 5 coefficients of expression, and 6"):
+        space.numbers([], np.zeros(6))
+    with pytest.raises(BadArgument, match="ask for 0 to so many, not 9"):
+        space.first(9)
+    with pytest.raises(BadArgument, match=r"the shape is an expression \(4, 1\) here"):
+        space.betas(expression.symbol)
+
+
+# Hands.
+
+
+@pytest.mark.parametrize("make", [smplh, smplx])
+def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> None:
+    raw = make()
+    body = load_skinned(written(raw, tmp_path / "m.pkl"))
+    with pytest.raises(BadBody, match="hand='left' or hand='right', not for None"):
+        pose_space(body)
+    none = pose_space(
+        replace(body, extras={**body.extras, "hands_componentsl": np.zeros((0, 45))}), hand="left"
+    )
+    assert none.n_components == 0
+    assert none.poses(body, []).shape == (body.n_joints, 3)  # the mean pose
+    for hand in ("left", "right"):
+        space, letter = pose_space(body, 4, hand), hand[0]
+        z = np.array([1.0, -2, 0.5, 0])
+        pose = space.poses(body, z)
+        rows = [body.joint_names.index(name) for name in space.joints]
+        expected = raw[f"hands_mean{letter}"] + z @ raw[f"hands_components{letter}"][:4]
+        np.testing.assert_allclose(pose[rows].ravel(), expected, atol=1e-14)  # the mean, once
+        assert not np.delete(pose, rows, axis=0).any()
+        np.testing.assert_allclose(space.coefficients(body, pose), z, atol=1e-12)
+        spread = raw[f"hands_coeffs{letter}"].std(axis=0)[:4]
+        np.testing.assert_allclose(space.deviations, spread)
+        rest = cs.DM(np.zeros((3, body.n_joints - 15)))
+        found = cs.evalf(space.pose(body, cs.MX(cs.DM(z)), cs.MX(rest)))
+        np.testing.assert_allclose(np.asarray(found).T, pose, atol=1e-14)
+
+
+def test_a_hands_mean_is_in_the_pose_and_nowhere_else(tmp_path: Path) -> None:
+    """At pose zero a file of MANO is its template, whatever mean the file has."""
+    raw = mano()
+    body = load_skinned(written(raw, tmp_path / "MANO_RIGHT.pkl"))
+    np.testing.assert_allclose(body.vertices(), raw["v_template"], atol=1e-14)
+    without = replace(body, extras={})
+    posed = pose_space(body).poses(body, np.zeros(45))
+    np.testing.assert_array_equal(body.vertices(posed), without.vertices(posed))
+    np.testing.assert_array_equal(posed[1:].ravel(), raw["hands_mean"])
+
+
+def test_finger_tips_for_smplx_are_on_the_fingers(tmp_path: Path) -> None:
+    raw = smplh(N=400)
+    raw["weights"] = np.eye(52)[np.arange(400) % 52]
+    body = load_skinned(written(raw, tmp_path / "m.pkl"))
+    carried = np.array(body.joint_names)[body.weights.argmax(axis=1)]
+    for name, vertex in vertex_ids(body).items():
+        side = {"l": "left", "r": "right"}[name[0].lower()] if name != "nose" else ""
+        assert name == "nose" or side in carried[vertex] or carried[vertex] == "head", name
+        for finger in ("thumb", "index", "middle", "ring", "pinky"):
+            if name.endswith(finger):
+                allowed = {f"{side}_wrist", *(f"{side}_{finger}{i}" for i in (1, 2, 3))}
+                assert carried[vertex] in allowed
+
+
+# STAR, by formulas that share no code with the package.
+
+
+def star_in_numpy(raw: Entries, pose: np.ndarray, betas: np.ndarray) -> tuple[Any, Any]:
+    """Vertices and joints of STAR (Osman et al., 2020) by 4 x 4 matrices and half angles."""
+    parents = np.array(raw["kintree_table"][0], dtype=np.int64)
+    shaped = raw["v_template"] + raw["shapedirs"][:, :, : len(betas)] @ betas
+    joints = raw["J_regressor"] @ shaped
+    features = []
+    for theta in pose[1:]:
+        angle = np.sqrt((theta**2).sum())
+        features += [*(np.sin(angle / 2) / angle * theta), np.cos(angle / 2) - 1]
+    posed = shaped + raw["posedirs"] @ np.array([*features, betas[1]])
+    world: list[np.ndarray] = []
+    for k, theta in enumerate(pose):
+        x, y, z = theta
+        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        angle, local = np.sqrt((theta**2).sum()), np.eye(4)
+        turn = np.sin(angle) / angle * skew
+        local[:3, :3] += turn + (1 - np.cos(angle)) / angle**2 * skew @ skew
+        local[:3, 3] = joints[k] - (joints[parents[k]] if k else 0)
+        world.append(world[parents[k]] @ local if k else local)
+    found = np.zeros_like(posed)
+    for k, transform in enumerate(world):
+        there = (posed - joints[k]) @ transform[:3, :3].T + transform[:3, 3]
+        found += raw["weights"][:, [k]] * there
+    return found, np.array([transform[:3, 3] for transform in world])
+
+
+@pytest.mark.parametrize("n_betas", [10, 300])
+def test_star_agrees_with_an_independent_formula(tmp_path: Path, n_betas: int) -> None:
+    raw = star(N=60, B=n_betas)
+    body = load_skinned(written(raw, tmp_path / "STAR_NEUTRAL.npz"))
+    assert body.joint_names[23] == "right_hand"
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        pose, betas = rng.normal(size=(24, 3)), rng.normal(size=n_betas)
+        vertices, joints = star_in_numpy(raw, pose, betas)
+        assert abs(body.vertices(pose, betas) - vertices).max() < 1e-10
+        assert abs(body.joints(pose, betas) - joints).max() < 1e-10
+
+
+def test_blocks_of_shape_have_prefixes() -> None:
+    body: SkinnedBody = load_skinned("small")
+    shape, expression = shape_space(body).blocks("anna/")
+    assert (shape.name, shape.shape, expression.shape) == ("anna/shape", (10,), (0,))
+    assert isinstance(shape, Block)
+
+
+def test_a_body_in_a_mirror_exchanges_its_hands(tmp_path: Path) -> None:
+    """Also what is said of the corners of faces, which a mirrored face has in another order."""
+    raw = smplx(B=20)
+    body = load_skinned(written(raw, tmp_path / "m.npz"))
+    other = mirrored(body, "other")
+    left = pose_space(other, hand="left")
+    expected = raw["hands_meanr"].reshape(15, 3) * [1, -1, -1]
+    np.testing.assert_array_equal(left.mean, expected)
+    np.testing.assert_array_equal(other.extras["hands_coeffsl"], raw["hands_coeffsr"])
+    z = np.array([1.0, -2, 0.5])
+    pose = pose_space(body, 3, "right").poses(body, z)
+    there = pose_space(other, 3, "left").poses(other, z)
+    np.testing.assert_allclose(other.vertices(there), body.vertices(pose) * [-1, 1, 1], atol=1e-12)
+    seen, found = (
+        np.einsum(
+            "lc,lcx->lx",
+            one.extras["lmk_bary_coords"],
+            one.template[one.faces[raw["lmk_faces_idx"].astype(int)]],
+        )
+        for one in (body, other)
+    )
+    np.testing.assert_allclose(found, seen * [-1, 1, 1], atol=1e-14)

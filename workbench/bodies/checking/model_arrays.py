@@ -1,0 +1,267 @@
+"""The arrays of a model file as far as they can be used, where `load_body` would stop.
+
+Each array is read by itself. What cannot be read, has another shape than the others ask for or
+holds numbers that are not finite becomes a finding, and is None for the checks of others.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index, Mask
+from workbench.bodies.checking.findings import FileFinding, counted
+from workbench.bodies.files.entries import SPARSE_PARTS, Contents, Entries, Unread
+from workbench.bodies.files.extras import REQUIRED
+from workbench.bodies.files.joint_names import family, joint_names
+from workbench.errors import BadFile, cut
+
+HUGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
+PURPOSE = {  # of each array without which there is no body
+    "v_template": "the vertices at rest",
+    "shapedirs": "what betas do",
+    "posedirs": "what poses do to the rest surface",
+    "J_regressor": "where the joints are",
+    "weights": "which joints move which vertices",
+    "kintree_table": "the parents of the joints",
+    "f": "the triangles",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ModelArrays:
+    """What a file of SMPL's layout holds; an array that cannot be computed with is None.
+
+    Attributes:
+        raw: all entries, by key.
+        where: the file.
+        template: (N, 3).
+        faces: (F, 3).
+        shapedirs: (N, 3, B).
+        posedirs: (N, 3, P).
+        weights: (N, K).
+        regressor: (K, N).
+        table: (2, K), as in the file; parents and numbers.
+        parents: (K,) with -1 at the root, if the table is a tree in order.
+        names: the names of the joints.
+        findings: what was wrong with reading them.
+    """
+
+    raw: Contents
+    where: str
+    template: Array | None
+    faces: Index | None
+    shapedirs: Array | None
+    posedirs: Array | None
+    weights: Array | None
+    regressor: csr_array | None
+    table: Index | None
+    parents: tuple[int, ...] | None
+    names: tuple[str, ...]
+    findings: tuple[FileFinding, ...] = field(repr=False)
+
+    @property
+    def n_joints(self) -> int:
+        """K, by whatever array says it; 0 if none does."""
+        for array, axis in ((self.table, 1), (self.weights, 1), (self.regressor, 0)):
+            if array is not None:
+                return int(array.shape[axis])
+        return 0
+
+    @property
+    def family(self) -> str:
+        """SMPL, SMPL-H, SMPL-X, MANO, FLAME, or SMPL-like."""
+        return family(self.n_joints, self.parents)
+
+    @property
+    def joints(self) -> Array | None:
+        """The joints at rest (K, 3), if they can be found."""
+        if self.regressor is None or self.template is None:
+            return None
+        return np.asarray(self.regressor @ self.template)
+
+    @property
+    def size(self) -> float:
+        """The largest extent of the template along an axis."""
+        return 0.0 if self.template is None else float(np.ptp(self.template, axis=0).max())
+
+    def extra(self, key: str) -> NDArray[Any] | None:
+        """An array of finite numbers that no body computes with, by its key."""
+        value = self.raw.get(key)
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or not value.size:
+            return None
+        return value if _usable(value).all() else None
+
+    def scalar(self, key: str) -> int | None:
+        """A single whole number."""
+        value = self.raw.get(key)
+        if isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "iu":
+            value = value.item()
+        if not isinstance(value, int | np.integer) or isinstance(value, bool):
+            return None
+        return int(value) if abs(int(value)) < 2**53 else None
+
+
+def model_arrays(raw: Contents, where: str) -> ModelArrays:
+    """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
+    entries, found = Entries(raw, where), [*_missing(raw), *_not_finite(raw)]
+
+    def read(key: str, reader: Callable[[str], Any]) -> Any:
+        """The array, or None with a finding."""
+        if key not in raw and f"{key}/data" not in raw:
+            return None
+        try:
+            array = reader(key)
+        except BadFile as error:
+            found.append(FileFinding(key, _sentence(str(error), where)))
+            return None
+        numbers = array.data if isinstance(array, csr_array) else array
+        there = array.ndim and array.shape[0]
+        return array if there and _usable(numbers).all() else None
+
+    def fits(key: str, array: Any, shape: tuple[int | None, ...], because: str) -> Any:
+        """The array if its shape is this one, in which None stands for any size."""
+        if array is None or _fits(array.shape, shape):
+            return array
+        wanted = ", ".join("." if n is None else str(n) for n in shape)
+        found.append(
+            FileFinding(
+                key,
+                f"{key} has shape {array.shape}, but must be ({wanted}) {because}. One of the two "
+                "is of another model, or was cut: take both from one file.",
+            )
+        )
+        return None
+
+    template = fits("v_template", read("v_template", entries.reals), (None, 3), "for vertices")
+    table = fits("kintree_table", read("kintree_table", entries.wholes), (2, None), "for a tree")
+    N = None if template is None else len(template)
+    K = None if table is None else table.shape[1]
+    of_N, of_K = f"for the {N} vertices of v_template", f"and {K} joints of kintree_table"
+    faces = fits("f", read("f", entries.wholes), (None, 3), "for triangles")
+    weights = fits("weights", read("weights", entries.reals), (N, K), f"{of_N} {of_K}")
+    regressor = read("J_regressor", entries.matrix)
+    supr = N is not None and K is not None and regressor is not None
+    if supr and regressor.shape == (3 * K, 3 * N + 1):  # type: ignore[operator]  # neither is None
+        text = "The joints are an affine map of all coordinates, as in SUPR, which is not read."
+        found.append(FileFinding("J_regressor", f"{text} Take STAR, SMPL, SMPL-H or SMPL-X."))
+        regressor = None
+    else:
+        regressor = fits("J_regressor", regressor, (K, N), f"{of_N} {of_K}")
+    blends = {
+        key: read(key, partial(entries.directions, N=N)) if N else None
+        for key in ("shapedirs", "posedirs")
+    }
+    parents = _parents(table)
+    names = _names(entries, table, parents)
+    return ModelArrays(
+        raw,
+        where,
+        template,
+        faces,
+        blends["shapedirs"],
+        blends["posedirs"],
+        weights,
+        regressor,
+        table,
+        parents,
+        names,
+        tuple(found),
+    )
+
+
+def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    return len(found) == len(shape) and all(
+        wanted is None or wanted == n for n, wanted in zip(found, shape, strict=True)
+    )
+
+
+def _missing(raw: Contents) -> list[FileFinding]:
+    have = {key.partition("/")[0] for key in raw}
+    zeros = ", or add zeros (N, 3, 9 (K - 1)) for a body without correctives"
+    return [
+        FileFinding(
+            key,
+            f"There is no {key} ({what}), without which there is no body. Take a file that has it"
+            f"{zeros if key == 'posedirs' else ''}.",
+        )
+        for key, what in PURPOSE.items()
+        if key not in have
+    ]
+
+
+def _usable(numbers: NDArray[Any]) -> Mask:
+    """Which numbers can be computed with."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(np.abs(numbers) < HUGE)  # which NaN is not
+
+
+def _not_finite(raw: Contents) -> list[FileFinding]:
+    """A finding for each array with entries that are infinite or not numbers."""
+    found = []
+    for key, value in raw.items():
+        numbers = value.data if isinstance(value, csr_array) else value
+        if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f":
+            continue
+        bad: Mask = np.asarray(~_usable(numbers))
+        if not bad.any():
+            continue
+        first = [int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape)]
+        where = "" if isinstance(value, csr_array) else f", the first at {first}"
+        how_many = counted(int(bad.sum()), "entry that is", "entries that are")
+        what = "not finite" if not np.isfinite(numbers).all() else f"above {HUGE:g}"
+        text = (
+            f"{cut(key, 60)} has {how_many} {what}{where}; they spread to every number that is "
+            "computed from them. Export the model again, or find out what these entries should be."
+        )
+        found.append(FileFinding(cut(key, 60), text))
+    return found
+
+
+def _parents(table: Index | None) -> tuple[int, ...] | None:
+    """The parents with -1 at the root, if the joints are in order."""
+    if table is None or not table.shape[1]:
+        return None
+    parents, numbers = table[0, 1:], np.arange(table.shape[1])
+    in_order = np.array_equal(table[1, 1:], numbers[1:]) and bool((parents >= 0).all())
+    if not in_order or (parents >= numbers[1:]).any():
+        return None
+    return (-1, *parents.tolist())
+
+
+def _names(
+    entries: Entries, table: Index | None, parents: tuple[int, ...] | None
+) -> tuple[str, ...]:
+    K = 0 if table is None else min(table.shape[1], 10_000)
+    try:
+        own = entries.texts("joint_names") if "joint_names" in entries else ()
+    except BadFile:
+        own = ()
+    return own if len(own) == K else joint_names(K, parents)
+
+
+def _sentence(message: str, where: str) -> str:
+    """What a reader says, without the name of the file."""
+    text = message.removeprefix(where).removeprefix(":").strip()
+    return f"{text}. Take it from the original file, or export the model again."
+
+
+def used_keys(raw: Contents) -> frozenset[str]:
+    """The keys of the arrays that a body computes with, and of their parts."""
+    parts = {f"{key}/{part}" for key in ("J_regressor", "weights") for part in SPARSE_PARTS}
+    return frozenset(raw.keys() & ({*REQUIRED} | parts))
+
+
+def kind_of(value: Any) -> str:
+    """The shape and type of an entry, for a table: `(778, 3) float64`."""
+    if isinstance(value, Unread):
+        return "not read"
+    if isinstance(value, csr_array):
+        return f"{value.shape} sparse {value.dtype}"
+    if isinstance(value, np.ndarray):
+        return f"{value.shape} {value.dtype}" if value.shape else f"{value.dtype}"
+    return type(value).__name__
