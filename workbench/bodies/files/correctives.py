@@ -68,7 +68,8 @@ def correctives_of(
         largest = np.abs(used).max(axis=0, initial=1e-300)
         shares = used / largest
         shapes = np.moveaxis((P @ (features.T @ used) * largest).reshape(N, 3, kept), 2, 0)
-    shapes, shares = (a.astype(np.float32).astype(np.float64) for a in (shapes, shares))
+    shapes = shapes.astype(np.float32).astype(np.float64)
+    shares = shares.astype(np.float32).astype(np.float64)
     off = [*_errors(body, poses, people, features, shapes, shares)]
     return Correctives(
         shapes, shares, float(np.mean([o.mean() for o in off])), float(max(o.max() for o in off))
