@@ -55,10 +55,6 @@ def test_a_motion_becomes_a_surface_for_viewers(tmp_path: Path, workbench: Run) 
     code, _, wrong = workbench("motion", "motion.npz", "--out", "a.glb", "--body", "small-scape")
     assert code == 2
     assert "take a SkinnedBody" in " ".join(wrong.split())
-    options = "--fps", "200000", "--out", "a.glb", "--body", "small"
-    code, _, wrong = workbench("motion", "motion.npz", *options)
-    assert code == 2
-    assert "MB as .glb; resample the motion" in " ".join(wrong.split())
 
 
 def test_a_rate_that_a_file_lacks_can_be_given(tmp_path: Path, workbench: Run) -> None:

@@ -88,8 +88,8 @@ def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Co
     at = _by_joints(source, target)
     chosen = sampled_vertices(target, SAMPLE)
     refine = _SurfaceFit(target, chosen)
-    for number in range(ROUNDS):
-        said(f"closest places, round {number + 1} of {ROUNDS}")
+    said(f"closest places are found, and the body fitted to them, {ROUNDS} times")
+    for _ in range(ROUNDS):
         posed = _vertices(target, at)
         places, seen, _ = _closest(tree, posed, target.faces, chosen)
         at = refine(at, places, seen)

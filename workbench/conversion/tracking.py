@@ -21,7 +21,7 @@ from workbench.residuals import Residual, landmarks
 from workbench.solvers import Status, TrustRegion
 from workbench.solvers.solution import Solution
 
-FRAMES = 8  # from which the shape is found
+FRAMES = 12  # from which the shape is found
 COMPARED = 60  # points by which frames are compared
 WORSE = 4.0  # times the cost of the frame before: a frame that may have been lost
 QUICK = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # what is observed is not better
