@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from benchmarks.clips_made_up import clip
 from benchmarks.fingers import with_fingers
-from tests.conversion.clips import clip
 from workbench.conversion import conversion_errors, convert, correspond
 from workbench.conversion.converting import turned_on
 from workbench.conversion.parts import vertex_parts

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.conversion.clips import clip
+from benchmarks.clips_made_up import clip
 from workbench.bodies.hand_points import HAND_POINTS
 from workbench.bodies.pose_space import pose_space
 from workbench.conversion import motion_from_points, point_sets

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from benchmarks.clips_made_up import clip
 from benchmarks.fingers import with_fingers
-from tests.conversion.clips import clip
 from workbench.errors import BadArgument
 from workbench.motions import glb_files, write_glb
 
