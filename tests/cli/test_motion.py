@@ -18,6 +18,7 @@ FILES = MOTION_FILES | MARKER_FILES
     [
         ("walk.bvh", "a motion of 6 frames at 30 frames a second, 0.17 s"),
         ("amass.npz", "52 joints: pelvis, left_hip"),
+        ("walk.glb", "a motion of 4 frames at 10 frames a second, 0.30 s"),
         ("floats.c3d", "8 markers in 6 frames at 100 frames a second"),
         ("walk.trc", "labels: LFHD, RFHD, C7, STRN, LANK and 3 more"),
         ("markers.npz", "the unit is taken to be mm"),
@@ -81,7 +82,7 @@ def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("walk.fbx",), "is no file of a motion, which ends in .npz or .bvh"),
+        (("walk.fbx",), "is no file of a motion, which ends in .npz or .bvh or .glb"),
         (("walk.bvh", "--fps", "0"), "--fps takes a number above 0, not 0"),
         (
             ("walk.bvh", "--out", "walk.c3d"),

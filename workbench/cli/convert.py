@@ -33,7 +33,7 @@ def convert_motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, or .npz as of AMASS; or named points: .trc, .c3d, or .npz."
+            help="A motion: .bvh, .glb, or .npz as of AMASS; or named points: .trc, .c3d, or .npz."
         ),
     ],
     out: Annotated[Path, typer.Option(help="The motion of the other body: .npz, .bvh or .glb.")],
