@@ -12,6 +12,7 @@ from benchmarks.clips_made_up import clip
 from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns
 from workbench.errors import BadFile
 from workbench.motions import read_glb, write_glb
+from workbench.motions.gltf_tracks import Track
 
 
 @pytest.mark.parametrize("option", [{}, {"step": True}, {"cubic": True}, {"floor": True}])
@@ -88,3 +89,14 @@ def test_a_unit_and_an_axis_can_be_given(tmp_path: Path) -> None:
     plain = read_glb(tmp_path / "a.glb").joints()
     found = read_glb(tmp_path / "a.glb", unit="cm", up="z").joints()
     np.testing.assert_allclose(found, 0.01 * plain[..., [0, 2, 1]] * [1, 1, -1], atol=1e-9)
+
+
+def test_a_cubic_track_follows_its_tangents() -> None:
+    """x(t) = t^3 - t on [0, 2] is a cubic, so that one piece with its slopes at both ends is it."""
+    times, values = np.array([0.0, 2.0]), np.zeros((2, 3, 3))
+    values[:, 1, 0] = [0.0, 6.0]
+    values[0, 2, 0], values[1, 0, 0] = -1.0, 11.0  # the slopes after the first and before the last
+    at = np.array([0.0, 0.5, 1.0, 1.7, 2.0, 3.0])
+    inside = np.minimum(at, 2.0)
+    found = Track(times, values, "CUBICSPLINE", turns=False).at(at)
+    np.testing.assert_allclose(found[:, 0], inside**3 - inside, atol=1e-12)
