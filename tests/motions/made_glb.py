@@ -44,6 +44,7 @@ def made(
         return len(accessors) - 1
 
     rotations = Rotation.from_rotvec(turns().reshape(-1, 3)).as_quat().reshape(4, 3, 4)
+    rotations[2] *= -1  # the same rotations, on the other side
     times = accessor(TIMES.astype("<f4"), "SCALAR", 5126, first)
     samplers, channels = [], []
     for k in range(3):

@@ -11,6 +11,7 @@ import workbench as wb
 from benchmarks.clips_made_up import clip
 from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns
 from workbench.errors import BadFile
+from workbench.geometry.glb_document import GlbDocument
 from workbench.motions import read_glb, write_glb
 from workbench.motions.gltf_tracks import Track
 
@@ -89,6 +90,19 @@ def test_a_unit_and_an_axis_can_be_given(tmp_path: Path) -> None:
     plain = read_glb(tmp_path / "a.glb").joints()
     found = read_glb(tmp_path / "a.glb", unit="cm", up="z").joints()
     np.testing.assert_allclose(found, 0.01 * plain[..., [0, 2, 1]] * [1, 1, -1], atol=1e-9)
+
+
+def test_normalized_integers_are_shares() -> None:
+    content = np.array([0, 51, 255], "<u1").tobytes() + np.array([-128, -127, 127], "<i1").tobytes()
+    views = [{"buffer": 0, "byteOffset": at, "byteLength": 3} for at in (0, 3)]
+    several = [
+        {"bufferView": v, "componentType": code, "type": "SCALAR", "count": 3, "normalized": True}
+        for v, code in ((0, 5121), (1, 5120))
+    ]
+    told = {"accessors": several, "bufferViews": views, "buffers": [{"byteLength": 6}]}
+    document = GlbDocument(told, [content])
+    np.testing.assert_allclose(document.values(0, "SCALAR", 1).ravel(), [0, 0.2, 1])
+    np.testing.assert_allclose(document.values(1, "SCALAR", 1).ravel(), [-1, -1, 1])
 
 
 def test_a_cubic_track_follows_its_tangents() -> None:
