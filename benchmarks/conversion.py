@@ -23,8 +23,10 @@ from benchmarks import machine
 from benchmarks.clips_made_up import clip
 from benchmarks.fingers import with_fingers
 from benchmarks.keeping import keep
+from workbench.bodies.files.correctives import correctives_of
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
 from workbench.motions import write_glb
+from workbench.priors.poses import shipped_mixture
 
 HERE = Path(__file__).parent
 SCRIPT = HERE.parent / "tests" / "motions" / "three.mjs"
@@ -42,7 +44,7 @@ PAIRS = (
 POINTS = (("default", "joints"), ("default", "coco"), ("hand", "hand"))
 NOISE, MISSING = 0.005, 0.1  # m along each axis; share of points in a frame
 GLB = (("default", 100), ("full", 100), ("hand", 100), ("default + fingers", 100))
-COUNTS = (0, 16, 32, None)
+COUNTS, UNRELATED = (0, 16, 32, None), (16, 32, 64, 96)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -56,6 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "pairs": [pair(*names) for names in PAIRS],
             "points": [points(*names) for names in POINTS],
             "glb": [one for name, frames in GLB for one in files(name, frames)],
+            "unrelated": unrelated(),
         }
         keep(file, found, DIGITS)
     (HERE / "CONVERSION.md").write_text(page(json.loads(file.read_text())), encoding="utf-8")
@@ -141,6 +144,17 @@ def files(name: str, frames: int) -> list[dict[str, Any]]:
             rows.append(row | looked_at(path, motion.vertices(body)))
             print(rows[-1], flush=True)
     return rows
+
+
+def unrelated() -> list[dict[str, float]]:
+    """Correctives of poses of `default` that have nothing to do with each other; errors in mm."""
+    body, rng = body_called("default"), np.random.default_rng(SEEDS[0])
+    poses = shipped_mixture().draw(FRAMES, rng)
+    return [
+        {"correctives": count, "mean": 1e3 * found.mean, "largest": 1e3 * found.largest}
+        for count in UNRELATED
+        for found in (correctives_of(body, poses, np.zeros(body.n_betas), count),)
+    ]
 
 
 def looked_at(path: Path, surface: Any) -> dict[str, Any]:

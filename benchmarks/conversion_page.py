@@ -76,6 +76,9 @@ def written(found: dict[str, Any]) -> str:
                 *(_file(row) for row in glb),
             ]
         ),
+        _filled(f"""
+            Poses of a clip are alike. Of {_frames(found)} poses that are drawn one by one
+            for `default`, {_unrelated(found["unrelated"])}."""),
         f"Measured on {found['machine']['date'][:10]}, {found['machine']['processor']}.",
     ]
     return "\n\n".join(parts) + "\n"
@@ -84,6 +87,19 @@ def written(found: dict[str, Any]) -> str:
 def _filled(text: str) -> str:
     """A paragraph, broken into lines."""
     return textwrap.fill(" ".join(text.split()), 110, break_on_hyphens=False)
+
+
+def _frames(found: dict[str, Any]) -> int:
+    return int(found["glb"][0]["frames"])
+
+
+def _unrelated(rows: Sequence[dict[str, Any]]) -> str:
+    said = [
+        f"{row['correctives']} correctives leave {row['mean']:.2g} mm on average and "
+        f"{row['largest']:.2g} mm at most"
+        for row in rows
+    ]
+    return ", ".join(said[:-1]) + f", and {said[-1]}"
 
 
 def _mean(values: Sequence[float]) -> str:

@@ -51,6 +51,17 @@ def test_the_motion_is_found_from_its_joints_with_gaps() -> None:
     assert "1 of 9 frames were not found" in " ".join(found.motion.notes)
 
 
+def test_a_frame_that_jumps_is_found_from_scratch() -> None:
+    """The person turns round and bends other limbs; from the frame before, 6 mm would be left."""
+    one, other = clip(SMALL, 1, seed=0), clip(SMALL, 1, seed=10)
+    pose = np.concatenate([one.pose, other.pose])
+    pose[:, 0] = [[0.0, 0.0, 0.0], [0.0, 3.0, 0.0]]
+    trans = np.array([[0.0, 0.9, 0.0], [2.0, 0.9, -1.0]])
+    places = wb.Motion(pose, trans, 30, SMALL.joint_names, one.betas).joints(SMALL)
+    found = motion_from_points(places, SMALL.joint_names, SMALL, 30, sigma=2e-3)
+    assert 1e3 * np.linalg.norm(found.motion.joints(SMALL) - places, axis=2).mean() < 2
+
+
 def test_keypoints_of_another_spelling_and_order_are_matched() -> None:
     motion = clip(SMALL, 4, seed=1)
     labels = [n.replace("right_", "R_").replace("left_", "L_") for n in COCO]
