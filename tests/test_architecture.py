@@ -32,7 +32,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("priors",),
     ("fitting",),
     ("training",),
-    ("synthetic", "registration"),
+    ("synthetic", "registration", "conversion"),
     ("experiments",),
     ("comparison",),
     ("plots",),

@@ -11,12 +11,18 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from workbench.bodies.files.correctives import correctives_of
 from workbench.bodies.files.gltf import write_gltf
 from workbench.bodies.triangles import scape
-from workbench.errors import BadBody
+from workbench.errors import BadArgument, BadBody
 
 SMALL = wb.load_body("small")
-TYPES: dict[int, type[np.generic]] = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
+TYPES: dict[int, type[np.generic]] = {
+    5126: np.float32,
+    5125: np.uint32,
+    5123: np.uint16,
+    5121: np.uint8,
+}
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -58,7 +64,7 @@ def skinned(document: dict[str, Any], array: Any, frame: int) -> np.ndarray:
         else:
             turn[channel["target"]["node"]] = Rotation.from_quat(out[frame]).as_matrix()
     V = array(mesh["attributes"]["POSITION"])
-    for weight, target in zip(weights, mesh["targets"], strict=True):
+    for weight, target in zip(weights, mesh.get("targets", ()), strict=True):
         V = V + weight * array(target["POSITION"])
     world: dict[int, np.ndarray] = {}
 
@@ -94,6 +100,59 @@ def test_a_viewer_shows_the_body(tmp_path: Path) -> None:
     assert abs(bare - SMALL.vertices(poses[0], betas)).max() > 0.1
     names = [node["name"] for node in document["nodes"]]
     assert names[:-1] == list(SMALL.joint_names)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, None])
+def test_fewer_correctives_are_off_by_what_the_file_says(tmp_path: Path, count: int | None) -> None:
+    poses, betas = some()
+    found = write_gltf(tmp_path / "a.glb", SMALL, poses, betas, correctives=count)
+    document, array = read(tmp_path / "a.glb")
+    off = np.array(
+        [
+            np.linalg.norm(skinned(document, array, t) - SMALL.vertices(pose, betas), axis=1)
+            for t, pose in enumerate(poses)
+        ]
+    )
+    assert found.mean == pytest.approx(off.mean(), abs=5e-7)
+    assert found.largest == pytest.approx(off.max(), abs=2e-6)
+    assert (found.mean > 1e-4) == (count is not None)
+    extras = document["asset"]["extras"]
+    assert extras["correctives"] == len(found.shapes) == (3 if count is None else count)
+    assert (extras["mean_error_m"], extras["largest_error_m"]) == (found.mean, found.largest)
+    assert extras["betas"] == betas.tolist()
+
+
+def test_correctives_are_the_best_of_their_number() -> None:
+    """No other two directions leave less, in the sum of squares: Eckart and Young."""
+    poses, betas = np.random.default_rng(3).normal(scale=0.3, size=(6, 24, 3)), np.zeros(10)
+    added = np.array([SMALL.posedirs @ SMALL.kinematics.motion(p, betas).features for p in poses])
+    flat = added.reshape(6, -1)
+    sizes = np.linalg.svd(flat, compute_uv=False)
+    for count in (1, 2, 5):
+        found = correctives_of(SMALL, poses, betas, count)
+        left = flat - found.shares @ found.shapes.reshape(count, -1)
+        assert (left**2).sum() == pytest.approx((sizes[count:] ** 2).sum(), rel=1e-6)
+        assert abs(found.shares).max() == pytest.approx(1.0)
+
+
+def test_shape_directions_and_normals_are_in_the_file(tmp_path: Path) -> None:
+    poses, betas = some()
+    write_gltf(tmp_path / "a.glb", SMALL, poses, betas, shapes=2, correctives=1)
+    document, array = read(tmp_path / "a.glb")
+    mesh = document["meshes"][0]
+    assert mesh["extras"]["targetNames"] == ["betas[0]", "betas[1]", "pose corrective 0"]
+    targets = mesh["primitives"][0]["targets"]
+    for b in range(2):
+        moved = array(targets[b]["POSITION"])
+        np.testing.assert_allclose(moved, SMALL.shapedirs[:, :, b], atol=1e-7)
+    normals = array(mesh["primitives"][0]["attributes"]["NORMAL"])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+    rest = trimesh.Trimesh(SMALL.vertices(betas=betas), SMALL.faces, process=False)
+    assert np.median((normals * rest.vertex_normals).sum(axis=1)) > 0.95
+    with pytest.raises(BadArgument, match="10 shape directions; as morph targets, give 0 to"):
+        write_gltf(tmp_path / "b.glb", SMALL, poses, shapes=11)
+    with pytest.raises(BadArgument, match="number of correctives is a whole number from 0"):
+        write_gltf(tmp_path / "b.glb", SMALL, poses, correctives=-1)
 
 
 def test_the_root_travels(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.motions.made_glb import made
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
@@ -222,11 +223,16 @@ def _arrays(path: Path) -> None:
     np.savez(path, markers=marker_places(), labels=np.array(LABELS), fps=np.array(100.0))
 
 
+def _glb(path: Path) -> None:
+    path.write_bytes(made())
+
+
 MOTION_FILES: dict[str, Callable[[Path], None]] = {
     "walk.bvh": _bvh,
     "amass.npz": _amass,
     "newer-amass.npz": _newer,
     "motion.npz": _own,
+    "walk.glb": _glb,
 }
 MARKER_FILES: dict[str, Callable[[Path], None]] = {
     "floats.c3d": _c3d(-1.0, "<"),

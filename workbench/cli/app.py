@@ -12,9 +12,11 @@ from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.check_body import check_body
 from workbench.cli.compare import compare
+from workbench.cli.convert import convert_motion
 from workbench.cli.coregister import coregister
 from workbench.cli.design import design
 from workbench.cli.diagnose import diagnose
+from workbench.cli.export import export
 from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
@@ -86,6 +88,7 @@ for command in (
     body,
     check_body,
     motion,
+    export,
     basins,
     sliders,
     blendshapes,
@@ -94,6 +97,8 @@ for command in (
     info,
 ):
     app.command()(interruptible(command))
+
+app.command("convert")(interruptible(convert_motion))
 
 lectures = typer.Typer(help=lecture.HELP, no_args_is_help=True)
 for name, verb in lecture.COMMANDS.items():

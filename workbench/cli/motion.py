@@ -9,12 +9,11 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.arrays import Array, Index, Mask
-from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.bodies.skinned_only import not_skinned
+from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
 from workbench.cli.output import say, warn_without_effect
-from workbench.errors import BadArgument, NotSupported, some_of
+from workbench.errors import BadArgument, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
     holds_markers,
@@ -23,13 +22,13 @@ from workbench.fitting.marker_files import (
 )
 from workbench.geometry.upright import TURNS
 from workbench.homes import expanded
-from workbench.motions import Motion, bones_of, read_motion, save_motion, write_bvh, write_glb
+from workbench.motions import Motion, bones_of, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.writing import replacing
 
-MOTIONS, MARKERS = (".bvh", ".npz", ".glb"), (".npz", ".trc")  # what is written
+MARKERS = (".npz", ".trc")  # what is written of markers
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -37,7 +36,7 @@ def motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, or .npz as of AMASS; or markers: .c3d, .trc, or .npz of markers."
+            help="A motion: .bvh, .glb, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
         ),
     ],
     out: Annotated[
@@ -80,13 +79,13 @@ def motion(
     if strip is not None and strip.suffix.lower() != ".png":
         raise BadArgument(f"--strip takes a file that ends in .png, not {strip}")
     if holds_markers(path):
-        _refuse(out, MARKERS, "markers")
+        refuse_suffix(out, MARKERS, "markers")
         for option, given in (("--fps", fps), ("--rate", rate), ("--body", body)):
             if given is not None:
                 warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
         return
-    _refuse(out, MOTIONS, "a motion")
+    refuse_suffix(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
     found = read_motion(path, unit=unit, up=up, fps=rate, body=model)
     if unit is not None and path.suffix.lower() == ".npz":
@@ -109,21 +108,7 @@ def motion(
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
     if out is not None:
-        if wanted == ".bvh":
-            write_bvh(out, found, model)
-        elif wanted == ".glb":
-            assert model is not None
-            if not isinstance(model, SkinnedBody):
-                raise NotSupported(not_skinned(model, "a motion as .glb", "take a SkinnedBody"))
-            write_glb(out, found, model)
-        else:
-            save_motion(out, found)
-        say(console, f"motion: {escape(str(out))}")
-
-
-def _refuse(out: Path | None, suffixes: tuple[str, ...], what: str) -> None:
-    if out is not None and out.suffix.lower() not in suffixes:
-        raise BadArgument(f"{what} can be written as {' or '.join(suffixes)}, and not as {out}")
+        write_motion(console, out, found, model)
 
 
 def _say_motion(console: Console, found: Motion, path: Path) -> None:

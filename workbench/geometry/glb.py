@@ -6,21 +6,20 @@ bytes, each node is visited once, and what is shown again is paid for. (Khronos 
 Specification.)
 """
 
-import base64
-import binascii
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
-from workbench.errors import shown
-from workbench.reading.facts import parsed
+from workbench.geometry.glb_document import (
+    LOCAL,
+    GlbDocument,
+    children,
+    document_of,
+    local_motion,
+    several,
+)
 
-MAGIC, JSON, BINARY = b"glTF", b"JSON", b"BIN\0"
-COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines
 FREE_BYTES = 2**28  # that all parts together may take, however small the file is
 PER_BYTE = 16  # further bytes that they may take for each byte of the file
@@ -32,13 +31,13 @@ def parse_glb(content: bytes) -> tuple[Array, Index]:
 
     Raises ValueError (BadFile of its JSON) with what is wrong.
     """
-    document = _document(content)
+    document = document_of(content)
     places = _places(document)
     vertices, faces = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
     count, room = 0, FREE_BYTES + PER_BYTE * len(content)
-    for number, mesh in enumerate(_several(document.json, "meshes")):
+    for number, mesh in enumerate(several(document.json, "meshes")):
         motions = places.get(number, [])
-        for primitive in _several(mesh, "primitives") if motions else []:
+        for primitive in several(mesh, "primitives") if motions else []:
             positions, triangles = _part(document, primitive)
             room -= len(motions) * max(positions.nbytes + triangles.nbytes, LEAST)
             if room < 0:
@@ -53,93 +52,11 @@ def parse_glb(content: bytes) -> tuple[Array, Index]:
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-@dataclass(frozen=True)
-class _Document:
-    """The JSON of a file, and the bytes of its buffers."""
-
-    json: dict[str, Any]
-    buffers: list[bytes]
-
-    def entry(self, key: str, index: Any) -> dict[str, Any]:
-        """`key[index]`, an object. Raises ValueError if there is none."""
-        several = self.json.get(key)
-        there = isinstance(several, list) and type(index) is int and 0 <= index < len(several)
-        if not there or not isinstance(several, list) or not isinstance(several[index], dict):
-            raise ValueError(f"there is no {key}[{shown(index)}]")
-        found: dict[str, Any] = several[index]
-        return found
-
-    def numbers(self, index: Any, kind: str, columns: int) -> NDArray[Any]:
-        """The numbers (count, columns) of an accessor, as a view of the file's bytes."""
-        accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise ValueError(
-                f"{name} is sparse, or compressed by an extension such as Draco's, which is not "
-                "read; export the mesh without compression"
-            )
-        code = accessor.get("componentType")
-        if accessor.get("type") != kind or type(code) is not int or code not in COMPONENTS:
-            raise ValueError(f"{name} holds {shown(accessor.get('type'))}, but must hold {kind}")
-        dtype = np.dtype(COMPONENTS[code])
-        view = self.entry("bufferViews", accessor["bufferView"])
-        buffer, row = self.buffer(view.get("buffer")), dtype.itemsize * columns
-        count, stride = _whole(accessor, "count"), _whole(view, "byteStride", row)
-        start, length = _whole(view, "byteOffset", 0), _whole(view, "byteLength")
-        offset = _whole(accessor, "byteOffset", 0)
-        end = offset + (count - 1) * stride + row if count else offset
-        if stride < row or end > length or start + length > len(buffer):
-            raise ValueError(f"{name} says it holds {count:,} {kind}, but its bytes are fewer")
-        return np.ndarray((count, columns), dtype, buffer, start + offset, (stride, dtype.itemsize))
-
-    def buffer(self, index: Any) -> bytes:
-        """The bytes of a buffer. Raises ValueError if the file has none for it."""
-        self.entry("buffers", index)
-        if index >= len(self.buffers):
-            raise ValueError(f"buffers[{index}] has no bytes in this file")
-        number: int = index
-        return self.buffers[number]
-
-
-def _document(content: bytes) -> _Document:
-    if content[:4] != MAGIC or content[4:8] != b"\2\0\0\0":
-        raise ValueError("it does not begin as glTF 2.0 does")
-    chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(content):
-        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
-        if at + 8 + length > len(content):
-            raise ValueError(f"a part of {length:,} bytes is cut off")
-        if kind in (JSON, BINARY):  # others are to be passed over
-            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
-        at += 8 + length
-    json = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
-    if not isinstance(json, dict):
-        raise ValueError("its JSON is no object")
-    return _Document(json, [_bytes(b, k, chunks) for k, b in enumerate(_several(json, "buffers"))])
-
-
-def _bytes(buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes]) -> bytes:
-    """What a buffer holds: the file's binary part, or text in base64; no other file is opened."""
-    uri = buffer.get("uri")
-    if uri is None:
-        return chunks.get(BINARY, b"") if number == 0 else b""
-    head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
-    if not head.startswith("data:"):
-        raise ValueError(
-            f"buffers[{number}] is in another file, {shown(uri)}, which is not opened; export the "
-            "mesh as one .glb"
-        )
-    try:
-        return base64.b64decode(text)
-    except binascii.Error as error:
-        raise ValueError(f"buffers[{number}] is no base64 ({error})") from error
-
-
-def _places(document: _Document) -> dict[int, list[Array]]:
+def _places(document: GlbDocument) -> dict[int, list[Array]]:
     """The motions (4, 4) to where the scene shows each mesh, in the order of the nodes' names."""
     json = document.json
     scene = document.entry("scenes", json.get("scene", 0)) if "scenes" in json else {}
-    waiting = [(child, np.eye(4)) for child in _children(scene, "nodes")]
+    waiting = [(child, np.eye(4)) for child in children(scene, "nodes")]
     seen: set[int] = set()
     found: dict[int, list[tuple[str, int, Array]]] = {}
     while waiting:
@@ -150,8 +67,8 @@ def _places(document: _Document) -> dict[int, list[Array]]:
         seen.add(number)
         if not node.keys().isdisjoint(LOCAL):
             with np.errstate(all="ignore"):  # what is not finite then is refused as a vertex
-                motion = motion @ _local(node)
-        waiting += [(child, motion) for child in _children(node, "children")]
+                motion = motion @ local_motion(node)
+        waiting += [(child, motion) for child in children(node, "children")]
         if "mesh" in node:
             document.entry("meshes", node["mesh"])
             key = (str(node.get("name", number))[:100], number)
@@ -162,25 +79,7 @@ def _places(document: _Document) -> dict[int, list[Array]]:
     }
 
 
-LOCAL = ("matrix", "translation", "rotation", "scale")
-
-
-def _local(node: dict[str, Any]) -> Array:
-    """The motion (4, 4) of a node within its parent: a matrix, or T R S."""
-    if "matrix" in node:
-        return _reals(node["matrix"], 16).reshape(4, 4).T
-    motion = np.eye(4)
-    quaternion = _reals(node.get("rotation", (0, 0, 0, 1)), 4)
-    if not quaternion.any():
-        raise ValueError("the rotation of a node is zero, and not a unit quaternion")
-    with np.errstate(all="ignore"):
-        motion[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-        motion[:3, :3] *= _reals(node.get("scale", (1, 1, 1)), 3)
-    motion[:3, 3] = _reals(node.get("translation", (0, 0, 0)), 3)
-    return motion
-
-
-def _part(document: _Document, primitive: dict[str, Any]) -> tuple[Array, Index]:
+def _part(document: GlbDocument, primitive: dict[str, Any]) -> tuple[Array, Index]:
     """Vertices and triangles of one primitive; lines are left out, and points have no triangles."""
     mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes")
     none = np.zeros((0, 3), dtype=np.int64)
@@ -200,7 +99,7 @@ def _part(document: _Document, primitive: dict[str, Any]) -> tuple[Array, Index]
     return positions, _triangles(order, mode)
 
 
-def _accessor_is_normalized(document: _Document, attributes: dict[str, Any]) -> bool:
+def _accessor_is_normalized(document: GlbDocument, attributes: dict[str, Any]) -> bool:
     return document.entry("accessors", attributes["POSITION"]).get("normalized") is True
 
 
@@ -227,35 +126,3 @@ def _moved(positions: Array, motion: Array) -> Array:
         return positions
     with np.errstate(all="ignore"):
         return np.asarray(positions @ motion[:3, :3].T + motion[:3, 3])
-
-
-def _several(holder: dict[str, Any], key: str) -> list[dict[str, Any]]:
-    """The objects of a list, which may be missing."""
-    found = holder.get(key, [])
-    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
-        raise ValueError(f"its {key} are no list of objects")
-    return found
-
-
-def _children(holder: dict[str, Any], key: str) -> list[Any]:
-    found = holder.get(key, [])
-    if not isinstance(found, list):
-        raise ValueError(f"its {key} are no list of numbers")
-    return found[::-1]  # the last that waits comes first
-
-
-def _whole(holder: dict[str, Any], key: str, otherwise: int | None = None) -> int:
-    found = holder.get(key, otherwise)
-    if type(found) is not int or not 0 <= found < 2**53:
-        raise ValueError(f"its {key} is {shown(found)}, but must be a whole number from 0")
-    return found
-
-
-def _reals(given: Any, count: int) -> Array:
-    try:
-        found = np.asarray(given, dtype=np.float64)
-    except (ValueError, TypeError, OverflowError):
-        found = np.zeros(0)
-    if found.shape != (count,):
-        raise ValueError(f"a node's place is {shown(given)}, but must be {count} numbers")
-    return found

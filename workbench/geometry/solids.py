@@ -33,6 +33,16 @@ def sums_around(of_faces: Array, faces: Index, n_vertices: int) -> Array:
     return np.stack(sums, axis=1)
 
 
+def vertex_normals(vertices: Array, faces: Index) -> Array:
+    """Unit normals (N, 3): means of the normals of the faces around, weighted by their areas.
+
+    A vertex in no face has the normal 0.
+    """
+    total = sums_around(face_vectors(vertices, faces), faces, len(vertices))
+    lengths = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.asarray(total / np.where(lengths > 0, lengths, 1.0))
+
+
 def mesh_edges(triangles: Index) -> Index:
     """Every edge once, (E, 2), the smaller number first."""
     both = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

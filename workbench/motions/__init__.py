@@ -17,6 +17,7 @@ from workbench.motions.bvh_files import read_bvh, write_bvh
 from workbench.motions.c3d_files import read_c3d
 from workbench.motions.files import read_motion
 from workbench.motions.glb_files import write_glb
+from workbench.motions.gltf_files import read_glb
 from workbench.motions.motion import Motion
 from workbench.motions.trajectories import Trajectories
 from workbench.motions.trc_files import read_trc, write_trc
@@ -29,6 +30,7 @@ __all__ = [
     "read_amass",
     "read_bvh",
     "read_c3d",
+    "read_glb",
     "read_motion",
     "read_trc",
     "save_motion",

@@ -3,29 +3,49 @@
 from pathlib import Path
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.files.correctives import Correctives
 from workbench.bodies.files.gltf import write_gltf
 from workbench.errors import BadArgument
 from workbench.motions.motion import Motion
 
-LARGEST = 2.5e8  # bytes; there is a morph target, and a row of weights, for each frame
+LARGEST = 2.5e8  # bytes of morph targets, and of their weights in all frames
 
 
-def write_glb(path: str | Path, motion: Motion, body: SkinnedBody) -> None:
+def write_glb(
+    path: str | Path,
+    motion: Motion,
+    body: SkinnedBody,
+    *,
+    correctives: int | None = None,
+    shapes: int = 0,
+) -> Correctives:
     """Write a motion as .glb: surface, skeleton and correctives of a body, and its way.
 
-    Each frame is a key frame with a morph target of its own, so that the file grows with frames
-    times vertices. Raises BadArgument for a file of more than 250 MB, and what `write_gltf` and
-    `Motion.named` raise.
+    Each frame is a key frame. `correctives` is the number of morph targets that stand for what the
+    motion uses of the pose blend shapes: None for all of it, 0 for none. What is returned says how
+    far the surface is off with them, and so do the file's extras. `shapes` is the number of shape
+    directions that become morph targets as well, at zero for the person of the motion.
+
+    Raises BadArgument for a file of more than 250 MB, and what `write_gltf` and `Motion.named`
+    raise.
     """
     here, T = motion.named(body), len(motion)
-    size = T * (12.0 * body.n_vertices + 4.0 * T)
+    used = min(T, body.posedirs.shape[2])
+    morphs = shapes + (used if correctives is None else min(correctives, used))
+    size = morphs * (12.0 * body.n_vertices + 4.0 * T)
     if size > LARGEST:
         raise BadArgument(
-            f"{T} frames of {body.n_vertices} vertices take {size / 1e6:.0f} MB as .glb; resample "
-            "the motion, slice it, or take a smaller body"
+            f"{morphs} morph targets of {body.n_vertices} vertices in {T} frames take "
+            f"{size / 1e6:.0f} MB as .glb; ask for fewer correctives, resample the motion, slice "
+            "it, or take a smaller body"
         )
-    write_gltf(path, body, here.pose, _padded(here, body), trans=here.trans, seconds=1 / here.fps)
-
-
-def _padded(motion: Motion, body: SkinnedBody) -> list[float]:
-    return [*motion.betas, *[0.0] * (body.n_betas - len(motion.betas))]
+    return write_gltf(
+        path,
+        body,
+        here.pose,
+        here.betas,
+        trans=here.trans,
+        seconds=1 / here.fps,
+        correctives=correctives,
+        shapes=shapes,
+    )

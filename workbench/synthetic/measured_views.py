@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
-from workbench.geometry.solids import face_vectors
+from workbench.geometry.solids import face_vectors, vertex_normals
 from workbench.synthetic.depth_images import DepthImage, depth_image, visible
-from workbench.synthetic.scan_effects import Discs, Noise, Region, unit_vectors, vertex_normals
+from workbench.synthetic.scan_effects import Discs, Noise, Region, unit_vectors
 from workbench.synthetic.scan_grids import Joining, areas, estimated_normals
 from workbench.synthetic.scanners import Scanner
 

@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
-from workbench.geometry.solids import face_vectors, sums_around
+from workbench.geometry.solids import face_vectors
 
 STEEPEST_MEASURED = np.radians(80)  # where the measurements of noise by angle end
 WAVES = 300  # that make up a smooth random field
@@ -203,16 +203,6 @@ def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator)
     phases = rng.uniform(0, 2 * np.pi, WAVES)
     heights = rng.standard_normal((WAVES, D)) * np.sqrt(2 / WAVES)
     return np.asarray(np.cos(points @ waves.T + phases) @ heights)
-
-
-def vertex_normals(vertices: Array, faces: Index) -> Array:
-    """Unit normals (N, 3): means of the normals of the faces around, weighted by their areas.
-
-    A vertex in no face has the normal 0.
-    """
-    total = sums_around(face_vectors(vertices, faces), faces, len(vertices))
-    lengths = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.asarray(total / np.where(lengths > 0, lengths, 1.0))
 
 
 def unit_vectors(vectors: ArrayLike) -> Array:

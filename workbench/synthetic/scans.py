@@ -16,9 +16,10 @@ from workbench.blocks.checks import numbers, reals, several
 from workbench.errors import BadArgument
 from workbench.fitting.scan import BadScan, Scan
 from workbench.geometry.meshes import Mesh
+from workbench.geometry.solids import vertex_normals
 from workbench.synthetic.clutter import Clutter, Strewn, strewn
 from workbench.synthetic.measured_views import Losses, angles, measured_view, noisy
-from workbench.synthetic.scan_effects import Clothing, Holes, Noise, Region, vertex_normals
+from workbench.synthetic.scan_effects import Clothing, Holes, Noise, Region
 from workbench.synthetic.scan_grids import Joining, areas
 from workbench.synthetic.scanners import Scanner
 

@@ -1,11 +1,12 @@
 """A skinned body as a glTF file (.glb) that viewers and engines move by themselves.
 
-Each pose is a key frame: joints turn, and one morph target holds what the pose adds to the rest
-surface. glTF adds morph targets first and skins then, which is SMPL's own order, so at the key
+Each pose is a key frame: joints turn, and morph targets add to the rest surface what the pose adds
+to it. glTF adds morph targets first and skins then, which is SMPL's own order, so at the key
 frames the file says what the body says, in single precision; in between both are interpolated.
+Further morph targets are the shape directions, at zero for the person of the file. They move the
+surface alone, as a glTF has no means to move joints with them.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,46 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
+from workbench.bodies.files.correctives import Correctives, correctives_of
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadBody
+from workbench.errors import BadArgument, BadBody
+from workbench.geometry.glb_writing import ATTRIBUTES, ELEMENTS, Chunk
+from workbench.geometry.solids import vertex_normals
 from workbench.writing import replacing
 
-FLOAT, UNSIGNED = 5126, 5125  # glTF's codes of component types
-SHORT = 5123
-CODES = {"float32": FLOAT, "uint32": UNSIGNED, "uint16": SHORT}
-KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
-ATTRIBUTES, ELEMENTS = 34962, 34963  # what a buffer view is for
-
-
-class Chunk:
-    """The numbers of a file, and where each array is in them."""
-
-    def __init__(self) -> None:
-        self.data = bytearray()
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
-
-    def add(self, array: ArrayLike, kind: str, target: int | None = None) -> int:
-        """The number of the accessor of an array (n,) or (n, width), stored as `kind`."""
-        rows = np.ascontiguousarray(array, dtype=kind)
-        rows = rows.reshape(len(rows), -1)
-        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": rows.nbytes}
-        self.views.append(view | ({} if target is None else {"target": target}))
-        self.data += rows.astype(rows.dtype.newbyteorder("<")).tobytes()
-        self.data += bytes(-len(self.data) % 4)
-        self.accessors.append(
-            {
-                "bufferView": len(self.views) - 1,
-                "componentType": CODES[kind],
-                "count": len(rows),
-                "type": KINDS[rows.shape[1]],
-                "min": rows.min(axis=0).tolist(),
-                "max": rows.max(axis=0).tolist(),
-            }
-        )
-        return len(self.accessors) - 1
+SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
 
 
 def write_gltf(
@@ -63,12 +34,20 @@ def write_gltf(
     *,
     trans: ArrayLike | None = None,
     seconds: float = 1.0,
-) -> None:
+    correctives: int | None = None,
+    shapes: int = 0,
+) -> Correctives:
     """Write one person in poses (P, K, 3) rad as a .glb with a skeleton, `seconds` from key to key.
 
-    `trans` (P, 3) m moves the root. Whole or not at all. Raises BadBody for what no skinned glTF
-    can say: triangle bodies, other skinnings than linear blending, and bodies drawn in another
-    pose than zero.
+    `trans` (P, 3) m moves the root. `correctives` is the number of morph targets that stand for
+    the pose blend shapes: None for as many as the poses need, which is exact, 0 for none. The
+    first `shapes` shape directions are morph targets as well, of one standard deviation, which the
+    file leaves at zero. What is returned says how far the surface is off; the file's `extras` say
+    it too, and the betas. Whole or not at all.
+
+    Raises BadBody for what no skinned glTF can say: triangle bodies, other skinnings than linear
+    blending, and bodies drawn in another pose than zero; BadArgument for other numbers of morph
+    targets.
     """
     path = Path(path)
     if isinstance(body, TriangleBody):
@@ -81,33 +60,63 @@ def write_gltf(
             f"body {body.name!r} is not skinned as a glTF is, linearly from a zero pose; write a "
             "mesh of every pose, with write_mesh"
         )
+    if type(shapes) is not int or not 0 <= shapes <= body.n_betas:
+        raise BadArgument(
+            f"body {body.name!r} has {body.n_betas} shape directions; as morph targets, give 0 to "
+            f"so many, not {shapes!r:.60}"
+        )
+    theta = np.asarray(poses, dtype=float).reshape(-1, body.n_joints, 3)
+    beta = np.zeros(body.n_betas)
+    if betas is not None:
+        given = np.asarray(betas, dtype=float)
+        beta[: len(given)] = given
+    found = correctives_of(body, theta, beta, correctives)
     content = _glb(
         body,
-        np.asarray(poses, dtype=float).reshape(-1, body.n_joints, 3),
-        np.zeros(body.n_betas) if betas is None else np.asarray(betas, dtype=float),
+        theta,
+        beta,
         None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),
         seconds,
+        found,
+        shapes,
     )
     with replacing(path) as temporary:
         temporary.write_bytes(content)
+    return found
 
 
 def _glb(
-    body: SkinnedBody, poses: Array, betas: Array, trans: Array | None, seconds: float
+    body: SkinnedBody,
+    poses: Array,
+    betas: Array,
+    trans: Array | None,
+    seconds: float,
+    correctives: Correctives,
+    shapes: int,
 ) -> bytes:
     chunk, K = Chunk(), body.n_joints
     rest = body.template + body.shapedirs @ betas
     J = body.numeric.skeleton.positions(betas)
-    features = [body.kinematics.motion(pose, betas).features for pose in poses]
-    attributes = {"POSITION": chunk.add(rest, "float32", ATTRIBUTES)}
-    attributes |= _influences(body.weights, chunk)
-    primitive = {
-        "attributes": attributes,
-        "indices": chunk.add(body.faces.ravel(), "uint32", ELEMENTS),
-        "targets": [
-            {"POSITION": chunk.add(body.posedirs @ f, "float32", ATTRIBUTES)} for f in features
-        ],
+    attributes = {
+        "POSITION": chunk.add(rest, "float32", ATTRIBUTES),
+        "NORMAL": chunk.add(_normals(rest, body.faces), "float32", ATTRIBUTES),
     }
+    attributes |= _influences(body.weights, chunk)
+    morphs = [*np.moveaxis(body.shapedirs[:, :, :shapes], 2, 0), *correctives.shapes]
+    names = [f"betas[{b}]" for b in range(shapes)]
+    names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
+    primitive: dict[str, Any] = {
+        "attributes": attributes,
+        "indices": chunk.add(
+            body.faces.ravel(), "uint16" if body.n_vertices < SHORT else "uint32", ELEMENTS
+        ),
+    }
+    mesh: dict[str, Any] = {"primitives": [primitive]}
+    if morphs:
+        primitive["targets"] = [
+            {"POSITION": chunk.add(moved, "float32", ATTRIBUTES)} for moved in morphs
+        ]
+        mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
     inverse = np.tile(np.eye(4), (K, 1, 1))
     inverse[:, 3, :3] = -J  # by columns: the fourth is the translation
     offsets = J - np.where(np.arange(K)[:, None] > 0, J[list(body.parents)], 0.0)
@@ -118,12 +127,24 @@ def _glb(
     for k, parent in enumerate(body.parents[1:], start=1):
         nodes[parent].setdefault("children", []).append(k)
     nodes.append({"name": body.name, "mesh": 0, "skin": 0})
+    weights = np.hstack([np.zeros((len(poses), shapes)), correctives.shares])
+    root = None if trans is None else J[0] + trans
     document = {
-        "asset": {"version": "2.0", "generator": "workbench"},
+        "asset": {
+            "version": "2.0",
+            "generator": "workbench",
+            "extras": {
+                "body": body.name,
+                "betas": betas.tolist(),
+                "correctives": len(correctives.shapes),
+                "mean_error_m": correctives.mean,
+                "largest_error_m": correctives.largest,
+            },
+        },
         "scene": 0,
         "scenes": [{"nodes": [0, K]}],
         "nodes": nodes,
-        "meshes": [{"primitives": [primitive], "weights": [0.0] * len(poses)}],
+        "meshes": [mesh],
         "skins": [
             {
                 "joints": list(range(K)),
@@ -131,17 +152,16 @@ def _glb(
                 "inverseBindMatrices": chunk.add(inverse.reshape(K, 16), "float32"),
             }
         ],
-        "animations": [_animation(poses, None if trans is None else J[0] + trans, seconds, chunk)],
-        "accessors": chunk.accessors,
-        "bufferViews": chunk.views,
-        "buffers": [{"byteLength": len(chunk.data)}],
+        "animations": [_animation(poses, root, weights, seconds, chunk)],
     }
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    parts = [(b"JSON", text), (b"BIN\0", bytes(chunk.data))]
-    body_bytes = b"".join(len(p).to_bytes(4, "little") + kind + p for kind, p in parts)
-    sizes = (2).to_bytes(4, "little") + (12 + len(body_bytes)).to_bytes(4, "little")
-    return b"glTF" + sizes + body_bytes
+    return chunk.file(document)
+
+
+def _normals(rest: Array, faces: Index) -> Array:
+    """Unit normals (N, 3); that of a vertex of no face points up, for glTF takes no zeros."""
+    found = vertex_normals(rest, faces)
+    found[~found.any(axis=1)] = [0.0, 1.0, 0.0]
+    return found
 
 
 def _influences(weights: Array, chunk: Chunk) -> dict[str, int]:
@@ -152,19 +172,27 @@ def _influences(weights: Array, chunk: Chunk) -> dict[str, int]:
     for s in range(sets):
         joints = order[:, 4 * s : 4 * s + 4]
         shares = np.take_along_axis(weights, joints, axis=1)
-        found[f"JOINTS_{s}"] = chunk.add(np.where(shares > 0, joints, 0), "uint16", ATTRIBUTES)
+        kind = "uint8" if weights.shape[1] <= BYTE else "uint16"
+        joints = np.where(shares > 0, joints, 0)
+        filled = np.zeros((len(joints), 4 - joints.shape[1]))  # a body of three joints or less
+        joints, shares = (np.hstack([a, filled]) for a in (joints, shares))
+        found[f"JOINTS_{s}"] = chunk.add(joints, kind, ATTRIBUTES)
         found[f"WEIGHTS_{s}"] = chunk.add(shares, "float32", ATTRIBUTES)
     return found
 
 
-def _animation(poses: Array, root: Array | None, seconds: float, chunk: Chunk) -> dict[str, Any]:
-    """The key frames of all joints, and of the place of the root (P, 3) m if it moves."""
+def _animation(
+    poses: Array, root: Array | None, weights: Array, seconds: float, chunk: Chunk
+) -> dict[str, Any]:
+    """The key frames of all joints, of morph targets (P, M) and of the root (P, 3) m, if any."""
     P, K = poses.shape[:2]
     q = _on_one_side(Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4))
     times = chunk.add(seconds * np.arange(P), "float32")
     outputs = [chunk.add(q[:, k], "float32") for k in range(K)]
-    outputs.append(chunk.add(np.eye(P).ravel(), "float32"))  # each pose its own morph target
-    where = [{"node": k, "path": "rotation"} for k in range(K)] + [{"node": K, "path": "weights"}]
+    where = [{"node": k, "path": "rotation"} for k in range(K)]
+    if weights.size:
+        outputs.append(chunk.add(weights.ravel(), "float32"))
+        where.append({"node": K, "path": "weights"})
     if root is not None:
         outputs.append(chunk.add(root, "float32"))
         where.append({"node": 0, "path": "translation"})

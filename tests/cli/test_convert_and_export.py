@@ -1,0 +1,112 @@
+"""`workbench convert` and `workbench export`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from benchmarks.clips_made_up import clip
+from tests.cli.conftest import Run
+from workbench.motions import Trajectories, write_trc
+
+SMALL = wb.load_body("small")
+COCO = SMALL.landmark_names("coco")
+
+
+def motion_file(folder: Path, frames: int = 3) -> wb.Motion:
+    motion = clip(SMALL, frames)
+    wb.save_motion(folder / "walk.npz", motion)
+    return motion
+
+
+def test_a_motion_goes_from_body_to_body(tmp_path: Path, workbench: Run) -> None:
+    motion = motion_file(tmp_path)
+    arguments = "walk.npz", "--from", "small", "--to", "small", "--out", "other.npz"
+    code, out, _ = workbench("convert", *arguments)
+    assert code == 0
+    assert "the same triangles: 369 vertices correspond one to one" in out
+    assert "left_forearm" in out
+    assert "vertices are 0.0" in out
+    assert "if the angles of 24 joints were copied" in out
+    found = wb.read_motion(tmp_path / "other.npz")
+    off = np.linalg.norm(found.vertices(SMALL) - motion.vertices(SMALL), axis=2)
+    assert 1e3 * off.mean() < 0.1
+
+
+def test_named_points_become_a_motion(tmp_path: Path, workbench: Run) -> None:
+    motion = clip(SMALL, 3)
+    places = 1e3 * motion.landmark(SMALL, "coco")
+    write_trc(tmp_path / "points.trc", Trajectories(places, COCO, 30.0, "mm"))
+    arguments = "points.trc", "--to", "small", "--out", "found.bvh", "--from", "default"
+    code, out, _ = workbench("convert", *arguments)
+    assert code == 0
+    assert "--from changes nothing: points.trc holds points" in out
+    assert "23 of 23 points are coco of body 'small'" in out
+    assert "mm from those of the body on average" in out
+    assert len(wb.read_motion(tmp_path / "found.bvh")) == 3
+
+
+def test_a_motion_is_exported_with_its_error(tmp_path: Path, workbench: Run) -> None:
+    motion_file(tmp_path)
+    for correctives, count in (("1", 1), ("exact", 3), ("0", 0)):
+        options = "--body", "small", "--out", "walk.glb", "--correctives", correctives
+        code, out, _ = workbench("export", "walk.npz", *options)
+        assert code == 0
+        assert f"10 shape directions, {count} correctives: vertices are off by" in out
+        raw = (tmp_path / "walk.glb").read_bytes()
+        document = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")])
+        assert document["asset"]["extras"]["correctives"] == count
+    for name in ("walk.bvh", "again.npz"):
+        options = "--body", "small", "--fps", "60", "--out", name
+        assert workbench("export", "walk.npz", *options)[0] == 0
+        assert len(wb.read_motion(tmp_path / name)) == 5
+
+
+def test_code_is_exported(tmp_path: Path, workbench: Run) -> None:
+    code, out, _ = workbench("export", "--body", "hand", "--points", "tips", "--out", "tips.c")
+    assert code == 0
+    assert "code: tips.c and tips.h" in out
+    assert "int tips(" in (tmp_path / "tips.h").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("convert", "walk.npz", "--to", "small", "--out", "a.npz"), "say with --from which body"),
+        (
+            ("convert", "walk.npz", "--from", "small", "--to", "hand", "--out", "a.npz"),
+            "'small' and 'hand' have 0 joints of the same names",
+        ),
+        (
+            ("convert", "walk.npz", "--from", "small", "--to", "small", "--out", "a.fbx"),
+            "a motion can be written as .bvh or .npz or .glb, and not as a.fbx",
+        ),
+        (
+            ("convert", "points.trc", "--to", "small", "--out", "a.npz", "--points", "face"),
+            "no set of points is called 'face'; there are coco, joints",
+        ),
+        (("export", "--out", "a.glb"), "name the motion that becomes a.glb"),
+        (
+            ("export", "walk.npz", "--out", "a.glb", "--correctives", "many"),
+            "--correctives takes exact, or a whole number from 0, not 'many'",
+        ),
+        (("export", "walk.npz", "--out", "a.fbx"), "can be written as .bvh or .npz or .glb or .c"),
+        (
+            ("export", "walk.npz", "--body", "small-scape", "--out", "a.glb"),
+            "take a SkinnedBody",
+        ),
+        (("export", "--points", "face", "--out", "a.c"), "no landmark set is called 'face'"),
+    ],
+)
+def test_mistakes_are_a_sentence(
+    tmp_path: Path, workbench: Run, arguments: tuple[str, ...], said: str
+) -> None:
+    motion_file(tmp_path)
+    places = np.random.default_rng(0).normal(scale=0.4, size=(2, 23, 3))
+    write_trc(tmp_path / "points.trc", Trajectories(places, COCO, 30.0, "m"))
+    code, _, wrong = workbench(*arguments)
+    assert code == 2
+    assert said in " ".join(wrong.split())
+    assert {path.name for path in tmp_path.iterdir()} == {"walk.npz", "points.trc"}

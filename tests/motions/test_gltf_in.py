@@ -1,0 +1,116 @@
+"""Motions from .glb files: our own, and one that is put together here as other programs do."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import workbench as wb
+from benchmarks.clips_made_up import clip
+from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns
+from workbench.errors import BadFile
+from workbench.geometry.glb_document import GlbDocument
+from workbench.motions import read_glb, write_glb
+from workbench.motions.gltf_tracks import Track
+
+
+@pytest.mark.parametrize("option", [{}, {"step": True}, {"cubic": True}, {"floor": True}])
+def test_a_file_of_another_program_is_read(tmp_path: Path, option: dict[str, bool]) -> None:
+    (tmp_path / "a.glb").write_bytes(made(**option))
+    found = wb.read_motion(tmp_path / "a.glb")
+    assert found.joint_names == NAMES
+    assert found.bones is not None
+    assert found.bones.parents == (-1, 0, 0)
+    assert found.fps == pytest.approx(10.0)
+    np.testing.assert_allclose(found.joints(), places_of(turns(), TRANS), atol=1e-4)
+    relative = Rotation.from_rotvec(found.pose[:, 1]).magnitude()
+    np.testing.assert_allclose(relative, np.linalg.norm(turns()[:, 1], axis=1), atol=1e-3)
+    assert "the unit is m" in found.notes[0]
+    assert "weights of morph targets are not read" in " ".join(found.notes)
+    assert ("left out at the root" in " ".join(found.notes)) == ("floor" in option)
+
+
+def test_between_keys_rotations_go_the_shortest_way(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(made())
+    found, keys = read_glb(tmp_path / "a.glb", fps=20.0), read_glb(tmp_path / "a.glb")
+    assert len(found) == 7
+    np.testing.assert_allclose(found.pose[::2], keys.pose, atol=1e-6)
+    np.testing.assert_allclose(found.joints(), keys.resampled(20.0).joints(), atol=2e-4)
+
+
+@pytest.mark.parametrize("name", ["small", "hand"])
+def test_our_own_file_comes_back(tmp_path: Path, name: str) -> None:
+    body = wb.load_body(name)
+    assert isinstance(body, wb.SkinnedBody)
+    motion = clip(body, 7)
+    write_glb(tmp_path / "a.glb", motion, body, correctives=2)
+    found = wb.read_motion(tmp_path / "a.glb")
+    assert found.fps == 30.0
+    np.testing.assert_allclose(found.joints(), motion.joints(body), atol=1e-5)
+    np.testing.assert_allclose(found.betas, motion.betas)
+    np.testing.assert_allclose(found.vertices(body), motion.vertices(body), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"skins": []}, "it has no skin with joints"),
+        ({"animations": []}, "it has no animation of the joints of its skin"),
+        ({"skins": [{"joints": [1, 1]}]}, "a skin lists the same joint twice"),
+        ({"skins": [{"joints": [1, 9]}]}, r"there is no nodes\[9\]"),
+        ({"nodes": [{"children": [1]}, {"children": [0]}]}, "hang on each other in a circle"),
+        (
+            {
+                "accessors": [{"componentType": 5126, "type": "SCALAR", "count": 2**40}],
+                "skins": [{"joints": [1, 3, 4]}],
+            },
+            "holds 1,099,511,627,776 SCALAR, all of them zero",
+        ),
+        ({"accessors": []}, r"there is no accessors\[5\]"),
+    ],
+)
+def test_files_that_cannot_be_read_are_refused(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    (tmp_path / "a.glb").write_bytes(made(change))
+    with pytest.raises(BadFile, match=rf"a.glb is no motion as glTF \(.*{said}.*\); export a skin"):
+        read_glb(tmp_path / "a.glb")
+
+
+def test_bones_that_stretch_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(made(stretched=10.0))
+    with pytest.raises(BadFile, match="its bones change their length, so that joints are up to"):
+        read_glb(tmp_path / "a.glb")
+
+
+def test_a_unit_and_an_axis_can_be_given(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(made())
+    plain = read_glb(tmp_path / "a.glb").joints()
+    found = read_glb(tmp_path / "a.glb", unit="cm", up="z").joints()
+    np.testing.assert_allclose(found, 0.01 * plain[..., [0, 2, 1]] * [1, 1, -1], atol=1e-9)
+
+
+def test_normalized_integers_are_shares() -> None:
+    content = np.array([0, 51, 255], "<u1").tobytes() + np.array([-128, -127, 127], "<i1").tobytes()
+    views = [{"buffer": 0, "byteOffset": at, "byteLength": 3} for at in (0, 3)]
+    several = [
+        {"bufferView": v, "componentType": code, "type": "SCALAR", "count": 3, "normalized": True}
+        for v, code in ((0, 5121), (1, 5120))
+    ]
+    told = {"accessors": several, "bufferViews": views, "buffers": [{"byteLength": 6}]}
+    document = GlbDocument(told, [content])
+    np.testing.assert_allclose(document.values(0, "SCALAR", 1).ravel(), [0, 0.2, 1])
+    np.testing.assert_allclose(document.values(1, "SCALAR", 1).ravel(), [-1, -1, 1])
+
+
+def test_a_cubic_track_follows_its_tangents() -> None:
+    """x(t) = t^3 - t on [0, 2] is a cubic, so that one piece with its slopes at both ends is it."""
+    times, values = np.array([0.0, 2.0]), np.zeros((2, 3, 3))
+    values[:, 1, 0] = [0.0, 6.0]
+    values[0, 2, 0], values[1, 0, 0] = -1.0, 11.0  # the slopes after the first and before the last
+    at = np.array([0.0, 0.5, 1.0, 1.7, 2.0, 3.0])
+    inside = np.minimum(at, 2.0)
+    found = Track(times, values, "CUBICSPLINE", turns=False).at(at)
+    np.testing.assert_allclose(found[:, 0], inside**3 - inside, atol=1e-12)

@@ -1,0 +1,172 @@
+"""The motion of one body as that of another: other joints, other shapes, another mesh."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Values
+from workbench.bodies.body import Body
+from workbench.conversion.correspondence import Correspondence, correspond
+from workbench.conversion.parts import HANDS, vertex_parts
+from workbench.conversion.sampled import counted, sampled_vertices
+from workbench.conversion.tracking import Progress, Tracker, quiet
+from workbench.errors import BadArgument
+from workbench.fitting.mesh_start import from_correspondences
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.motions import Motion
+from workbench.residuals import gaussian
+
+SAMPLE = 1200  # vertices to which a pose is fitted
+SIGMA = 0.005  # m, of a vertex beside its place on the other body
+POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
+TOGETHER = 25  # frames whose surfaces are in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class Converted:
+    """A motion of another body, and how far its surface is from that of the first one.
+
+    Attributes:
+        motion: the motion of the target.
+        correspondence: the places of the target's vertices on the source.
+        errors: (T, N) m from each vertex of the target to its place on the source; NaN for
+            vertices that have none.
+        parts: (N,) the part of each vertex.
+    """
+
+    motion: Motion
+    correspondence: Correspondence
+    errors: Array
+    parts: tuple[str, ...]
+
+    @property
+    def by_part(self) -> dict[str, tuple[float, float]]:
+        """The mean and the largest error of each part, in m, the worst first."""
+        names = np.array(self.parts)
+        found = {}
+        for name in dict.fromkeys(self.parts):
+            own = self.errors[:, names == name]
+            if np.isfinite(own).any():
+                found[name] = float(np.nanmean(own)), float(np.nanmax(own))
+        return dict(sorted(found.items(), key=lambda item: -item[1][0]))
+
+    def mean(self, *, hands: bool = True) -> float:
+        """The mean error in m, of all parts or of those that are no hands."""
+        some = np.array([hands or name not in HANDS for name in self.parts])
+        return float(np.nanmean(self.errors[:, some]))
+
+
+def convert(
+    motion: Motion,
+    source: Body,
+    target: Body,
+    *,
+    correspondence: Correspondence | None = None,
+    progress: Progress = quiet,
+) -> Converted:
+    """The motion of a source as that of a target whose surface is closest to it in every frame.
+
+    The same angles mean other poses for a body of other joints and proportions, so the target is
+    fitted to the places of its vertices on the source (`correspond`): its betas, shared by all
+    frames, from some frames that differ, and then pose and trans frame by frame. Each frame begins
+    where the one before ended, turned on as the source's joints of the same names were. What the
+    source cannot show, such as fingers that it does not have, stays near the rest pose.
+
+    `correspondence` is that of another motion of the same two bodies. `progress` is called with
+    what is done, and with how many of how many frames. Raises BadArgument for a correspondence of
+    other bodies, and what `correspond` and `Motion.named` raise.
+    """
+    played = motion.named(source)
+    if correspondence is None:
+        correspondence = correspond(source, target)
+    if correspondence.places.shape != (target.n_vertices, source.n_vertices):
+        raise BadArgument(
+            f"this correspondence takes {correspondence.places.shape[1]} vertices to "
+            f"{correspondence.places.shape[0]}, but bodies {source.name!r} and {target.name!r} "
+            f"have {source.n_vertices} and {target.n_vertices}; find theirs with correspond"
+        )
+    tracker, person = _tracker(played, source, target, correspondence)
+    betas = tracker.shape(person, progress)
+    found = tracker.poses(betas, progress)
+    pose, _, trans = (block.name for block in target.blocks())
+    new = Motion(
+        found[pose],
+        found[trans],
+        motion.fps,
+        tuple(target.joint_names),
+        betas,
+        origin=f"converted from body {source.name!r}: {motion.origin}".removesuffix(": "),
+        notes=played.notes,
+    )
+    errors = conversion_errors(new, target, played, source, correspondence)
+    return Converted(new, correspondence, errors, vertex_parts(target))
+
+
+def conversion_errors(
+    new: Motion, target: Body, motion: Motion, source: Body, correspondence: Correspondence
+) -> Array:
+    """How far each vertex of the target is from its place on the source in each frame, (T, N) m."""
+    found = np.empty((len(motion), target.n_vertices))
+    for first in range(0, len(motion), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        places = correspondence.of(motion[some].vertices(source))
+        found[some] = np.linalg.norm(new[some].vertices(target) - places, axis=2)
+    found[:, ~correspondence.matched] = np.nan
+    return found
+
+
+def _tracker(
+    played: Motion, source: Body, target: Body, correspondence: Correspondence
+) -> tuple[Tracker, Array]:
+    """The frames of the source as observed places of the target, and the shape to begin with."""
+    some = sampled_vertices(target, SAMPLE)
+    some = some[correspondence.matched[some]]
+    observed = np.concatenate(
+        [
+            correspondence.of(played[t : t + TOGETHER].vertices(source))[:, some]
+            for t in range(0, len(played), TOGETHER)
+        ]
+    )
+    pose, betas, trans = (block.symbol for block in target.blocks())
+    prior = gaussian(
+        pose[:, 1:],
+        mean=target.bind_pose[1:],
+        covariance=POSE_SIGMA**2,
+        unit="rad",
+        name="pose prior",
+    )
+
+    def starts(t: int, before: Values | None) -> list[Values]:
+        if before is None or t == 0:
+            return [
+                from_correspondences(
+                    target, correspondence.of(played[t : t + 1].vertices(source))[0]
+                )
+            ]
+        return [turned_on(target, before, played, t)]
+
+    tracker = Tracker(
+        target,
+        target.points(pose, betas, trans, vertices=some),
+        observed,
+        counted(target, some),
+        SIGMA,
+        prior,
+        starts,
+    )
+    whole = correspondence.of(source.vertices(source.bind_pose, played.betas))
+    return tracker, from_correspondences(target, whole)[target.blocks()[1].name]
+
+
+def turned_on(target: Body, before: Values, played: Motion, t: int) -> Values:
+    """Pose and trans of a frame: those before, turned as the source's joints from t - 1 to t."""
+    pose, _, trans = (block.name for block in target.blocks())
+    there = [k for k, name in enumerate(target.joint_names) if name in played.joint_names]
+    ours: Index = np.array([played.joint_names.index(target.joint_names[k]) for k in there])
+    last, now = (matrix_from_vector(played.pose[s, ours]) for s in (t - 1, t))
+    moved = before[pose].copy()
+    own = matrix_from_vector(moved[there])
+    moved[there] = vector_from_matrix(now @ last.swapaxes(1, 2) @ own)
+    step = played.trans[t] - played.trans[t - 1]
+    return {**before, pose: moved, trans: before[trans] + step}

@@ -1,0 +1,181 @@
+"""Where each vertex of one body lies on the surface of another.
+
+Two meshes of the same triangles correspond vertex by vertex. Otherwise one body is brought into
+the rest pose and the shape of the other, first by the joints that both have, and then by the
+closest places on the surface, as in ICP (Besl and McKay, 1992). There each of its vertices has a
+closest place, which is a mean of three corners of a triangle and moves with them ever after.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array, eye_array
+
+from workbench.arrays import Array, Index, Mask
+from workbench.blocks import Block, Values
+from workbench.bodies.body import Body
+from workbench.bodies.forward.evaluation import regressed
+from workbench.conversion.sampled import sampled_vertices
+from workbench.errors import BadArgument, some_of
+from workbench.fitting.body_priors import shape_prior
+from workbench.geometry.closest_points import read_off
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import vector_from_matrix
+from workbench.geometry.solids import vertex_normals
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.problem import Problem
+from workbench.residuals import Residual, gaussian, landmarks, vertices
+from workbench.solvers import TrustRegion
+
+LEAST = 3  # joints that two bodies have in common, by which one is placed on the other
+JOINT_SIGMA = 0.01  # m, of a joint of one body beside that of another
+SURFACE_SIGMA = 0.005  # m, of a vertex beside the closest place on another surface
+POSE_SIGMA = 0.3  # rad, between the rest poses of two bodies
+ROUNDS = 8  # of closest places and a fit to them
+SAMPLE = 1200  # vertices by which one surface is brought onto the other
+FACING = 0.3  # cosine between the normals of a vertex and of its place: less is the other side
+FARTHEST = 0.05  # m: a vertex farther than this from the other surface has no place there
+
+Said = Callable[[str], object]
+
+
+@dataclass(frozen=True, eq=False)
+class Correspondence:
+    """The places of a target's N vertices on the surface of a source of M vertices.
+
+    Attributes:
+        places: (N, M) rows that sum to one: each place as a mean of the source's vertices.
+        matched: (N,) whether the vertex has a place that faces as it does and is not far from it.
+        distances: (N,) m from the vertex to its place, in the rest pose of the source.
+        rest: pose, betas and trans at which the target was there.
+        same: whether both meshes have the same triangles, so that vertices correspond.
+    """
+
+    places: csr_array
+    matched: Mask
+    distances: Array
+    rest: Values
+    same: bool
+
+    def of(self, surface: Array) -> Array:
+        """The places (..., N, 3) m on a source's surface (..., M, 3) m, in whatever pose."""
+        return regressed(self.places, surface)
+
+    def __str__(self) -> str:
+        if self.same:
+            return f"the same triangles: {len(self.matched)} vertices correspond one to one"
+        known = self.distances[self.matched]
+        return (
+            f"{self.matched.sum()} of {len(self.matched)} vertices have a place on the other "
+            f"surface, {1e3 * known.mean():.1f} mm away on average at rest"
+        )
+
+
+def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Correspondence:
+    """Find the places of a target's vertices on a source, in the source's rest pose.
+
+    The result serves all motions of the source. Raises BadArgument if the bodies have fewer than
+    three joints of the same names and other triangles.
+    """
+    N = target.n_vertices
+    if source.n_vertices == N and np.array_equal(source.faces, target.faces):
+        every, none = np.ones(N, dtype=bool), np.zeros(N)
+        return Correspondence(csr_array(eye_array(N)), every, none, target.start(), True)
+    surface = source.vertices()
+    tree = SurfaceTree(surface, source.faces)
+    said("the joints of one body are brought onto those of the other")
+    at = _by_joints(source, target)
+    chosen = sampled_vertices(target, SAMPLE)
+    refine = _SurfaceFit(target, chosen)
+    said(f"closest places are found, and the body fitted to them, {ROUNDS} times")
+    for _ in range(ROUNDS):
+        posed = _vertices(target, at)
+        places, seen, _ = _closest(tree, posed, target.faces, chosen)
+        at = refine(at, places, seen)
+    posed = _vertices(target, at)
+    _, matched, distances = _closest(tree, posed, target.faces, np.arange(N))
+    return Correspondence(read_off(surface, source.faces, posed), matched, distances, at, False)
+
+
+def _vertices(body: Body, values: Values) -> Array:
+    return body.vertices(*(values[block.name] for block in body.blocks()))
+
+
+def _closest(
+    tree: SurfaceTree, posed: Array, faces: Index, chosen: Index
+) -> tuple[Array, Mask, Array]:
+    """The places (n, 3) of some vertices, which of them are right, and how far they are, in m."""
+    found = tree.closest(posed[chosen])
+    facing = (vertex_normals(posed, faces)[chosen] * found.normals).sum(axis=1)
+    distances = np.abs(found.distances)
+    return found.points, np.asarray((facing > FACING) & (distances < FARTHEST)), distances
+
+
+def _by_joints(source: Body, target: Body) -> Values:
+    """The target with its joints where those of the same names of the source are at rest."""
+    shared = [name for name in target.joint_names if name in source.joint_names]
+    if len(shared) < LEAST:
+        raise BadArgument(
+            f"bodies {source.name!r} and {target.name!r} have {len(shared)} joints of the same "
+            f"names, and one is placed on the other by {LEAST} or more; the joints are "
+            f"{some_of(source.joint_names)} and {some_of(target.joint_names)}; rename those that "
+            "are the same"
+        )
+    ours = [source.joint_names.index(name) for name in shared]
+    theirs = [target.joint_names.index(name) for name in shared]
+    observed = np.zeros((target.n_joints, 3))
+    observed[theirs] = source.joints()[ours]
+    seen = np.zeros(target.n_joints)
+    seen[theirs] = 1.0
+    pose, betas, trans = target.blocks()
+    points = target.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    data = landmarks(points, observed, sigma=JOINT_SIGMA, name="joints")
+    problem = Problem(
+        [replace(data, weights=seen), *_rest_priors(target)],
+        (trans.name, pose.name, betas.name),
+    )
+    at_rest = target.joints()
+    motion = procrustes(at_rest[theirs], observed[theirs])
+    start = target.start()
+    if target.bind_pose[0].any():
+        motion = replace(motion, R=np.eye(3), t=(observed[theirs] - at_rest[theirs]).mean(axis=0))
+    else:
+        start[pose.name] = start[pose.name].copy()
+        start[pose.name][0] = vector_from_matrix(motion.R)
+    start[trans.name] = motion.R @ at_rest[0] + motion.t - at_rest[0]
+    return {**start, **TrustRegion(max_iterations=50).solve(problem, start).values}
+
+
+def _rest_priors(target: Body) -> list[Residual]:
+    pose = target.blocks()[0].symbol
+    about = gaussian(
+        pose[:, 1:],
+        mean=target.bind_pose[1:],
+        covariance=POSE_SIGMA**2,
+        unit="rad",
+        name="rest pose",
+    )
+    return [about, shape_prior(target)]
+
+
+class _SurfaceFit:
+    """A fit of some vertices of a body to places, which may be others each time."""
+
+    def __init__(self, body: Body, chosen: Index) -> None:
+        pose, betas, trans = body.blocks()
+        points = body.points(pose.symbol, betas.symbol, trans.symbol, vertices=chosen)
+        place = Block("observed", (len(chosen), 3), "m")
+        seen = Block("seen", (len(chosen),))
+        data = vertices(points, place.symbol, sigma=SURFACE_SIGMA, name="surface")
+        self.problem = Problem(
+            [replace(data, weights=seen.symbol), *_rest_priors(body)],
+            (trans.name, pose.name, betas.name),
+            blocks=(place, seen),
+        )
+        self.solver = TrustRegion(max_iterations=10, gradient_tolerance=1e-3)
+
+    def __call__(self, at: Values, places: Array, seen: Mask) -> Values:
+        start = {**at, "observed": places, "seen": seen.astype(float)}
+        found = self.solver.solve(self.problem, start).values
+        return {name: found[name] for name in at}
