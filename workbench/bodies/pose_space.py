@@ -19,6 +19,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Body
+from workbench.bodies.files.joint_names import FINGERS
 from workbench.bodies.readonly import readonly
 from workbench.errors import BadArgument, BadBody, UnknownName
 
@@ -117,34 +118,81 @@ class PoseSpace:
         return [body.joint_names.index(joint) for joint in self.joints]
 
 
-def pose_space(body: Body, count: int | None = None) -> PoseSpace:
+SIDES = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
+
+
+def pose_space(body: Body, count: int | None = None, side: str | None = None) -> PoseSpace:
     """The pose space in a body's file: `hands_mean` and `hands_components` of MANO's layout.
+
+    In the layout of SMPL-H there are two, whose keys end in l and r. With `side`, which is `left`
+    or `right`, it is that of one hand; without it, that of both hands at once, whose coefficients
+    are those of the left hand followed by those of the right one.
 
     Components are rows. Their deviations are `hands_deviations`, or those of `hands_coeffs`, the
     coefficients of the poses that MANO was trained on, or else one. `count` is the number of
-    components that are kept; None keeps all. Raises BadBody if the body has none.
+    components of a hand that are kept; None keeps all. Raises BadBody if the body has none, and
+    UnknownName for another side.
     """
-    extras = body.extras
-    if not {"hands_mean", "hands_components"} <= extras.keys():
-        raise BadBody(
-            f"body {body.name!r} has no pose space: there are no hands_mean and hands_components "
-            "among its extras; take the embedded body 'hand', or a file of MANO"
-        )
-    joints = body.joint_names[1:]
-    mean, rows = (reals(key, extras[key]) for key in ("hands_mean", "hands_components"))
-    if mean.size != 3 * len(joints) or rows.ndim != 2 or rows.shape[1] != mean.size:
-        raise BadBody(
-            f"body {body.name!r} has {len(joints)} joints below its root, but hands_mean of shape "
-            f"{mean.shape} and hands_components of shape {rows.shape}"
-        )
-    components = rows.reshape(len(rows), -1, 3)
-    space = PoseSpace(joints, mean.reshape(-1, 3), components, _deviations(extras, len(rows)))
+    if side is not None and side not in SIDES:
+        raise UnknownName("side", str(side), SIDES)
+    if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
+        wanted = [side] if side is not None else list(SIDES)
+        return _beside([_of_side(body, one, count) for one in wanted])
+    space = _space(body, "", body.joint_names[1:])
+    if side is not None:
+        raise BadBody(f"body {body.name!r} has one hand; ask for its pose space without a side")
     return space if count is None else space.first(count)
 
 
-def _deviations(extras: Mapping[str, NDArray[Any]], count: int) -> Array:
-    if "hands_deviations" in extras:
-        return reals("hands_deviations", extras["hands_deviations"])
-    if "hands_coeffs" in extras and extras["hands_coeffs"].shape[-1] == count:
-        return np.asarray(extras["hands_coeffs"].std(axis=0))
+def _of_side(body: Body, side: str, count: int | None) -> PoseSpace:
+    joints = tuple(name for name in body.joint_names if name in _fingers(side))
+    space = _space(body, SIDES[side], joints)
+    return space if count is None else space.first(count)
+
+
+def _fingers(side: str) -> frozenset[str]:
+    return frozenset(f"{side}_{finger}" for finger in FINGERS)
+
+
+def _beside(spaces: list[PoseSpace]) -> PoseSpace:
+    """The space of the joints of several, each with coefficients of its own."""
+    J = np.cumsum([0, *(len(space.joints) for space in spaces)])
+    C = np.cumsum([0, *(space.n_components for space in spaces)])
+    components = np.zeros((C[-1], J[-1], 3))
+    for i, space in enumerate(spaces):
+        components[C[i] : C[i + 1], J[i] : J[i + 1]] = space.components
+    return PoseSpace(
+        tuple(joint for space in spaces for joint in space.joints),
+        np.concatenate([space.mean for space in spaces]),
+        components,
+        np.concatenate([space.deviations for space in spaces]),
+    )
+
+
+def _space(body: Body, end: str, joints: tuple[str, ...]) -> PoseSpace:
+    """The space of some joints, from the entries whose keys have this end."""
+    keys, extras = (f"hands_mean{end}", f"hands_components{end}"), body.extras
+    if not {*keys} <= extras.keys():
+        raise BadBody(
+            f"body {body.name!r} has no pose space: there are no {' and '.join(keys)} "
+            "among its extras; take the embedded body 'hand' or 'full-hands', or a file of MANO "
+            "or SMPL-H"
+        )
+    mean, rows = (reals(key, extras[key]) for key in keys)
+    if mean.size != 3 * len(joints) or rows.ndim != 2 or rows.shape[1] != mean.size:
+        where = "below its root" if not end else f"of the hand {end!r}"
+        raise BadBody(
+            f"body {body.name!r} has {len(joints)} joints {where}, but {keys[0]} of shape "
+            f"{mean.shape} and {keys[1]} of shape {rows.shape}"
+        )
+    components = rows.reshape(len(rows), -1, 3)
+    return PoseSpace(joints, mean.reshape(-1, 3), components, _deviations(extras, end, len(rows)))
+
+
+def _deviations(extras: Mapping[str, NDArray[Any]], end: str, count: int) -> Array:
+    deviations, coefficients = f"hands_deviations{end}", f"hands_coeffs{end}"
+    if deviations in extras:
+        return reals(deviations, extras[deviations])
+    if coefficients in extras and extras[coefficients].shape[-1] == count:
+        return np.asarray(extras[coefficients].std(axis=0))
     return np.ones(count)

@@ -52,8 +52,9 @@ def with_hands(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing, name: str) 
 
     Its 52 joints are those of SMPL-H, its betas are those of the body, and its extras have the
     names that the loader of SMPL-H in the package smplx reads. In the pose `sewing.held` of both
-    hands it is the body at rest, for all betas. Its landmarks `coco` also have the 21 points of
-    each hand that COCO-WholeBody and OpenPose have, and `tips` are the ends of its fingers.
+    hands it is the body at rest, for all betas. Its landmarks are the body's `coco`, the same with
+    the 21 points of each hand that COCO-WholeBody and OpenPose have (`coco_with_hands`), and the
+    ends of its fingers (`tips`).
 
     Raises BadBody for a body that does not know its other side.
     """
@@ -135,9 +136,10 @@ def _parents(body: SkinnedBody, hand: SkinnedBody) -> tuple[int, ...]:
 def _landmarks(
     body: SkinnedBody, hands: Hands, mesh: SewnMesh, joints: csr_array
 ) -> dict[str, Landmarks]:
-    """`coco` with the points of both hands, of which joints are means of skin; and `tips`."""
+    """The sets `coco`, `coco_with_hands`, whose joints are means of skin, and `tips`."""
     coco = body.landmarks["coco"]
-    names, rows = [*coco.names], [mesh.of_body(coco.regressor, body.template)]
+    coco = Landmarks(coco.names, mesh.of_body(coco.regressor, body.template))
+    names, rows = [*coco.names], [coco.regressor]
     tips: list[tuple[str, csr_array]] = []
     for side, hand in hands.items():
         ends = hand.landmarks["tips"]
@@ -150,7 +152,8 @@ def _landmarks(
             names += [*own, tips[-1][0]]
             rows += [joints[[JOINTS.index(joint) for joint in own]], tips[-1][1]]
     return {
-        "coco": Landmarks(tuple(names), csr_array(vstack(rows))),
+        "coco": coco,
+        "coco_with_hands": Landmarks(tuple(names), csr_array(vstack(rows))),
         "tips": Landmarks(tuple(t[0] for t in tips), csr_array(vstack([t[1] for t in tips]))),
     }
 
