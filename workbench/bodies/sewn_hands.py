@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.joint_names import FINGERS, joint_names
 from workbench.bodies.hand_points import FINGERS as FINGER_NAMES
@@ -35,6 +35,7 @@ from workbench.geometry.rotation import matrix_from_vector
 
 Hands = Mapping[str, SkinnedBody]  # by side, left before right
 
+MOST = 4  # joints that carry a vertex
 OF_BODY = 22  # the joints of SMPL without its last two, left_hand and right_hand
 WRISTS = {"left": 20, "right": 21}
 FIRST = {"left": OF_BODY, "right": OF_BODY + len(FINGERS)}  # the first finger joint of each hand
@@ -98,15 +99,29 @@ def _straightened(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing) -> tuple
 
 
 def _weights(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
-    """What a hand gives to its wrist is divided among the body's joints as the body does it."""
+    """What a hand gives to its wrist is divided among the body's joints as the body does it.
+
+    At most four joints carry a vertex, as glTF and the page of sliders have it: where there would
+    be more, the body's smallest share goes.
+    """
     weights, own = np.zeros((len(mesh.origin), len(JOINTS))), body.weights[mesh.origin]
     weights[:, :OF_BODY] = own[:, :OF_BODY]
     weights[:, list(WRISTS.values())] += own[:, OF_BODY:]  # of left_hand and right_hand
     for side, hand in hands.items():
         rows, first = mesh.hands[side], FIRST[side]
-        weights[rows] *= hand.weights[:, :1]
-        weights[rows, first : first + len(FINGERS)] = hand.weights[:, 1:]
+        fingers = hand.weights[:, 1:]
+        by_body = _largest(weights[rows, :OF_BODY], MOST - np.count_nonzero(fingers, axis=1))
+        weights[rows, :OF_BODY] = by_body * hand.weights[:, :1]
+        weights[rows, first : first + len(FINGERS)] = fingers
     return weights
+
+
+def _largest(shares: Array, counts: Index) -> Array:
+    """As many of the largest shares of each row (n, J) as `counts` (n,) says, summing to one."""
+    rank = np.argsort(np.argsort(-shares, axis=1, kind="stable"), axis=1, kind="stable")
+    kept = np.where(rank < counts[:, None], shares, 0.0)
+    totals = kept.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(kept, totals, out=np.zeros_like(kept), where=totals > 0))
 
 
 def _posedirs(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
