@@ -11,7 +11,7 @@ from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences", "closest")
+PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences", "closest", "hands")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -55,6 +55,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         closest,
         derivatives,
         fits,
+        hands,
         machine,
         overhead,
         scaling,
@@ -86,6 +87,9 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     if part == "closest":
         found = closest.measure(rounds, peers) if closest.BODY in names else {}
         print(table.closest(found), flush=True)
+    if part == "hands":
+        found = hands.measure(rounds) if hands.HANDS in names or not asked.bodies else {}
+        print(table.hands(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)
