@@ -1,5 +1,6 @@
 """A body in a mirror: a left hand from a right one."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,8 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import NotSupported
 from workbench.geometry.mirror import AXIAL, REFLECTION, Mirror, opposite
 
-HANDS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
+TURNED = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
+OTHERS = ("hands_deviations", "hands_coeffs")  # numbers of the same components
 
 
 def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
@@ -33,7 +35,6 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
             "features, without free arrays, capsules and a pose that they are bound in, can"
         )
     mirror = Mirror(np.arange(body.n_vertices), np.arange(body.n_joints))
-    axial = {key: _turned(body.extras[key]) for key in HANDS if key in body.extras}
     joints = body.rest_joints
     return replace(
         body,
@@ -47,10 +48,21 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
             key: Landmarks(tuple(map(opposite, some.names)), csr_array(some.regressor))
             for key, some in body.landmarks.items()
         },
-        extras={**body.extras, **axial},
+        extras=_other_hands(body.extras),
         name=name,
         card={**body.card, "name": name, "mirrored": f"{body.name} in a mirror, x -> -x"},
     )
+
+
+def _other_hands(extras: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The pose space of a hand in the mirror; of two hands, each becomes that of the other."""
+    found = dict(extras)
+    for end, other in (("", ""), ("l", "r"), ("r", "l")):
+        for key in (*TURNED, *OTHERS):
+            if key + end in extras:
+                own = extras[key + end]
+                found[key + other] = _turned(own) if key in TURNED else own
+    return found
 
 
 def _turned(rows: NDArray[Any]) -> NDArray[Any]:
