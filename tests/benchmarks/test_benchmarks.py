@@ -14,6 +14,7 @@ from benchmarks import (
     closest,
     figure,
     fits,
+    hands,
     ours,
     overhead,
     page,
@@ -292,3 +293,18 @@ def test_closest_places_agree_and_are_told_with_ratios() -> None:
     assert judged["closest places, near: compiled / libigl"].measured == 0.5
     assert judged["closest places, near: compiled / libigl"].holds
     assert not judged["closest places, near: NumPy / compiled"].holds
+
+
+def test_what_fingers_cost_is_told_and_judged() -> None:
+    timings = {hands.PLAIN: [0.02, 0.01], hands.HANDS: [0.03, 0.021]}
+    found = {
+        "sizes": {
+            hands.PLAIN: {"vertices": 12272, "unknowns": 85},
+            hands.HANDS: {"vertices": 10490, "unknowns": 169},
+        },
+        "seconds": {f"workbench: {hands.JACOBIAN}": timings, hands.FRAME: timings},
+    }
+    assert "| frame | 10 / 15 | 21 / 25.5 | 2.1 |" in table.hands(found)
+    judged = targets.all_of({"hands": {"found": found}})
+    assert [(target.limit, target.holds) for target in judged] == [(2.2, True), (2.5, True)]
+    assert table.hands({}) == ""

@@ -34,7 +34,7 @@ NEEDS_SMPLX = "smplx and torch are needed to compare with smplx: pip install '.[
 
 
 def in_both(fingers: np.ndarray) -> np.ndarray:
-    """A pose (52, 3) whose right fingers are in the hand's pose (16, 3), and its left in a mirror."""
+    """A pose (52, 3) whose right fingers are in the hand's pose (16, 3), and its left mirrored."""
     pose = np.zeros((52, 3))
     pose[RIGHT], pose[LEFT] = fingers[1:], fingers[1:] * AXIAL
     return pose
@@ -80,8 +80,8 @@ def test_with_its_fingers_held_it_is_the_body_at_rest(name: str) -> None:
     for betas in (np.zeros(10), np.random.default_rng(0).standard_normal(10)):
         was = body.vertices(betas=betas)[MESH.origin]
         np.testing.assert_allclose(sewn.vertices(held, betas), was, atol=1e-12)
-        apart = np.linalg.norm(sewn.joints(held, betas)[:22] - body.joints(betas=betas)[:22], axis=1)
-        assert apart.max() < 6e-4
+        moved = sewn.joints(held, betas)[:22] - body.joints(betas=betas)[:22]
+        assert np.linalg.norm(moved, axis=1).max() < 6e-4
     fingers = sewn.weights[:, 22:].any(axis=1)
     apart = abs(sewn.template - body.template[MESH.origin])[~fingers]
     assert apart.max() < 1.5e-4  # what the blend shapes of fingers do beyond them
@@ -142,7 +142,8 @@ def test_wrists_have_no_crease() -> None:
         assert degrees(normals(sewn, across), normals(whole, across)).max() < 2
         still = pose.copy()  # in the hand alone no finger moves this border
         still[22:] = 0
-        assert degrees(normals(BODY.vertices(still, betas), across), normals(sewn, across)).max() < 2
+        unmoved = normals(BODY.vertices(still, betas), across)
+        assert degrees(unmoved, normals(sewn, across)).max() < 2
 
 
 def skinned_by_formula(arrays: dict, pose: np.ndarray, betas: np.ndarray) -> np.ndarray:
@@ -269,7 +270,8 @@ def test_a_fit_of_few_coefficients_takes_the_whole_arithmetic() -> None:
     x = np.random.default_rng(0).standard_normal(problem.free.size) * 0.3
     assert_jacobian(problem, x, np.zeros(0), 1e-6)
     graph = problem.function(x, np.zeros(0))
-    np.testing.assert_allclose(problem.residual(x, np.zeros(0)), np.asarray(graph).ravel(), atol=1e-9)
+    found = problem.residual(x, np.zeros(0))
+    np.testing.assert_allclose(found, np.asarray(graph).ravel(), atol=1e-9)
     with pytest.raises(BadBody, match="side='left' or side='right'"):
         hand_points(BODY, *(block.symbol for block in BODY.blocks()))
 

@@ -174,9 +174,7 @@ def _landmarks(
     }
 
 
-def _capsules(
-    body: SkinnedBody, joints: Array, slopes: Array, sewing: Sewing
-) -> Capsules | None:
+def _capsules(body: SkinnedBody, joints: Array, slopes: Array, sewing: Sewing) -> Capsules | None:
     """The body's capsules; that of four fingers moves with the middle finger's first joint.
 
     At rest it is straightened with this joint. `joints` (52, 3) m and `slopes` (52, 3, B) say where

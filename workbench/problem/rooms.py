@@ -32,10 +32,9 @@ class Rooms:
             room = bytearray(size)
         if len(room) != size:
             room = bytearray(size)
-        array = np.frombuffer(room).reshape(rows, columns)
-        owner = array if array.base is room else array.base
-        weakref.finalize(owner, self._back, room).atexit = False
-        return array
+        whole = np.frombuffer(room)  # which all views hold, because its memory is no array's
+        weakref.finalize(whole, self._back, room).atexit = False
+        return whole.reshape(rows, columns)
 
     def _back(self, room: bytearray) -> None:
         if len(self._free) < KEPT:

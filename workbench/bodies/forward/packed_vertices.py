@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from workbench.arrays import Array, Mask
 from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.vertex import vertex_columns
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 TOGETHER = 1024  # vertices, so that packing needs little memory beside the result
 
@@ -108,7 +111,7 @@ def _stretches(moving: Mask, lanes: int, count: int) -> NDArray[np.intp]:
     return np.stack([joint, begin, end - begin], axis=1).astype(np.intp)
 
 
-def _grouped(columns: NDArray[np.generic], lanes: int) -> NDArray[np.generic]:
+def _grouped(columns: NDArray[Scalar], lanes: int) -> NDArray[Scalar]:
     """Rows of vertices (r, n) in groups (., r, lanes), the last one filled up with zeros."""
     rows, n = columns.shape
     filled = np.pad(columns, ((0, 0), (0, -n % lanes)))
