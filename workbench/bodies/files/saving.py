@@ -42,6 +42,10 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
 
     Give smplx `num_betas` of at most `body.n_betas`; it shows no more than ten.
 
+    It opens the .pkl of a body of 52 joints whose extras have the poses of hands, such as
+    `full-hands`, as SMPL-H (`models/smplh/SMPLH_NEUTRAL.pkl`, model_type="smplh", ext="pkl").
+    Unless it is told `flat_hand_mean=True`, it adds the mean pose of the hands.
+
     Raises BadFile for another suffix, a folder that cannot be written, or a body that the
     format cannot hold.
     """
