@@ -11,7 +11,16 @@ from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences", "closest", "hands")
+PARTS = (
+    "derivatives",
+    "fits",
+    "scaling",
+    "overhead",
+    "vertices",
+    "sequences",
+    "closest",
+    "fingers",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -54,8 +63,8 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         bodies_made_up,
         closest,
         derivatives,
+        fingers,
         fits,
-        hands,
         machine,
         overhead,
         scaling,
@@ -87,9 +96,9 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     if part == "closest":
         found = closest.measure(rounds, peers) if closest.BODY in names else {}
         print(table.closest(found), flush=True)
-    if part == "hands":
-        found = hands.measure(rounds) if hands.HANDS in names or not asked.bodies else {}
-        print(table.hands(found), flush=True)
+    if part == "fingers":
+        found = fingers.measure(rounds) if fingers.HANDS in names or not asked.bodies else {}
+        print(table.fingers(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)

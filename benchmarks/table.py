@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from benchmarks import closest as places
+from benchmarks import fingers as with_fingers
 from benchmarks import fits as whole_fits
-from benchmarks import hands as with_hands
 from benchmarks import ours
 from benchmarks import overhead as whole_overhead
 from benchmarks import sequences as filmed
@@ -148,7 +148,7 @@ def closest(found: Mapping[str, Any]) -> str:
     return "\n".join([*lines, ""])
 
 
-def hands(found: Mapping[str, Any]) -> str:
+def fingers(found: Mapping[str, Any]) -> str:
     """By kind: least / median milliseconds of both bodies, and the ratio."""
     if not found:
         return ""
@@ -159,7 +159,7 @@ def hands(found: Mapping[str, Any]) -> str:
     lines = [f"| | {' | '.join(heads)} | × |", "| --- | --: | --: | --: |"]
     for kind, seconds in found["seconds"].items():
         cells = [spent(seconds[name]) for name in found["sizes"]]
-        cells.append(ratio(seconds, with_hands.HANDS, with_hands.PLAIN))
+        cells.append(ratio(seconds, with_fingers.HANDS, with_fingers.PLAIN))
         lines.append(f"| {kind} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks import closest, fits, hands, ours, overhead, peers, sequences
+from benchmarks import closest, fingers, fits, ours, overhead, peers, sequences
 from benchmarks.derivatives import KINDS
 from benchmarks.timing import best
 
@@ -32,7 +32,7 @@ def all_of(results: Mapping[str, Any]) -> list[Target]:
     judges: tuple[Callable[[Mapping[str, Any]], Iterator[Target]], ...]
     judges = (
         *(_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences, _of_closest),
-        _of_hands,
+        _of_fingers,
     )
     return [target for judge in judges for target in judge(results)]
 
@@ -123,12 +123,12 @@ def _of_closest(results: Mapping[str, Any]) -> Iterator[Target]:
         yield Target(f"{label}: NumPy / compiled", ratio, 30, True)
 
 
-def _of_hands(results: Mapping[str, Any]) -> Iterator[Target]:
-    for kind, seconds in _part(results, "hands").get("seconds", {}).items():
-        ratio = best(seconds[hands.HANDS]) / best(seconds[hands.PLAIN])
-        if kind.endswith(hands.JACOBIAN):
+def _of_fingers(results: Mapping[str, Any]) -> Iterator[Target]:
+    for kind, seconds in _part(results, "fingers").get("seconds", {}).items():
+        ratio = best(seconds[fingers.HANDS]) / best(seconds[fingers.PLAIN])
+        if kind.endswith(fingers.JACOBIAN):
             yield Target(f"{kind}, 52 joints / 24", ratio, 2.2, True)
-        if kind == hands.FRAME:
+        if kind == fingers.FRAME:
             yield Target("fit of the same keypoints, 52 joints / 24", ratio, 2.5, True)
 
 

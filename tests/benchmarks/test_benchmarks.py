@@ -13,8 +13,8 @@ import pytest
 from benchmarks import (
     closest,
     figure,
+    fingers,
     fits,
-    hands,
     ours,
     overhead,
     page,
@@ -296,15 +296,15 @@ def test_closest_places_agree_and_are_told_with_ratios() -> None:
 
 
 def test_what_fingers_cost_is_told_and_judged() -> None:
-    timings = {hands.PLAIN: [0.02, 0.01], hands.HANDS: [0.03, 0.021]}
+    timings = {fingers.PLAIN: [0.02, 0.01], fingers.HANDS: [0.03, 0.021]}
     found = {
         "sizes": {
-            hands.PLAIN: {"vertices": 12272, "unknowns": 85},
-            hands.HANDS: {"vertices": 10490, "unknowns": 169},
+            fingers.PLAIN: {"vertices": 12272, "unknowns": 85},
+            fingers.HANDS: {"vertices": 10490, "unknowns": 169},
         },
-        "seconds": {f"workbench: {hands.JACOBIAN}": timings, hands.FRAME: timings},
+        "seconds": {f"workbench: {fingers.JACOBIAN}": timings, fingers.FRAME: timings},
     }
-    assert "| frame | 10 / 15 | 21 / 25.5 | 2.1 |" in table.hands(found)
-    judged = targets.all_of({"hands": {"found": found}})
+    assert "| frame | 10 / 15 | 21 / 25.5 | 2.1 |" in table.fingers(found)
+    judged = targets.all_of({"fingers": {"found": found}})
     assert [(target.limit, target.holds) for target in judged] == [(2.2, True), (2.5, True)]
-    assert table.hands({}) == ""
+    assert table.fingers({}) == ""
