@@ -11,7 +11,16 @@ from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences", "closest")
+PARTS = (
+    "derivatives",
+    "fits",
+    "scaling",
+    "overhead",
+    "vertices",
+    "sequences",
+    "closest",
+    "fingers",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -54,6 +63,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         bodies_made_up,
         closest,
         derivatives,
+        fingers,
         fits,
         machine,
         overhead,
@@ -86,6 +96,9 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     if part == "closest":
         found = closest.measure(rounds, peers) if closest.BODY in names else {}
         print(table.closest(found), flush=True)
+    if part == "fingers":
+        found = fingers.measure(rounds) if fingers.HANDS in names or not asked.bodies else {}
+        print(table.fingers(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)

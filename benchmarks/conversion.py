@@ -21,7 +21,7 @@ import numpy as np
 import workbench as wb
 from benchmarks import machine
 from benchmarks.clips_made_up import clip
-from benchmarks.fingers import with_fingers
+from benchmarks.made_up_fingers import with_fingers
 from benchmarks.keeping import keep
 from workbench.bodies.files.correctives import correctives_of
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points

@@ -1,64 +1,86 @@
-"""A body with 52 joints that is made of one with 24: its hands get the fingers of `hand-left`.
+"""What fingers cost: a body of 24 joints beside the same body with hands, of 52.
 
-It stands in for bodies such as SMPL-H. Its finger joints and skinning weights are those of the
-embedded hands, placed at the wrists; nothing was trained for it.
+Both are timed on all of their vertices, and on fits of a real person in one frame of four cameras.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
 
 import workbench as wb
-from workbench.arrays import Array
-from workbench.bodies.skinned import SkinnedBody
-from workbench.geometry.closest_points import read_off
+from benchmarks import ours
+from benchmarks.timing import Timings, side_by_side
+from workbench.bodies import SkinnedBody, pose_space
+from workbench.bodies.catalogue import load_skinned
+from workbench.experiments.balance import balance, observations
+from workbench.fitting import Setup
+from workbench.fitting.keypoint_problem import WITH_HANDS
+from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.observations import Observations
 
-NEAR = 12  # vertices that a finger joint is a mean of
-
-
-def with_fingers(body: SkinnedBody) -> SkinnedBody:
-    """The body with 15 joints for the fingers of each hand instead of one: 52 for one of 24."""
-    gone = [body.joint_names.index(f"{side}_hand") for side in ("left", "right")]
-    kept = [k for k in range(body.n_joints) if k not in gone]
-    names = [body.joint_names[k] for k in kept]
-    parents = [-1 if k == 0 else kept.index(body.parents[k]) for k in kept]
-    weights, regressor = body.weights[:, kept].copy(), body.J_regressor.tocsr()[kept]
-    features = [np.arange(9 * (k - 1), 9 * k) for k in kept[1:]]
-    posedirs = body.posedirs[:, :, np.concatenate(features)]
-    for side, k in zip(("left", "right"), gone, strict=True):
-        hand = wb.load_body("hand-left" if side == "left" else "hand")
-        wrist = names.index(f"{side}_wrist")
-        of_hand = body.weights[:, k] + weights[:, wrist]
-        at_wrist = body.joints()[body.joint_names.index(f"{side}_wrist")]
-        surface = hand.template - hand.joints()[0] + at_wrist
-        shares = read_off(surface, hand.faces, body.template) @ hand.weights  # (N, 16)
-        weights[:, wrist] = of_hand * shares[:, 0]
-        weights = np.hstack([weights, of_hand[:, None] * shares[:, 1:]])
-        parents += [wrist if p == 0 else len(names) + p - 1 for p in hand.parents[1:]]
-        names += [f"{side}_{name}" for name in hand.joint_names[1:]]
-        places = hand.joints()[1:] - hand.joints()[0] + at_wrist
-        regressor = vstack([regressor, _means(body.template, places)])
-        posedirs = np.concatenate([posedirs, np.zeros((*posedirs.shape[:2], 9 * 15))], axis=2)
-    weights[weights < np.sort(weights, axis=1)[:, -4:-3]] = 0.0  # four joints a vertex
-    return replace(
-        body,
-        weights=weights / weights.sum(axis=1, keepdims=True),
-        J_regressor=csr_array(regressor),
-        posedirs=posedirs,
-        parents=tuple(parents),
-        joint_names=tuple(names),
-        landmarks={},
-        capsules=None,
-        name=f"{body.name} with fingers",
-    )
+PLAIN, HANDS = "full", "full-hands"
+FRAMES = (0, 10, 20, 30, 40, 50, 60)
+NOISE, COMPONENTS = 2.0, 6  # px; of the pose space of each hand, in which fingers are drawn
+JACOBIAN, STEP, FRAME, FINGERS = "Jacobian", "Gauss-Newton step", "frame", "frame with fingers"
 
 
-def _means(vertices: Array, places: Array) -> csr_array:
-    """Rows that sum to one and make each place (M, 3) of the vertices (N, 3) around it."""
-    found = np.zeros((len(places), len(vertices)))
-    for row, place in zip(found, places, strict=True):
-        near = np.argsort(np.linalg.norm(vertices - place, axis=1))[:NEAR]
-        A = np.vstack([vertices[near].T, np.ones(NEAR)])
-        row[near] = np.linalg.lstsq(A, np.append(place, 1.0), rcond=None)[0]
-    return csr_array(found)
+def measure(rounds: int, frames: tuple[int, ...] = FRAMES) -> dict[str, Any]:
+    """Seconds by way of computing, kind and body, and the sizes of both."""
+    made = {name: ours.cases(name, load_skinned(name)) for name in (PLAIN, HANDS)}
+    seconds: dict[str, Any] = {}
+    for way in made[PLAIN]:
+        cases = {name: ways[way] for name, ways in made.items()}
+        people = {name: case.people(4) for name, case in cases.items()}
+        for kind in (JACOBIAN, STEP):
+            candidates = {n: partial(_of, kind, case, people[n]) for n, case in cases.items()}
+            seconds[f"{way}: {kind}"] = side_by_side(candidates, range(4), rounds)
+    fits = {name: [balance(frame, name) for frame in frames] for name in made}
+    seconds[FRAME] = _of_frames(fits, rounds)
+    both = zip(fits[HANDS], frames, strict=True)
+    seconds[FINGERS] = _of_frames(fits | {HANDS: [with_fingers(*one) for one in both]}, rounds)
+    sizes = {
+        name: {"vertices": case.body.n_vertices, "unknowns": case.problem.free.size}
+        for name, ways in made.items()
+        for case in [ways[ours.NUMPY]]
+    }
+    return {"sizes": sizes, "seconds": seconds}
+
+
+def with_fingers(setup: Setup, frame: int) -> Setup:
+    """The same frame, in which all 65 keypoints are seen: those of a fit whose fingers are drawn.
+
+    They are simulated, with normally distributed noise.
+    """
+    body = setup.body
+    assert isinstance(body, SkinnedBody)
+    rng, space = np.random.default_rng(frame), pose_space(body, COMPONENTS)
+    values = {**setup.start, **wb.solve(setup.problem, setup.start).values}
+    drawn = space.poses(body, space.deviations * rng.standard_normal(space.n_components))
+    pose = np.where(drawn.any(axis=1, keepdims=True), drawn, values["pose"])
+    points = body.landmark(WITH_HANDS, pose, values["betas"], values["trans"])
+    observed, _ = observations(frame)
+    photographs = []
+    for view, photo in zip(setup.views, observed.photographs, strict=True):
+        pixels = view.camera.pixels(points, values) + NOISE * rng.standard_normal((len(points), 2))
+        photographs.append(replace(photo, pixels=pixels, confidence=np.ones(len(points))))
+    seen = Observations(body.landmark_names(WITH_HANDS), tuple(photographs))
+    return keypoint_fit(seen, body, "Simulated keypoints of body and fingers.")
+
+
+def _of(kind: str, case: Any, people: list[Any], which: int) -> object:
+    here = case.problem.linearize_at(people[which], case.fixed)
+    return here.jacobian if kind == JACOBIAN else here.step()
+
+
+def _of_frames(fits: Mapping[str, list[Setup]], rounds: int) -> Timings:
+    """Seconds a frame: one problem of each body is solved for the observations of every frame."""
+
+    def solve(setups: list[Setup], _: object) -> None:
+        for setup in setups:
+            wb.solve(setups[0].problem, setup.start)
+
+    timings = side_by_side({n: partial(solve, some) for n, some in fits.items()}, [None], rounds)
+    return {n: [t / len(fits[n]) for t in taken] for n, taken in timings.items()}

@@ -17,6 +17,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "vertices": ("A step of a registration with free vertices", table.vertices),
     "sequences": ("A video as one problem", table.sequences),
     "closest": ("Closest places on a surface", table.closest),
+    "fingers": ("What fingers cost", table.fingers),
 }
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from benchmarks import closest as places
+from benchmarks import fingers as with_fingers
 from benchmarks import fits as whole_fits
 from benchmarks import ours
 from benchmarks import overhead as whole_overhead
@@ -144,6 +145,22 @@ def closest(found: Mapping[str, Any]) -> str:
             cells += [spent(seconds[name]) if name in seconds else ""]
             cells += [ratio(seconds, name, places.COMPILED) if both else ""]
         lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def fingers(found: Mapping[str, Any]) -> str:
+    """By kind: least / median milliseconds of both bodies, and the ratio."""
+    if not found:
+        return ""
+    heads = [
+        f"`{name}`: {size['vertices']:,} vertices, {size['unknowns']} unknowns, ms"
+        for name, size in found["sizes"].items()
+    ]
+    lines = [f"| | {' | '.join(heads)} | × |", "| --- | --: | --: | --: |"]
+    for kind, seconds in found["seconds"].items():
+        cells = [spent(seconds[name]) for name in found["sizes"]]
+        cells.append(ratio(seconds, with_fingers.HANDS, with_fingers.PLAIN))
+        lines.append(f"| {kind} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 

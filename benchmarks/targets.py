@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks import closest, fits, ours, overhead, peers, sequences
+from benchmarks import closest, fingers, fits, ours, overhead, peers, sequences
 from benchmarks.derivatives import KINDS
 from benchmarks.timing import best
 
@@ -30,7 +30,10 @@ class Target:
 def all_of(results: Mapping[str, Any]) -> list[Target]:
     """Those that can be judged from the parts that were run."""
     judges: tuple[Callable[[Mapping[str, Any]], Iterator[Target]], ...]
-    judges = (_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences, _of_closest)
+    judges = (
+        *(_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences, _of_closest),
+        _of_fingers,
+    )
     return [target for judge in judges for target in judge(results)]
 
 
@@ -118,6 +121,15 @@ def _of_closest(results: Mapping[str, Any]) -> Iterator[Target]:
             yield Target(f"{label}: compiled / libigl", ratio, 0.7, True)
         ratio = best(seconds[closest.NUMPY]) / ours
         yield Target(f"{label}: NumPy / compiled", ratio, 30, True)
+
+
+def _of_fingers(results: Mapping[str, Any]) -> Iterator[Target]:
+    for kind, seconds in _part(results, "fingers").get("seconds", {}).items():
+        ratio = best(seconds[fingers.HANDS]) / best(seconds[fingers.PLAIN])
+        if kind.endswith(fingers.JACOBIAN):
+            yield Target(f"{kind}, 52 joints / 24", ratio, 2.2, True)
+        if kind == fingers.FRAME:
+            yield Target("fit of the same keypoints, 52 joints / 24", ratio, 2.5, True)
 
 
 def _part(results: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -13,6 +13,7 @@ import pytest
 from benchmarks import (
     closest,
     figure,
+    fingers,
     fits,
     ours,
     overhead,
@@ -292,3 +293,18 @@ def test_closest_places_agree_and_are_told_with_ratios() -> None:
     assert judged["closest places, near: compiled / libigl"].measured == 0.5
     assert judged["closest places, near: compiled / libigl"].holds
     assert not judged["closest places, near: NumPy / compiled"].holds
+
+
+def test_what_fingers_cost_is_told_and_judged() -> None:
+    timings = {fingers.PLAIN: [0.02, 0.01], fingers.HANDS: [0.03, 0.021]}
+    found = {
+        "sizes": {
+            fingers.PLAIN: {"vertices": 12272, "unknowns": 85},
+            fingers.HANDS: {"vertices": 10490, "unknowns": 169},
+        },
+        "seconds": {f"workbench: {fingers.JACOBIAN}": timings, fingers.FRAME: timings},
+    }
+    assert "| frame | 10 / 15 | 21 / 25.5 | 2.1 |" in table.fingers(found)
+    judged = targets.all_of({"fingers": {"found": found}})
+    assert [(target.limit, target.holds) for target in judged] == [(2.2, True), (2.5, True)]
+    assert table.fingers({}) == ""

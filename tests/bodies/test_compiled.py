@@ -18,6 +18,7 @@ from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
+from workbench.bodies.forward.packed_vertices import PackedVertices
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
@@ -304,3 +305,41 @@ def test_two_processes_at_once(tmp_path: Path) -> None:
     left = [path.name for path in tmp_path.iterdir()]
     assert len(left) in (1, 2)
     assert all(name.startswith(NAME) for name in left)
+
+
+@NEEDS_COMPILER
+def test_joints_that_leave_vertices_alone_are_left_out() -> None:
+    """One joint carries every vertex, two carry some of them, and five bend them."""
+    body = body_of("smpl", 61)
+    posedirs = body.posedirs.reshape(61, 3, 23, 9).copy()
+    posedirs[:, :, 5:] = 0
+    posedirs[16:48, :, 3] = 0
+    weights = np.zeros((61, 24))
+    weights[:, 0] = 0.5
+    weights[:20, 7] = weights[20:, 23] = 0.5
+    body = replace(body, posedirs=posedirs.reshape(61, 3, 207), weights=weights)
+    assert_right(body)
+    packed = PackedVertices.of(body, body.parents, slice(None), 4)
+    assert packed.bends.shape[:2] == (16 * 5 - 8, 27)
+    carriers, benders = packed.joints[:3].tolist(), packed.joints[3:9].tolist()
+    assert carriers == [2, 0, 7]
+    assert benders == [5, 1, 2, 3, 4, 5]
+    still = {k: [(a, n) for j, a, n in packed.still.tolist() if j == k] for k in range(24)}
+    assert still[0] == []
+    assert still[4] == [(20, 28)]  # bent before and after, and joint 7 hangs from it up to 20
+    assert still[22] == [(0, 61)]  # neither it nor what hangs from it carries or bends
+    assert still[23] == [(0, 20)]
+
+
+def test_numpy_leaves_out_the_features_that_bend_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_COMPILE", "0")
+    kernels.cache_clear()
+    body = body_of("smpl", 300)
+    posedirs = body.posedirs.reshape(300, 3, 23, 9).copy()
+    posedirs[256:, :, [0, 3, *range(5, 23)]] = 0
+    body = replace(body, posedirs=posedirs.reshape(300, 3, 207))
+    first, second = chunks_of(body, slice(None))
+    assert len(first.used) == 207
+    assert second.benders.tolist() == [1, 2, 4]
+    assert second.posedirs.shape == (27, 3 * 44)
+    assert_right(body, kind=ChunkedArithmetic)

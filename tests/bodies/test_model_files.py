@@ -139,10 +139,12 @@ def test_an_expression_is_fitted_while_the_shape_is_held(tmp_path: Path) -> None
 def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> None:
     raw = make()
     body = load_skinned(written(raw, tmp_path / "m.pkl"))
-    with pytest.raises(BadBody, match="hand='left' or hand='right', not for None"):
-        pose_space(body)
+    both = pose_space(body)
+    assert (
+        both.joints == pose_space(body, side="left").joints + pose_space(body, side="right").joints
+    )
     none = pose_space(
-        replace(body, extras={**body.extras, "hands_componentsl": np.zeros((0, 45))}), hand="left"
+        replace(body, extras={**body.extras, "hands_componentsl": np.zeros((0, 45))}), side="left"
     )
     assert none.n_components == 0
     assert none.poses(body, []).shape == (body.n_joints, 3)  # the mean pose
@@ -241,7 +243,7 @@ def test_a_body_in_a_mirror_exchanges_its_hands(tmp_path: Path) -> None:
     raw = smplx(B=20)
     body = load_skinned(written(raw, tmp_path / "m.npz"))
     other = mirrored(body, "other")
-    left = pose_space(other, hand="left")
+    left = pose_space(other, side="left")
     expected = raw["hands_meanr"].reshape(15, 3) * [1, -1, -1]
     np.testing.assert_array_equal(left.mean, expected)
     np.testing.assert_array_equal(other.extras["hands_coeffsl"], raw["hands_coeffsr"])

@@ -5,7 +5,7 @@ import pytest
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
-from benchmarks.fingers import with_fingers
+from benchmarks.made_up_fingers import with_fingers
 from workbench.conversion import conversion_errors, convert, correspond
 from workbench.conversion.converting import turned_on
 from workbench.conversion.parts import vertex_parts

@@ -14,7 +14,7 @@ import pytest
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
-from benchmarks.fingers import with_fingers
+from benchmarks.made_up_fingers import with_fingers
 from workbench.errors import BadArgument
 from workbench.motions import glb_files, write_glb
 

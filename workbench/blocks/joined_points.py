@@ -36,6 +36,22 @@ def joined(points: Sequence[Points], order: Sequence[str] | None = None) -> Poin
     return Points.of(Joined(sources, places), " and ".join(some.name for some in points))
 
 
+def chosen(points: Points, names: Sequence[str]) -> Points:
+    """Some points of a placeholder as another one, by their names and in this order.
+
+    Raises BadArgument for a name that is not one of a single point.
+    """
+    labels = _labels(points)
+    for name in names:
+        if labels.count(name) != 1:
+            raise BadArgument(
+                f"{labels.count(name)} points of {points.name!r} are called {name!r}; choose among "
+                f"{', '.join(labels)}"
+            )
+    places = np.array([labels.index(name) for name in names], dtype=np.int64)
+    return Points.of(Joined((points.source,), places), points.name)
+
+
 def _labels(points: Points) -> tuple[str, ...]:
     own = points.labels
     return tuple(f"{points.name} {i}" for i in range(points.count)) if own is None else own
@@ -43,7 +59,7 @@ def _labels(points: Points) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """A source whose points are those of other sources, in some order; see PointSource."""
+    """A source whose points are those of other sources, or some, in an order; see PointSource."""
 
     sources: tuple[PointSource, ...]
     order: Index
@@ -132,7 +148,8 @@ class JoinedAt:
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the derivative by each block of `into`, (size, 3 N)."""
         columns = self._columns
-        whole = {name: np.zeros(target.shape) for name, target in into.items()}
+        width = 3 * sum(len(part.points) for part in self.parts)
+        whole = {name: np.zeros((len(target), width)) for name, target in into.items()}
         first = 0
         for part, reads in zip(self.parts, self.reads, strict=True):
             last = first + 3 * len(part.points)
@@ -146,7 +163,7 @@ class JoinedAt:
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradient of sum(pull * points) by each block; flat."""
-        back = np.empty(len(pull))
+        back = np.zeros(3 * sum(len(part.points) for part in self.parts))
         back[self._columns] = pull
         found: dict[str, Array] = {}
         first = 0

@@ -9,6 +9,7 @@ from typing import Literal, get_args, overload
 from workbench.bodies.files.contents import contents_of
 from workbench.bodies.files.embedded import embedded, embedded_hand
 from workbench.bodies.files.embedded_triangles import embedded_triangles
+from workbench.bodies.files.embedded_with_hands import embedded_with_hands
 from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
 from workbench.bodies.mirrored import mirrored
@@ -26,7 +27,8 @@ Embedded = Literal[  # of these, type checkers know that they are skinned
     "full-female",
     "full-male",
 ]
-Hands = Literal["hand", "hand-left"]  # skinned as well
+WithHands = Literal["full-hands", "full-hands-female", "full-hands-male"]  # skinned as well
+Hands = Literal["hand", "hand-left"]  # and these
 EmbeddedTriangles = Literal[
     "small-scape", "small-blend-scape", "default-scape", "default-blend-scape"
 ]
@@ -39,6 +41,7 @@ def embedded_left_hand() -> SkinnedBody:
 
 BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
     **{name: partial(embedded, name) for name in get_args(Embedded)},
+    **{name: partial(embedded_with_hands, name) for name in get_args(WithHands)},
     "hand": embedded_hand,
     "hand-left": embedded_left_hand,
     **{name: partial(embedded_triangles, name) for name in get_args(EmbeddedTriangles)},
@@ -46,7 +49,7 @@ BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
 
 
 @overload
-def load_body(name_or_path: Embedded | Hands = "default") -> SkinnedBody: ...
+def load_body(name_or_path: Embedded | WithHands | Hands = "default") -> SkinnedBody: ...
 @overload
 def load_body(name_or_path: EmbeddedTriangles) -> TriangleBody: ...
 @overload
@@ -93,7 +96,7 @@ def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
     body = load_body(name_or_path)
     if isinstance(body, SkinnedBody):
         return body
-    skinned = (*get_args(Embedded), *get_args(Hands))
+    skinned = (*get_args(Embedded), *get_args(WithHands), *get_args(Hands))
     raise BadBody(
         f"a SkinnedBody is needed here, but body {body.name!r} is a TriangleBody; the skinned "
         f"bodies are {listed(skinned)}, or give a file of another kind"

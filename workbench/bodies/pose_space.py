@@ -23,8 +23,6 @@ from workbench.bodies.files.joint_names import FINGERS
 from workbench.bodies.readonly import readonly
 from workbench.errors import BadArgument, BadBody, UnknownName
 
-HANDS = {side: tuple(f"{side}_{name}" for name in FINGERS) for side in ("left", "right")}
-
 
 @dataclass(frozen=True, eq=False)
 class PoseSpace:
@@ -55,9 +53,6 @@ class PoseSpace:
                     f"{key} of a pose space of {J} joints and {C} components have shape "
                     f"{getattr(self, key).shape}, but must be {shape}"
                 )
-        for key in ("mean", "components", "deviations"):
-            if not np.isfinite(getattr(self, key)).all():
-                raise BadBody(f"{key} of a pose space hold numbers that are not finite")
         if not (self.deviations > 0).all():
             raise BadBody("deviations of a pose space must be above zero")
 
@@ -93,7 +88,7 @@ class PoseSpace:
                 f"body {body.name!r} has {len(others)} joints outside of the pose space; their "
                 f"rotations are an expression (3, {len(others)}), not {rest.shape}"
             )
-        flat = self.components.reshape(self.n_components, 3 * len(self.joints)).T
+        flat = self.components.reshape(self.n_components, -1).T
         own = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
         order = np.argsort([*rows, *others])
         return cs.horzcat(own, rest)[:, order.tolist()]
@@ -114,9 +109,7 @@ class PoseSpace:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""
         own = reals("poses", poses)[..., self._rows(body), :] - self.mean
         flat = own.reshape(*own.shape[:-2], -1)
-        return np.asarray(
-            flat @ np.linalg.pinv(self.components.reshape(self.n_components, 3 * len(self.joints)))
-        )
+        return np.asarray(flat @ np.linalg.pinv(self.components.reshape(self.n_components, -1)))
 
     def _rows(self, body: Body) -> list[int]:
         for joint in self.joints:
@@ -125,57 +118,81 @@ class PoseSpace:
         return [body.joint_names.index(joint) for joint in self.joints]
 
 
-def pose_space(body: Body, count: int | None = None, hand: str | None = None) -> PoseSpace:
+SIDES = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
+
+
+def pose_space(body: Body, count: int | None = None, side: str | None = None) -> PoseSpace:
     """The pose space in a body's file: `hands_mean` and `hands_components` of MANO's layout.
 
-    Files of whole bodies (SMPL-H, SMPL-X) have one for each hand, under `hands_meanl` and
-    `hands_meanr` and so on; `hand` is `left` or `right` then, and the joints are the 15 of its
-    fingers. Components are rows. Their deviations are `hands_deviations`, or those of
-    `hands_coeffs`, the coefficients of the poses that MANO was trained on, or else one. `count` is
-    the number of components that are kept; None keeps all. Raises BadBody if the body has none.
+    In the layout of SMPL-H there are two, whose keys end in l and r. With `side`, which is `left`
+    or `right`, it is that of one hand; without it, that of both hands at once, whose coefficients
+    are those of the left hand followed by those of the right one.
+
+    Components are rows. Their deviations are `hands_deviations`, or those of `hands_coeffs`, the
+    coefficients of the poses that MANO was trained on, or else one. `count` is the number of
+    components of a hand that are kept; None keeps all. Raises BadBody if the body has none, and
+    UnknownName for another side.
     """
-    extras, letter = body.extras, _letter(body, hand)
-    mean_key, rows_key = (f"hands_{what}{letter}" for what in ("mean", "components"))
-    if not {mean_key, rows_key} <= extras.keys():
-        raise BadBody(
-            f"body {body.name!r} has no pose space: there are no {mean_key} and {rows_key} "
-            "among its extras; take the embedded body 'hand', or a file of MANO or SMPL-H"
-        )
-    names = body.joint_names
-    joints = tuple(n for n in names if n in HANDS[hand]) if hand in HANDS and letter else names[1:]
-    mean, rows = (reals(key, extras[key]) for key in (mean_key, rows_key))
-    if mean.size != 3 * len(joints) or rows.ndim != 2 or rows.shape[1] != mean.size:
-        raise BadBody(
-            f"body {body.name!r} has {len(joints)} joints {_where(letter)}, but {mean_key} of "
-            f"shape {mean.shape} and {rows_key} of shape {rows.shape}"
-        )
-    components = rows.reshape(len(rows), len(joints), 3)
-    deviations = _deviations(extras, letter, len(rows))
-    space = PoseSpace(joints, mean.reshape(-1, 3), components, deviations)
+    if side is not None and side not in SIDES:
+        raise UnknownName("side", str(side), SIDES)
+    if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
+        wanted = [side] if side is not None else list(SIDES)
+        return _beside([_of_side(body, one, count) for one in wanted])
+    space = _space(body, "", body.joint_names[1:])
+    if side is not None:
+        raise BadBody(f"body {body.name!r} has one hand; ask for its pose space without a side")
     return space if count is None else space.first(count)
 
 
-def _letter(body: Body, hand: str | None) -> str:
-    """What the keys of the hand's arrays end in: nothing in a file of a single hand, or l or r."""
-    both = "hands_meanl" in body.extras or "hands_meanr" in body.extras
-    if not both:
-        return ""
-    if hand not in HANDS:
+def _of_side(body: Body, side: str, count: int | None) -> PoseSpace:
+    joints = tuple(name for name in body.joint_names if name in _fingers(side))
+    space = _space(body, SIDES[side], joints)
+    return space if count is None else space.first(count)
+
+
+def _fingers(side: str) -> frozenset[str]:
+    return frozenset(f"{side}_{finger}" for finger in FINGERS)
+
+
+def _beside(spaces: list[PoseSpace]) -> PoseSpace:
+    """The space of the joints of several, each with coefficients of its own."""
+    J = np.cumsum([0, *(len(space.joints) for space in spaces)])
+    C = np.cumsum([0, *(space.n_components for space in spaces)])
+    components = np.zeros((C[-1], J[-1], 3))
+    for i, space in enumerate(spaces):
+        components[C[i] : C[i + 1], J[i] : J[i + 1]] = space.components
+    return PoseSpace(
+        tuple(joint for space in spaces for joint in space.joints),
+        np.concatenate([space.mean for space in spaces]),
+        components,
+        np.concatenate([space.deviations for space in spaces]),
+    )
+
+
+def _space(body: Body, end: str, joints: tuple[str, ...]) -> PoseSpace:
+    """The space of some joints, from the entries whose keys have this end."""
+    keys, extras = (f"hands_mean{end}", f"hands_components{end}"), body.extras
+    if not {*keys} <= extras.keys():
         raise BadBody(
-            f"body {body.name!r} has a pose space for each hand; ask for hand='left' or "
-            f"hand='right', not for {hand!r}"
+            f"body {body.name!r} has no pose space: there are no {' and '.join(keys)} "
+            "among its extras; take the embedded body 'hand' or 'full-hands', or a file of MANO "
+            "or SMPL-H"
         )
-    return hand[0]
+    mean, rows = (reals(key, extras[key]) for key in keys)
+    if mean.size != 3 * len(joints) or rows.ndim != 2 or rows.shape[1] != mean.size:
+        where = "below its root" if not end else f"of the hand {end!r}"
+        raise BadBody(
+            f"body {body.name!r} has {len(joints)} joints {where}, but {keys[0]} of shape "
+            f"{mean.shape} and {keys[1]} of shape {rows.shape}"
+        )
+    components = rows.reshape(len(rows), len(joints), 3)
+    return PoseSpace(joints, mean.reshape(-1, 3), components, _deviations(extras, end, len(rows)))
 
 
-def _where(letter: str) -> str:
-    return {"": "below its root", "l": "in its left hand", "r": "in its right hand"}[letter]
-
-
-def _deviations(extras: Mapping[str, NDArray[Any]], letter: str, count: int) -> Array:
-    if f"hands_deviations{letter}" in extras:
-        return reals("hands_deviations", extras[f"hands_deviations{letter}"])
-    coefficients = extras.get(f"hands_coeffs{letter}")
+def _deviations(extras: Mapping[str, NDArray[Any]], end: str, count: int) -> Array:
+    if f"hands_deviations{end}" in extras:
+        return reals(f"hands_deviations{end}", extras[f"hands_deviations{end}"])
+    coefficients = extras.get(f"hands_coeffs{end}")
     if coefficients is None or coefficients.ndim != 2:
         return np.ones(count)
     if coefficients.shape[1] == count and len(coefficients) > 1:

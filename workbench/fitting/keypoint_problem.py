@@ -17,6 +17,7 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, keypoints
 from workbench.residuals.kernels import Kernel, quadratic
 
+PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
 Terms = Callable[[SkinnedBody | TriangleBody], Sequence[Residual]]
@@ -45,26 +46,33 @@ class KeypointProblem:
     sigma: float = 4.0
     kernel: Kernel = quadratic
     priors: Terms = usual_priors
-    _made: dict[Kind, tuple[Problem, tuple[Camera, ...], tuple[str, ...]]] = field(
+    _made: dict[tuple[str, Kind], tuple[Problem, tuple[Camera, ...], tuple[str, ...]]] = field(
         default_factory=dict, init=False, repr=False
     )
 
     def of(
-        self, photographs: Sequence[Photograph], held_out: Collection[str]
+        self,
+        photographs: Sequence[Photograph],
+        held_out: Collection[str],
+        landmarks: str | None = None,
     ) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
         """The problem, a camera for each photograph, and the names of the priors.
 
+        `landmarks` is the set of landmarks that are fitted; without it, it is `landmark_set`'s.
         Cameras of photographs that are held out are not among the problem's.
         """
+        landmarks = landmark_set(self.body) if landmarks is None else landmarks
         kind = tuple(
             (p.name, p.size if p.K is None else None, p.name in held_out) for p in photographs
         )
-        if kind not in self._made:
-            self._made[kind] = self._make(kind)
-        return self._made[kind]
+        if (landmarks, kind) not in self._made:
+            self._made[landmarks, kind] = self._make(landmarks, kind)
+        return self._made[landmarks, kind]
 
-    def _make(self, kind: Kind) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
-        body, landmarks = self.body, landmark_set(self.body)
+    def _make(
+        self, landmarks: str, kind: Kind
+    ) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
+        body = self.body
         names = body.landmark_names(landmarks)
         pose, betas, trans = body.blocks()
         points = body.landmark_points(landmarks, pose.symbol, betas.symbol, trans.symbol)
@@ -83,9 +91,16 @@ class KeypointProblem:
         return problem, cameras, tuple(prior.name for prior in priors)
 
 
-def landmark_set(body: Body) -> str:
-    """The landmark set that is fitted: `coco` where the body has it, or else its joints."""
-    return "coco" if "coco" in body.landmarks else "joints"
+def landmark_set(body: Body, observed: Collection[str] = ()) -> str:
+    """The landmark set that is fitted: `coco` where the body has it, or else its joints.
+
+    A body with fingers has another set, `coco_with_hands`, which is fitted if any of the `observed`
+    keypoints is one of a hand.
+    """
+    both = [body.landmarks[name].names for name in (PLAIN, WITH_HANDS) if name in body.landmarks]
+    if len(both) == 2 and {*observed} & ({*both[1]} - {*both[0]}):
+        return WITH_HANDS
+    return PLAIN if PLAIN in body.landmarks else "joints"
 
 
 def observed_blocks(camera: Camera, landmarks: tuple[str, ...]) -> tuple[Block, Block]:

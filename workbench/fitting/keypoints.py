@@ -63,12 +63,12 @@ def keypoint_setup(
 ) -> Setup:
     """The fit of a problem to these observations; arguments and errors are `keypoint_fit`'s."""
     body = of.body
-    kind, held_out = landmark_set(body), names(held_out)
+    kind, held_out = landmark_set(body, observations.observed()), names(held_out)
     landmarks = body.landmark_names(kind)
     photographs = observations.ordered(landmarks).photographs
     if all(photo.name in held_out for photo in photographs):
         raise BadObservation("there is no image to fit; hold out fewer")
-    problem, cameras, priors = of.of(photographs, held_out)
+    problem, cameras, priors = of.of(photographs, held_out, kind)
     start, views = body.start(), []
     for camera, photo in zip(cameras, photographs, strict=True):
         observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
@@ -102,8 +102,9 @@ def keypoint_setup(
 
 def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     """A sentence on the observed keypoints that have no landmark on the body, if there are any."""
-    kind = landmark_set(body)
-    landmarks, observed = body.landmark_names(kind), observations.observed()
+    observed = observations.observed()
+    kind = landmark_set(body, observed)
+    landmarks = body.landmark_names(kind)
     others = [name for name in observed if name not in landmarks]
     if not others:
         return ()
@@ -121,7 +122,7 @@ def measures(
     of COCO's 17 keypoints to their triangulated and published positions.
     """
     arguments = [values[block.name] for block in body.blocks()]
-    kind = landmark_set(body)
+    kind = views[0].landmarks
     found = body.landmark(kind, *arguments)  # (M, 3) m
     coco = np.isin(body.landmark_names(kind), COCO)
     result = []

@@ -90,7 +90,7 @@ def video_fit(
     T = clip.count
     if worth is not None and not 1 <= worth <= T:
         raise BadArgument(f"{T} frames are worth 1 to {T} independent ones, not {worth:g}")
-    kind = landmark_set(body)
+    kind = landmark_set(body, clip.names)
     landmarks = body.landmark_names(kind)
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)

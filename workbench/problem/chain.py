@@ -26,6 +26,7 @@ from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, merged
+from workbench.problem.rooms import Rooms
 from workbench.problem.rounding import Support, half_squared
 from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
@@ -66,6 +67,7 @@ class Chain:
         size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
         self.to_size = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
         self._last: tuple[bytes, list[PointsAt]] = (b"", [])
+        self._rooms = Rooms()
 
     @staticmethod
     def of(residuals: Sequence[Residual], free: Layout, fixed: Layout) -> "Chain":
@@ -183,7 +185,7 @@ class Chain:
     def _columns(self, places: Sequence[PointsAt], by_points: list[Array]) -> Array:
         """The part of J that comes through the points, transposed, (n, m)."""
         m = self.by_x.shape[0]
-        columns = np.empty((self.free.size, m))
+        columns = self._rooms.empty(self.free.size, m)
         for at in self._not_all_written(m):
             columns[at] = 0.0
         for i, (here, pattern, rows, entries) in enumerate(

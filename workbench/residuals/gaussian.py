@@ -51,7 +51,7 @@ def gaussian(
         raise BadResidual(f"residual {name!r} needs a finite mean, but entry {i} of it is {mu[i]}")
     difference = x - cs.DM(mu)
     if C.ndim == 2:
-        return Residual(name, cs.DM(whitening(C, name)) @ difference, 1.0)
+        return Residual(name, cs.sparsify(cs.DM(whitening(C, name))) @ difference, 1.0)
     if not ((C > 0) & np.isfinite(C)).all():
         wrong = C[~((C > 0) & np.isfinite(C))].flat[0]
         raise BadResidual(f"residual {name!r} needs finite variances above zero, not {wrong}")

@@ -51,6 +51,10 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     `flat_hand_mean=False`, its default for MANO, it adds the mean pose to the pose that it is
     given; here the mean is part of the pose. `tests/bodies/test_smplx_parity.py` compares all four.
 
+    It opens the .pkl of a body of 52 joints whose extras have the poses of hands, such as
+    `full-hands`, as SMPL-H (`models/smplh/SMPLH_NEUTRAL.pkl`, model_type="smplh", ext="pkl").
+    Unless it is told `flat_hand_mean=True`, it adds the mean pose of the hands.
+
     Raises BadFile for another suffix, a folder that cannot be written, or a body that the
     format cannot hold.
     """

@@ -13,7 +13,7 @@ class Extra:
     """A point on the skin: a landmark, or else the skin of some joints farthest in a direction.
 
     Attributes:
-        landmark: the name of the landmark.
+        landmark: the name of the landmark; that of a finger may end in `_tip`.
         joints: the names of the joints.
         direction: for the body's left side; on the right, x has the other sign.
     """
@@ -67,12 +67,12 @@ def vertex_ids(body: SkinnedBody) -> dict[str, int]:
     none, a guess from the template's geometry.
     """
     points = _landmarks(body)
-    return {
-        name: _nearest(body.template, points[extra.landmark])
-        if extra.landmark in points
-        else _farthest(body, extra)
-        for name, extra in extras().items()
-    }
+    found = {}
+    for name, extra in extras().items():
+        known = [one for one in (extra.landmark, f"{extra.landmark}_tip") if one in points]
+        place = _nearest(body.template, points[known[0]]) if known else _farthest(body, extra)
+        found[name] = place
+    return found
 
 
 def _landmarks(body: SkinnedBody) -> dict[str, Array]:

@@ -51,6 +51,6 @@ def arithmetic_of(
     if count >= WORTH_COMPILING:
         library, _ = kernels(body.parents, body.n_betas)
         if library is not None:
-            return CompiledArithmetic.of(library, body, chosen)
+            return CompiledArithmetic.of(library, body, body.parents, chosen)
     packed = chunks_of(body, chosen) if chunks is None else chunks()
     return ChunkedArithmetic(packed, body.parents)

@@ -19,22 +19,17 @@ from workbench.blocks.simd import C_OF, statements
 from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import ChunkedArithmetic, ChunkedSurface, chunks_of
+from workbench.bodies.forward.packed_vertices import PackedVertices
 from workbench.bodies.forward.rows import Rows, Target
-from workbench.bodies.forward.vertex import (
-    ADDED,
-    OF_JOINT,
-    motion_column,
-    vertex_columns,
-    vertex_functions,
-)
+from workbench.bodies.forward.vertex import ADDED, OF_JOINT, motion_column, vertex_functions
 from workbench.compiling import NoLibrary, library, vectors
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
 TRIED = 11  # vertices: all lanes full at least once, and some that are left over
+TRIED_SHARE = 0.1  # of its joints that carry and bend each of them
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
-PACKED_TOGETHER = 1024  # vertices, so that packing needs little memory beside the result
 BLOCKS = ("pose", "betas", "trans")
 
 
@@ -42,7 +37,7 @@ BLOCKS = ("pose", "betas", "trans")
 def kernels(parents: tuple[int, ...], B: int) -> tuple[ctypes.CDLL | None, str]:
     """The library for bodies with B betas on this tree, once per process; or None, and why."""
     try:
-        source = vertex_code(vertex_functions(parents, B), len(parents), B)
+        source = vertex_code(vertex_functions(B), parents, B)
         return library(NAME, source, lambda loaded: _agrees(loaded, parents, B)), ""
     except (NoLibrary, NotSupported) as error:
         LOG.info("surfaces are computed by NumPy: %s", error)
@@ -59,11 +54,12 @@ class _Arrays(NamedTuple):
 def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     """Whether the library says what NumPy says, about a few random vertices."""
     rng, K, N = np.random.default_rng(0), len(parents), TRIED
+    bends, carries = rng.random((N, 1, K - 1, 1)) < TRIED_SHARE, rng.random((N, K)) < TRIED_SHARE
     arrays = _Arrays(
         rng.standard_normal((N, 3)),
         rng.standard_normal((N, 3, B)),
-        rng.standard_normal((N, 3, 9 * (K - 1))),
-        rng.standard_normal((N, K)),
+        (rng.standard_normal((N, 3, K - 1, 9)) * bends).reshape(N, 3, 9 * (K - 1)),
+        rng.standard_normal((N, K)) * carries,
     )
     axes = rng.standard_normal((K, 3, 1, 3))
     motion = Motion(
@@ -80,7 +76,7 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     answers = [
         _answers(way.evaluate(motion, betas), slopes, betas, scale)
         for way in (
-            CompiledArithmetic.of(loaded, arrays, slice(None)),
+            CompiledArithmetic.of(loaded, arrays, parents, slice(None)),
             ChunkedArithmetic(chunks_of(arrays, slice(None)), parents),
         )
     ]
@@ -103,15 +99,16 @@ def _answers(
     return [surface.points, alone, *into.values(), *surface.adjoint(scale.reshape(-1, 3))]
 
 
-def vertex_code(functions: Mapping[str, cs.Function], K: int, B: int) -> str:
-    """The whole source, for K joints and B betas: the kernels, and loops around them."""
-    sizes = {
+def vertex_code(functions: Mapping[str, cs.Function], parents: tuple[int, ...], B: int) -> str:
+    """The whole source, for this tree and B betas: the kernels, and loops around them."""
+    K = len(parents)
+    sizes: dict[str, int | str] = {
+        "PARENTS": "{" + ", ".join(map(str, parents)) + "}",
         "JOINTS": K,
         "BETAS": B,
         "SHAPEDIRS": 3,
         "WEIGHTS": 3 + 3 * B,
-        "POSEDIRS": 3 + 3 * B + K,
-        "ROWS": 3 + 3 * B + K + 27 * (K - 1),
+        "ROWS": 3 + 3 * B + K,
         "FEATURES": B,
         "MOTIONS": B + 9 * (K - 1),
         "CENTRES": B + 9 * (K - 1) + 12 * K,
@@ -147,36 +144,26 @@ def kernel(function: cs.Function, put: str = "=") -> str:
 
 @dataclass(frozen=True, eq=False)
 class CompiledArithmetic:
-    """N vertices, as many side by side as the processor takes at a time; see Arithmetic.
+    """Vertices of a surface, as many side by side as the processor takes at a time; see Arithmetic.
 
     Attributes:
         library: the compiled functions.
-        packed: (N / lanes, rows, lanes), at an address that is a multiple of 64.
-        count: N, the number of vertices.
-        sizes: K and B, the numbers of joints and betas.
+        packed: the vertices.
     """
 
     library: ctypes.CDLL
-    packed: Array
-    count: int
-    sizes: tuple[int, int]
+    packed: PackedVertices
 
     @staticmethod
     def of(
-        library: ctypes.CDLL, arrays: SurfaceArrays, vertices: slice | list[int]
+        library: ctypes.CDLL,
+        arrays: SurfaceArrays,
+        parents: tuple[int, ...],
+        vertices: slice | list[int],
     ) -> CompiledArithmetic:
         """A body's vertices, or some of them, in order."""
-        chosen = np.arange(len(arrays.template))[vertices]
-        rows, N = len(vertex_columns(arrays, chosen[:1])), len(chosen)
-        lanes = int(library.lanes())
-        packed = _aligned((-(-N // lanes), rows, lanes))
-        for first in range(0, N, PACKED_TOGETHER):
-            columns = vertex_columns(arrays, chosen[first : first + PACKED_TOGETHER])
-            filled = np.pad(columns, ((0, 0), (0, -columns.shape[1] % lanes)))
-            blocks = filled.reshape(rows, -1, lanes).transpose(1, 0, 2)
-            packed[first // lanes :][: len(blocks)] = blocks
         return CompiledArithmetic(
-            library, packed, N, (arrays.weights.shape[1], arrays.shapedirs.shape[2])
+            library, PackedVertices.of(arrays, parents, vertices, int(library.lanes()))
         )
 
     def evaluate(self, motion: Motion, betas: Array) -> CompiledSurface:
@@ -185,7 +172,7 @@ class CompiledArithmetic:
 
     def run(self, name: str, numbers: Array, *words: int | None) -> None:
         """A function of the library, for all vertices; `words` are addresses or integers."""
-        shared = self.count, _address(self.packed), _address(numbers)
+        shared = _address(self.packed.structure), _address(numbers)
         function = getattr(self.library, name)
         function(*(ctypes.c_ssize_t(word or 0) for word in (*shared, *words)))
 
@@ -201,7 +188,7 @@ class CompiledSurface:
     @cached_property
     def points(self) -> Array:
         """The posed vertices before translation, (N, 3) m."""
-        found = np.empty((self.of.count, 3))
+        found = np.empty((self.of.packed.count, 3))
         self.of.run("points", motion_column(self.motion, self.betas), _address(found))
         return found
 
@@ -210,7 +197,7 @@ class CompiledSurface:
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
         tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
-        found = None if "points" in self.__dict__ else np.empty((self.of.count, 3))
+        found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
         column = motion_column(self.motion, self.betas, slopes)
         wanted = (factor, *(tables.get(name) for name in BLOCKS), found)
         self.of.run("tangent", column, *(None if a is None else _address(a) for a in wanted))
@@ -221,7 +208,7 @@ class CompiledSurface:
 
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """The gradients of sum(pull * points), pull (N, 3), by G, the features and betas."""
-        (K, B), features = self.of.sizes, len(self.motion.features)
+        (K, B), features = self.of.packed.sizes, len(self.motion.features)
         pulled = np.ascontiguousarray(pull, dtype=np.float64)
         felt = np.empty(B + features + 12 * K)
         column = motion_column(self.motion, self.betas)
@@ -250,14 +237,6 @@ def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp
 def _plain(array: Array) -> bool:
     """Whether the library can write its rows."""
     return array.strides[1] == 8 and array.dtype == np.float64 and array.flags.writeable
-
-
-def _aligned(shape: tuple[int, int, int]) -> Array:
-    """Zeros that begin where a cache line does."""
-    size = int(np.prod(shape))
-    room = np.zeros(size + 8)
-    first = -room.ctypes.data % 64 // 8
-    return room[first : first + size].reshape(shape)
 
 
 def _address(array: NDArray[np.generic]) -> int:

@@ -39,10 +39,12 @@ class Chunk:
         rows: where these vertices stand among all.
         template: (3 n,).
         shapedirs: (B, 3 n).
-        posedirs: (9 (K - 1), 3 n).
+        posedirs: (9 U, 3 n), of the U joints that bend any of these vertices.
         weights: (K, n).
-        directions: (1 + B + 9 (K - 1), 3 n), template, shapedirs and posedirs in one array, of
-            which they are parts.
+        directions: (1 + B + 9 U, 3 n), template, shapedirs and posedirs in one array, of which they
+            are parts.
+        benders: (U,) these joints, less one: the root bends nothing.
+        used: (9 U,) the features that these posedirs are multiplied with.
     """
 
     rows: slice
@@ -51,6 +53,8 @@ class Chunk:
     posedirs: Array
     weights: Array
     directions: Array
+    benders: Index
+    used: Index
 
     @property
     def columns(self) -> slice:
@@ -59,7 +63,8 @@ class Chunk:
 
     def rest(self, betas: Array, features: Array) -> Array:
         """T + S betas + P f, (..., 3, n), for betas (..., B) and features (..., 9 (K - 1))."""
-        flat = betas @ self.shapedirs + features @ self.posedirs + self.template
+        bent = features[..., self.used] @ self.posedirs
+        flat = betas @ self.shapedirs + bent + self.template
         return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
 
     def motion(self, motion: Motion) -> Array:
@@ -79,9 +84,11 @@ def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]
 
 
 def _chunk(arrays: SurfaceArrays, rows: Index, first: int) -> Chunk:
-    template = arrays.template[rows].T.reshape(1, -1)
-    shapedirs, posedirs = _planar(arrays.shapedirs[rows]), _planar(arrays.posedirs[rows])
-    whole = np.concatenate([template, shapedirs, posedirs])
+    template, shapedirs = arrays.template[rows].T.reshape(1, -1), _planar(arrays.shapedirs[rows])
+    every = arrays.posedirs[rows]
+    benders = np.flatnonzero(every.any(axis=(0, 1)).reshape(-1, 9).any(axis=1))
+    used = (9 * benders[:, None] + np.arange(9)).ravel()
+    whole = np.concatenate([template, shapedirs, _planar(every[:, :, used])])
     edge = 1 + len(shapedirs)
     return Chunk(
         slice(first, first + len(rows)),
@@ -90,6 +97,8 @@ def _chunk(arrays: SurfaceArrays, rows: Index, first: int) -> Chunk:
         whole[edge:],
         np.ascontiguousarray(arrays.weights[rows].T),
         whole,
+        benders,
+        used,
     )
 
 
@@ -157,7 +166,7 @@ class ChunkedSurface:
             outer[:, 3] = p
             on_G += chunk.weights @ outer.reshape(12, n).T
             on_rest = np.einsum("dcn,dn->cn", chunk.motion(motion)[:, :3], p).reshape(-1)
-            on_features += chunk.posedirs @ on_rest
+            on_features[chunk.used] += chunk.posedirs @ on_rest
             on_betas += chunk.shapedirs @ on_rest
         return on_G.reshape(K, 3, 4), on_features, on_betas
 
@@ -180,6 +189,7 @@ def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
     # memory that is used again: new pages for every product would cost half as much as it
     rooms = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
     along = np.concatenate([np.ones((len(G), 1)), betas, features], axis=1)
+    ahead = np.arange(1 + betas.shape[1])  # of the features
     for first in range(0, len(G), TOGETHER):
         some = slice(first, first + TOGETHER)
         turned = G[some].transpose(0, 2, 3, 1).reshape(-1, G.shape[1])  # (12 m, K)
@@ -189,7 +199,8 @@ def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
             parts = (room[: m * wide * n] for room, wide in zip(rooms, WIDE, strict=True))
             M, rest, moved = (part.reshape(m, -1, n) for part in parts)
             np.matmul(turned, chunk.weights, out=M.reshape(12 * m, n))
-            np.matmul(along[some], chunk.directions, out=rest.reshape(m, 3 * n))
+            taken = along[some][:, np.append(ahead, len(ahead) + chunk.used)]
+            np.matmul(taken, chunk.directions, out=rest.reshape(m, 3 * n))
             blended = M.reshape(m, 3, 4, n)
             np.einsum("mdcn,mcn->mdn", blended[:, :, :3], rest, out=moved)
             moved += blended[:, :, 3]
@@ -221,9 +232,11 @@ def _by_pose(chunk: Chunk, below: Array, R: Array, slopes: Slopes) -> Array:
     """The transposed derivative of n vertices by the pose, (3 K, 3, n)."""
     K, n = chunk.weights.shape
     out: Array = np.matmul(slopes.turns, below).reshape(3 * K, 3, n)
-    if K > 1:
-        bulge = np.matmul(slopes.d_features, chunk.posedirs.reshape(K - 1, 9, 3 * n))
-        _add_rotated(out[3:], R, bulge.reshape(3 * (K - 1), 3, n))
+    if U := len(chunk.benders):
+        slopes_of = slopes.d_features[chunk.benders]
+        bulge = np.matmul(slopes_of, chunk.posedirs.reshape(U, 9, 3 * n))
+        turned = np.einsum("dcn,kcn->kdn", R, bulge.reshape(3 * U, 3, n))
+        out.reshape(K, 3, 3, n)[1 + chunk.benders] += turned.reshape(U, 3, 3, n)
     return out
 
 

