@@ -21,8 +21,8 @@ import numpy as np
 import workbench as wb
 from benchmarks import machine
 from benchmarks.clips_made_up import clip
-from benchmarks.made_up_fingers import with_fingers
 from benchmarks.keeping import keep
+from benchmarks.made_up_fingers import with_fingers
 from workbench.bodies.files.correctives import correctives_of
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
 from workbench.motions import write_glb

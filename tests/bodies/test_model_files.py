@@ -20,7 +20,7 @@ from workbench.bodies.files.joint_names import FLAME, NAMES, TREES
 from workbench.bodies.files.npz_files import read_npz
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.files.smplx_vertices import vertex_ids
-from workbench.errors import BadArgument, BadBody, BadFile
+from workbench.errors import BadArgument, BadFile
 
 OBJECTS = {"joint2num", "part2num"}  # dictionaries, which are not read
 
