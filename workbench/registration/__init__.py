@@ -13,6 +13,7 @@ from workbench.registration.free_vertices import (
     VertexStage,
     posterior_sd,
 )
+from workbench.registration.hand_starts import hand_starts
 from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
 from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
 from workbench.registration.icp_steps import (
@@ -23,12 +24,11 @@ from workbench.registration.icp_steps import (
 )
 from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
 from workbench.registration.point_cloud import PointCloud
+from workbench.registration.recipe import HAND_RECIPE, Recipe, model_alone, usual_recipe
 from workbench.registration.registering import (
     OtherEnd,
-    Recipe,
     Registration,
     StageOutcome,
-    model_alone,
     register,
 )
 from workbench.registration.scan_jobs import (
@@ -46,6 +46,7 @@ from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "FIT_STAGES",
+    "HAND_RECIPE",
     "QUICK_VERTEX_STAGES",
     "VERTEX_STAGES",
     "Alignment",
@@ -85,6 +86,7 @@ __all__ = [
     "doubts",
     "facing",
     "fit_model",
+    "hand_starts",
     "jobs_of",
     "model_alone",
     "point_to_plane",
@@ -96,4 +98,5 @@ __all__ = [
     "scan_starts",
     "support",
     "touched",
+    "usual_recipe",
 ]
