@@ -5,6 +5,7 @@ from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
+from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.mirrored import mirrored
@@ -18,6 +19,7 @@ __all__ = [
     "Body",
     "BodySolids",
     "Capsules",
+    "HandMotion",
     "Landmarks",
     "Penetration",
     "PoseSpace",
@@ -29,7 +31,9 @@ __all__ = [
     "capsules_of",
     "dual_quaternion_blend",
     "fit_capsules",
+    "hand_motions",
     "hand_points",
+    "is_hand",
     "linear_blend",
     "mirrored",
     "penetrations",

@@ -8,6 +8,7 @@ closely enough that one stage suffices.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -35,19 +36,17 @@ OBSERVED, SEEN = "observed", "seen"
 
 
 def hand_landmarks(
-    body: SkinnedBody, *, sigma: float = SIGMA, kernel: Kernel = quadratic
-) -> tuple[Residual, tuple[Block, Block]]:
-    """The residual of 16 joints and 5 finger tips, in m, and the blocks of what was observed.
+    body: SkinnedBody, observed: ArrayLike, *, sigma: float = SIGMA, kernel: Kernel = quadratic
+) -> Residual:
+    """The residual of 16 or 21 points of a hand in m, `sigma` along each axis.
 
-    The blocks are `observed` (21, 3) m in the order of `HAND_POINTS`, and `seen` (21,), the weight
-    of each point: 0 where it was not observed, so that one problem serves for 16 points and 21.
-    Joints and tips, which are vertices, are rows of this one residual.
+    `observed` is as for `hand_start`. Joints and finger tips, which are vertices, are rows of this
+    one residual; points that were not seen have the weight 0. It is a term beside others, such as
+    that of a scan. Raises BadBody and BadObservation.
     """
-    at = (block.symbol for block in body.blocks())
-    place, seen = Block(OBSERVED, (21, 3), "m", HAND_POINTS), Block(SEEN, (21,), "1", HAND_POINTS)
-    points = hand_points(body, *at)
-    data = landmarks(points, place.symbol, sigma=sigma, kernel=kernel, name="hand points")
-    return replace(data, weights=seen.symbol, blocks=(place, seen)), (place, seen)
+    checked_hand(body)
+    places, known = _seen(body, observed)
+    return _landmarks(body, places, known, sigma, kernel)
 
 
 def hand_problem(
@@ -59,11 +58,17 @@ def hand_problem(
 ) -> Problem:
     """Pose, betas and trans of a hand from its points; one problem serves for many hands.
 
-    `sigma` is in m along each axis. The priors are those of `usual_priors` unless others are given.
+    What was observed is in two fixed blocks: `observed` (21, 3) m in the order of `HAND_POINTS`,
+    and `seen` (21,), the weight of each point, 0 where it was not observed. So one problem serves
+    for 16 points and for 21. `sigma` is in m along each axis. The priors are those of `usual_priors` unless others are given.
     Raises BadBody for a body that is no hand.
     """
     checked_hand(body)
-    data, blocks = hand_landmarks(body, sigma=sigma, kernel=kernel)
+    blocks = (
+        Block(OBSERVED, (len(HAND_POINTS), 3), "m", HAND_POINTS),
+        Block(SEEN, (len(HAND_POINTS),), "1", HAND_POINTS),
+    )
+    data = _landmarks(body, blocks[0].symbol, blocks[1].symbol, sigma, kernel)
     given = usual_priors(body) if priors is None else tuple(priors)
     return Problem((data, *given), [block.name for block in body.blocks()], blocks=blocks)
 
@@ -76,8 +81,8 @@ def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
     BadObservation for another shape, or fewer than three points.
     """
     checked_hand(body)
-    places = _in_order(body, observed)
-    known: Mask = np.asarray(np.isfinite(places).all(axis=1))
+    places, seen = _seen(body, observed)
+    known: Mask = np.asarray(seen > 0)
     if known.sum() < LEAST:
         raise BadObservation(
             f"{int(known.sum())} points of a hand are known, and at least {LEAST} place it"
@@ -88,7 +93,7 @@ def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
     used = palm if palm.sum() > LEAST else known
     motion = procrustes(own[used], places[used])
     begin = placed_hand(body, mean, motion.R, motion.t)
-    return begin | {OBSERVED: np.where(known[:, None], places, 0.0), SEEN: known.astype(float)}
+    return begin | {OBSERVED: places, SEEN: seen}
 
 
 def hand_fit(
@@ -163,17 +168,31 @@ def points_of(body: SkinnedBody, values: Values) -> Array:
     return np.asarray(every[[names.index(name) for name in HAND_POINTS]])
 
 
-def _in_order(body: SkinnedBody, observed: ArrayLike) -> Array:
-    """The points (21, 3) m in the order of `HAND_POINTS`; NaN for the tips of 16 joints."""
+def _landmarks(
+    body: SkinnedBody,
+    observed: cs.MX | Array,
+    seen: cs.MX | Array,
+    sigma: float,
+    kernel: Kernel,
+) -> Residual:
+    points = hand_points(body, *(block.symbol for block in body.blocks()))
+    data = landmarks(points, observed, sigma=sigma, kernel=kernel, name="hand points")
+    return replace(data, weights=seen)
+
+
+def _seen(body: SkinnedBody, observed: ArrayLike) -> tuple[Array, Array]:
+    """The points (21, 3) m in the order of `HAND_POINTS`, and the weight (21,) of each: 0 or 1."""
     given = reals("points of a hand", observed)
-    if given.shape == (len(HAND_POINTS), 3):
-        return given
-    if given.shape != (body.n_joints, 3):
+    places = np.full((len(HAND_POINTS), 3), np.nan)
+    if given.shape == places.shape:
+        places = given
+    elif given.shape == (body.n_joints, 3):
+        for name, place in zip(body.joint_names, given, strict=True):
+            places[HAND_POINTS.index(name)] = place
+    else:
         raise BadObservation(
             f"points of a hand have the shape (21, 3) in the order of HAND_POINTS, or "
             f"({body.n_joints}, 3) in that of the body's joints, not {given.shape}"
         )
-    places = np.full((len(HAND_POINTS), 3), np.nan)
-    for name, place in zip(body.joint_names, given, strict=True):
-        places[HAND_POINTS.index(name)] = place
-    return places
+    known = np.isfinite(places).all(axis=1)
+    return np.where(known[:, None], places, 0.0), known.astype(np.float64)

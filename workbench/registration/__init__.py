@@ -13,6 +13,7 @@ from workbench.registration.free_vertices import (
     VertexStage,
     posterior_sd,
 )
+from workbench.registration.hand_scan import fit_hand
 from workbench.registration.hand_starts import hand_starts
 from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
 from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
@@ -85,6 +86,7 @@ __all__ = [
     "distance_gauss_newton",
     "doubts",
     "facing",
+    "fit_hand",
     "fit_model",
     "hand_starts",
     "jobs_of",

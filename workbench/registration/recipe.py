@@ -95,7 +95,7 @@ HAND_FIT_STAGES = (
     FitStage(1500, 0.003, 0.009, 2, 40, 0.0005),
 )
 HAND_TERM = ScanTerm(sigma=0.001, outlier=0.004, within=0.02, patch=1e-5)
-HAND_VERTEX_STAGES = (VertexStage("free", (*BODY, VERTICES), 0.002, HAND_TERM, TOGETHER),)
+HAND_VERTEX_STAGES = (VertexStage("free", (*BODY, VERTICES), 0.001, HAND_TERM, TOGETHER),)
 
 
 def hand_coupled(body: Body) -> tuple[VertexStage, ...]:
