@@ -12,7 +12,7 @@ from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
 
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
-BESIDE = 0.1  # rad, beside what a pose space says: nobody's poses are exactly in it
+BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
 
 
 def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
@@ -30,7 +30,7 @@ def pose_gaussian(body: Body) -> tuple[Array, Array]:
 
     For SMPL's 24 joints both were learned from motion capture: `data/poses/cmu_gaussian.npz`, and
     PROVENANCE.md beside it names the source. A body with a pose space, such as a hand, has the
-    space's Gaussian, and 0.1 rad of standard deviation about each axis beside it. Any other body
+    space's Gaussian, and 0.05 rad of standard deviation about each axis beside it. Any other body
     gets 0.5 rad about its rest pose.
     """
     if body.n_joints == SMPL_JOINTS:

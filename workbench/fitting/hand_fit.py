@@ -60,8 +60,8 @@ def hand_problem(
 
     What was observed is in two fixed blocks: `observed` (21, 3) m in the order of `HAND_POINTS`,
     and `seen` (21,), the weight of each point, 0 where it was not observed. So one problem serves
-    for 16 points and for 21. `sigma` is in m along each axis. The priors are those of `usual_priors` unless others are given.
-    Raises BadBody for a body that is no hand.
+    for 16 points and for 21. `sigma` is in m along each axis. The priors are those of
+    `usual_priors` unless others are given. Raises BadBody for a body that is no hand.
     """
     checked_hand(body)
     blocks = (
