@@ -33,10 +33,10 @@ def _ranks(found: dict[str, Any]) -> str:
 
 
 def _grouped(names: list[str]) -> list[str]:
-    """The names of directions, with fingers in the same place counted together."""
+    """The names of directions, those of all fingers f counted together."""
     counts: dict[str, int] = {}
     for name in names:
-        plain = name
+        plain = name.partition(":")[0]  # without the shares of a mixture
         for finger in ("index", "middle", "pinky", "ring", "thumb"):
             plain = plain.replace(finger, "f")
         counts[plain] = counts.get(plain, 0) + 1
@@ -99,10 +99,9 @@ def _scans(found: dict[str, Any]) -> str:
                 what,
                 f"{one['good']} of {one['hands']} ({100 * share.low:.0f} to "
                 f"{100 * share.high:.0f} %)",
-                *(f"{one[key]:.2f}" for key in ("mean", "median", "seen")),
-                "" if one["free"] is None else f"{one['free']:.2f}",
+                *(_or_not(one[key], 2) for key in ("mean", "median", "seen", "free")),
                 f"{one['worst']:.1f}",
-                f"{one['seconds']:.1f}",
+                _or_not(one["seconds"], 1),
             )
         )
     head = (
@@ -110,6 +109,10 @@ def _scans(found: dict[str, Any]) -> str:
         *("mean, vertices free", "worst mean", "CPU s"),
     )
     return "Strangers, simulated scans; medians over the hands, in mm:\n\n" + _table(head, rows)
+
+
+def _or_not(number: float | None, digits: int) -> str:
+    return "" if number is None else f"{number:.{digits}f}"
 
 
 def _modelled(one: dict[str, Any]) -> str:
