@@ -122,7 +122,7 @@ def _modelled(one: dict[str, Any]) -> str:
         rows.append((name, *cells))
     head = ("surface", "median", "95 %", "joints, median", "length of betas, sd")
     return (
-        f"The artist's hand, {one['held_out']:,} held-out points, in {one['turns']} random turns "
+        f"The artist's hand, {one['held_out']:,} held-out points, random turns: {one['turns']} "
         f"(smallest to largest), in mm:\n\n" + _table(head, rows)
     )
 
