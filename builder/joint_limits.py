@@ -3,7 +3,8 @@
 Run as `python -m builder.joint_limits MOCAP.npz --out workbench/data/joint_limits`,
 with the recording of `workbench.priors.poses`. Writes `anatomical.json` and
 `recorded.json`: per joint and axis of its rotation vector the lower and the upper limit in degrees,
-null where there is none. In the T-pose (y up, the body faces +z, its left is +x) a turn about one
+null where there is none; and `hand.json` (`builder.hands.limits`).
+In the T-pose (y up, the body faces +z, its left is +x) a turn about one
 axis is an anatomical motion with a name; a turn about several is not, and there a box of rotation
 vectors is an approximation.
 """
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from builder.hands.limits import hand_limits
 from workbench.geometry.mirror import AXIAL, opposite
 from workbench.priors.mocap import Mocap, read_mocap
 
@@ -86,12 +88,16 @@ def recorded(mocap: Mocap) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write both files."""
+    """Write the files."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("mocap", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
-    files = {"anatomical": anatomical(), "recorded": recorded(read_mocap(arguments.mocap))}
+    files = {
+        "anatomical": anatomical(),
+        "recorded": recorded(read_mocap(arguments.mocap)),
+        "hand": hand_limits(),
+    }
     for name, content in files.items():
         text = json.dumps(content, indent=1)
         (arguments.out / f"{name}.json").write_text(text + "\n", encoding="utf-8")

@@ -278,6 +278,18 @@ def test_a_second_camera_and_ten_markers_are_chosen() -> None:
     assert 0 < len(example.shared) < 10
 
 
+def test_a_scan_says_more_of_a_hand_than_its_skeleton() -> None:
+    example = import_module("examples.31_a_scanned_hand")
+    assert example.ranks == {"16 joints": 23, "21 points": 38}
+    means = {name: off.mean() for name, off in example.errors.items()}  # mm
+    assert means["scan"] < means["21 points"] < 3
+    assert means["scan and 21 points"] < 1.2
+    median = np.median(
+        example.away(example.surfaces["scan"], example.hand.faces, example.held_out.points)
+    )
+    assert median < 0.5
+
+
 def test_a_hand_is_found_from_joints_and_finger_tips() -> None:
     example = import_module("examples.34_a_hand")
     assert all(solution.converged for solution in example.solutions)

@@ -44,9 +44,10 @@ from workbench.fitting import (
     stature,
     stature_prior,
 )
+from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.image_recipe import NEARLY, ROUGHLY, smplify_stages
 from workbench.fitting.image_starts import turned_about
-from workbench.fitting.keypoint_problem import KeypointProblem, camera_residual, usual_priors
+from workbench.fitting.keypoint_problem import KeypointProblem, camera_residual
 from workbench.fitting.keypoints import keypoint_setup
 from workbench.fitting.observations import COCO, LIMBS, SIDES
 from workbench.fitting.pose_regressor import normalised

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +15,23 @@ import pytest
 from tests.cli.conftest import Run
 from tests.registration.clouds import person, write_scan
 from workbench import load_body
-from workbench.registration import FitStage
+from workbench.bodies.body import Body
+from workbench.registration import FitStage, Recipe, usual_recipe
 
 QUICK = (FitStage(200, 0.05, 0.1, 4, 8),)
 PAUSE = 0.1  # s
 SHORTER = """
-from functools import partial
 import workbench.cli.register as command
-from tests.cli.test_register import QUICK
+from tests.cli.test_register import quickly
 from workbench.cli import main
-command.Recipe = partial(command.Recipe, fit_stages=QUICK)
+command.usual_recipe = quickly
 main()
 """
+
+
+def quickly(body: Body) -> Recipe:
+    """A recipe with a short fit."""
+    return replace(usual_recipe(body), fit_stages=QUICK)
 
 
 @pytest.fixture
@@ -47,7 +52,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
     import workbench.cli.register as command
 
-    monkeypatch.setattr(command, "Recipe", partial(command.Recipe, fit_stages=QUICK))
+    monkeypatch.setattr(command, "usual_recipe", quickly)
 
 
 def test_one_scan_becomes_a_page_and_a_surface(workbench: Run, scans: Path) -> None:

@@ -193,9 +193,9 @@ def test_ctrl_c_while_the_result_is_judged_is_not_lost(
 ) -> None:
     import workbench.registration.registering as module
 
-    def pressed(fit: ModelFit) -> Support:
+    def pressed(fit: ModelFit, *, near: float) -> Support:
         os.kill(os.getpid(), signal.SIGINT)
-        return support(fit)
+        return support(fit, near=near)
 
     monkeypatch.setattr(module, "support", pressed)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

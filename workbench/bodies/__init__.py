@@ -7,6 +7,7 @@ from workbench.bodies.checking.check_file import FileCheck, check_body_file
 from workbench.bodies.checking.findings import FileFinding
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
+from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.mirrored import mirrored
@@ -23,6 +24,7 @@ __all__ = [
     "Capsules",
     "FileCheck",
     "FileFinding",
+    "HandMotion",
     "Landmarks",
     "Penetration",
     "PoseSpace",
@@ -36,7 +38,9 @@ __all__ = [
     "check_body_file",
     "dual_quaternion_blend",
     "fit_capsules",
+    "hand_motions",
     "hand_points",
+    "is_hand",
     "linear_blend",
     "mirrored",
     "penetrations",

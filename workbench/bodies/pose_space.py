@@ -121,6 +121,13 @@ class PoseSpace:
 SIDES = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
 
 
+def has_pose_space(body: Body) -> bool:
+    """Whether a body's file holds a pose space of all joints below its root."""
+    mean = body.extras.get("hands_mean")
+    whole = mean is not None and mean.size == 3 * (body.n_joints - 1)
+    return whole and "hands_components" in body.extras
+
+
 def pose_space(body: Body, count: int | None = None, side: str | None = None) -> PoseSpace:
     """The pose space in a body's file: `hands_mean` and `hands_components` of MANO's layout.
 

@@ -1,6 +1,7 @@
 """`workbench register`: scans that nobody labelled, each as the template's surface."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -32,8 +33,8 @@ from workbench.registration import (
     jobs_of,
     model_alone,
     registered,
+    usual_recipe,
 )
-from workbench.registration.registering import coupled
 from workbench.registration.scan_jobs import MOST
 from workbench.reports.registration_folder import Entry, RegistrationFolder
 from workbench.reports.registration_page import ARRAYS, stages_table, write_registration
@@ -115,9 +116,11 @@ def register(
     if not 0 <= boundary < math.inf:
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
     reading = Reading(unit, up, array, _place(camera), points)
-    recipe = Recipe(vertex_stages=model_alone if model else coupled, boundary=boundary)
     scans = [expanded(path) for path in scans]
     template, jobs = load_body(body), jobs_of(_files(console, scans), array)
+    recipe = replace(usual_recipe(template), boundary=boundary)
+    if model:
+        recipe = replace(recipe, vertex_stages=model_alone)
     if len(jobs) == 1 and not scans[0].is_dir():
         _mind_unused(console, subjects, workers, dask)
         _one(console, template, body, recipe, reading, jobs[0], out)

@@ -10,12 +10,13 @@ A fit is described by a `Setup`: a problem, a start, and what is measured when i
     [0.1, 0.0, 0.0]
 """
 
-from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.body_priors import pose_prior, shape_prior, usual_priors
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.clip_files import read_clip
 from workbench.fitting.clips import Clip, Film, clip_of
 from workbench.fitting.detector_layouts import KEYPOINT_SCHEMAS
 from workbench.fitting.effective_frames import effective_frames
+from workbench.fitting.hand_fit import hand_fit, hand_landmarks, hand_problem, hand_start
 from workbench.fitting.image_fit import ImageFits, image_fit
 from workbench.fitting.image_recipe import (
     Appearance,
@@ -95,6 +96,10 @@ __all__ = [
     "depth_of",
     "effective_frames",
     "from_correspondences",
+    "hand_fit",
+    "hand_landmarks",
+    "hand_problem",
+    "hand_start",
     "image_fit",
     "image_priors",
     "informative_frames",
@@ -131,6 +136,7 @@ __all__ = [
     "stature_of",
     "stature_prior",
     "train_pose_regressor",
+    "usual_priors",
     "video_fit",
     "wider",
 ]

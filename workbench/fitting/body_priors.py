@@ -5,20 +5,22 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.bodies.pose_space import pose_space
+from workbench.bodies.hand_axes import hands_of
+from workbench.bodies.pose_space import PoseSpace, has_pose_space, pose_space
+from workbench.priors.hand_limits import hand_limits
 from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
 
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
 TO_THE_WRISTS = 21  # of them, without the root; what is left are fingers as a whole
-OTHERS, FINGERS = 0.5**2, 0.1**2  # rad^2: joints of which nothing is known; what no synergy moves
+OTHERS = 0.5  # rad: joints of which nothing is known
+BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
+BESIDE_ON_A_BODY = 0.1  # rad, the same for the hands of a whole body
 
 
 def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
-    """A Gaussian on all joint rotations but the root's, learned from motion capture.
+    """A Gaussian on all joint rotations but the root's: that of `pose_gaussian`.
 
-    `data/poses/cmu_gaussian.npz` holds it, and PROVENANCE.md beside it names the source. See
-    `pose_gaussian` for joints that were not recorded, such as fingers, and for other bodies.
     `pose` (3, K) rad is the symbol of one of several poses; without it, that of the body's blocks.
     """
     pose = body.blocks()[0].symbol if pose is None else pose
@@ -29,26 +31,34 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
 def pose_gaussian(body: Body) -> tuple[Array, Array]:
     """The mean (K - 1, 3) rad of `pose_prior`, and a variance or covariance in rad^2.
 
-    A body that has the joints of SMPL down to the wrists, such as one of SMPL-H, gets what was
-    learned for these; its fingers get the Gaussian of its pose space, with 0.1 rad more about every
-    axis, and all others a standard deviation of 0.5 rad about the rest pose. Every other body gets
-    that for all of its joints.
+    For SMPL's 24 joints both were learned from motion capture: `data/poses/cmu_gaussian.npz`, and
+    PROVENANCE.md beside it names the source. A hand with a pose space has the space's Gaussian, and
+    0.05 rad of standard deviation about each axis beside it. A body that has SMPL's joints down to
+    the wrists, such as one of SMPL-H, gets what was learned for these; its fingers have the
+    Gaussian of its pose space, with 0.1 rad beside it. Any other joint gets 0.5 rad about its rest
+    pose.
     """
     learned = shipped_gaussian()
     if body.n_joints == SMPL_JOINTS:
         return learned.mean, learned.covariance
-    names = body.joint_names[1:]
-    if not {*learned.joint_names[:TO_THE_WRISTS]} <= {*names}:
-        return body.bind_pose[1:], np.array(OTHERS)
-    mean, covariance = body.bind_pose[1:].copy(), OTHERS * np.eye(3 * len(names))
-    recorded = learned.joint_names[:TO_THE_WRISTS]
+    if has_pose_space(body):
+        space = pose_space(body)
+        return space.mean, _covariance(space, BESIDE)
+    names, recorded = body.joint_names[1:], learned.joint_names[:TO_THE_WRISTS]
+    if not {*recorded} <= {*names}:
+        return body.bind_pose[1:], np.array(OTHERS**2)
+    mean, covariance = body.bind_pose[1:].copy(), OTHERS**2 * np.eye(3 * len(names))
     _place(mean, covariance, names, recorded, learned.mean, learned.covariance)
     if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
         space = pose_space(body)
-        rows = space.components.reshape(space.n_components, -1)
-        spread = (rows.T * space.deviations**2) @ rows + FINGERS * np.eye(rows.shape[1])
-        _place(mean, covariance, names, space.joints, space.mean.ravel(), spread)
+        theirs = _covariance(space, BESIDE_ON_A_BODY)
+        _place(mean, covariance, names, space.joints, space.mean, theirs)
     return mean, covariance
+
+
+def _covariance(space: PoseSpace, beside: float) -> Array:
+    rows = space.deviations[:, None] * space.components.reshape(space.n_components, -1)
+    return np.asarray(rows.T @ rows + beside**2 * np.eye(rows.shape[1]))
 
 
 def _place(
@@ -63,10 +73,19 @@ def _place(
     joints = np.array([names.index(name) for name in some])
     numbers = (3 * joints[:, None] + np.arange(3)).ravel()
     n = len(numbers)
-    mean[joints] = their_mean[:n].reshape(-1, 3)
+    mean[joints] = their_mean.reshape(-1, 3)[: len(joints)]
     covariance[np.ix_(numbers, numbers)] = theirs[:n, :n]
 
 
 def shape_prior(body: Body) -> Residual:
     """A standard normal prior on the shape coefficients betas."""
     return gaussian(body.blocks()[1].symbol, name="shape prior")
+
+
+def usual_priors(body: Body, pose: cs.MX | None = None) -> tuple[Residual, ...]:
+    """The priors of a body's fits: on pose and shape, and the limits of the joints of its hands.
+
+    `pose` is as for `pose_prior`.
+    """
+    limited = (hand_limits().residual(body, pose),) if hands_of(body) else ()
+    return pose_prior(body, pose), shape_prior(body), *limited

@@ -16,7 +16,8 @@ import numpy as np
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.fitting.keypoint_problem import Terms, usual_priors
+from workbench.fitting.body_priors import usual_priors
+from workbench.fitting.keypoint_problem import Terms
 from workbench.fitting.stature import MEASURED, stature_prior
 from workbench.residuals import Residual, bending
 from workbench.residuals.bending import HINGES

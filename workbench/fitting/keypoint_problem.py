@@ -10,7 +10,7 @@ from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
-from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.observations import Photograph, pinhole
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
@@ -21,11 +21,6 @@ PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
 Terms = Callable[[SkinnedBody | TriangleBody], Sequence[Residual]]
-
-
-def usual_priors(body: Body) -> tuple[Residual, ...]:
-    """The priors on pose and shape that decide what keypoints leave open."""
-    return pose_prior(body), shape_prior(body)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,8 @@ from workbench.registration.free_vertices import (
     VertexStage,
     posterior_sd,
 )
+from workbench.registration.hand_scan import fit_hand
+from workbench.registration.hand_starts import hand_starts
 from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
 from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
 from workbench.registration.icp_steps import (
@@ -23,12 +25,11 @@ from workbench.registration.icp_steps import (
 )
 from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
 from workbench.registration.point_cloud import PointCloud
+from workbench.registration.recipe import HAND_RECIPE, Recipe, model_alone, usual_recipe
 from workbench.registration.registering import (
     OtherEnd,
-    Recipe,
     Registration,
     StageOutcome,
-    model_alone,
     register,
 )
 from workbench.registration.scan_jobs import (
@@ -46,6 +47,7 @@ from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "FIT_STAGES",
+    "HAND_RECIPE",
     "QUICK_VERTEX_STAGES",
     "VERTEX_STAGES",
     "Alignment",
@@ -84,7 +86,9 @@ __all__ = [
     "distance_gauss_newton",
     "doubts",
     "facing",
+    "fit_hand",
     "fit_model",
+    "hand_starts",
     "jobs_of",
     "model_alone",
     "point_to_plane",
@@ -96,4 +100,5 @@ __all__ = [
     "scan_starts",
     "support",
     "touched",
+    "usual_recipe",
 ]

@@ -11,7 +11,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
-from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.scan import Scan
 from workbench.geometry.solids import area
 from workbench.problem import Problem
@@ -185,7 +185,7 @@ class FreeVertices:
         """The problem of a stage. Raises UnknownName for a name that nothing reads."""
         pose, betas, trans = (block.symbol for block in self.body.blocks())
         model = self.body.points(pose, betas, trans)
-        priors = (pose_prior(self.body), shape_prior(self.body))
+        priors = usual_priors(self.body)
         if stage.coupling == 0:
             return Problem((self._scan(model, stage.term), *priors), stage.free)
         block = Block(VERTICES, (self.body.n_vertices, 3), "m")

@@ -10,7 +10,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
-from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.scan import Scan
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
@@ -138,6 +138,7 @@ def fit_model(
     kernel: Kernel = geman_mcclure,
     form: Form = distance,
     within: float = WITHIN,
+    same: float = SAME,
     priors: Sequence[Residual] | None = None,
     others: Sequence[Residual] = (),
     solver: Solver = TrustRegion(gradient_tolerance=1e-4),  # noqa: B008 - it is immutable
@@ -147,14 +148,15 @@ def fit_model(
     """Find pose, betas and trans of a body from a scan alone; y is up, lengths are in m.
 
     Every stage minimises the robust distances of some points of the scan to the surface, each
-    weighted by its area, and the priors, `pose_prior` and `shape_prior` unless others are given.
+    weighted by its area, and the priors, `usual_priors` unless others are given.
     Normals of the scan, if it has them, must point outwards: a point is then compared only with
     surface that faces its way. `keep` (M,) leaves out points, such as those at the boundary of a
     scan. `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
 
     The first stage begins at all `starts`; each following one at the best different ends of the
-    one before. `progress` is told of every iterate, and stops the fit by returning True; Ctrl-C
-    does so too. Either way, what was found is returned.
+    one before, whose joints are `same` m apart or more in the mean. A point farther than `within` m
+    from the surface has no contact. `progress` is told of every iterate, and stops the fit by
+    returning True; Ctrl-C does so too. Either way, what was found is returned.
 
     Raises BadScan for a scan that cannot be of a person, BadArgument for no stages or no starts.
     """
@@ -167,7 +169,7 @@ def fit_model(
     order = np.random.default_rng(seed).permutation(seen.n_points)
     before = time.perf_counter()
     iterations, stopped, hypotheses = 0, "", []
-    given = (pose_prior(body), shape_prior(body)) if priors is None else tuple(priors)
+    given = usual_priors(body) if priors is None else tuple(priors)
     with Interrupts() as interrupts:
         for number, stage in enumerate(stages):
             some = order[: stage.points]
@@ -181,7 +183,7 @@ def fit_model(
                 if told.stopped or interrupts.pressed:
                     stopped = found[-1].message
                     break
-            hypotheses = _different(body, found)
+            hypotheses = _different(body, found, same)
             ends = [one.values for one in hypotheses]
             if stopped:
                 break
@@ -235,7 +237,7 @@ def _data(
     )
 
 
-def _different(body: Body, found: Sequence[Solution]) -> list[Hypothesis]:
+def _different(body: Body, found: Sequence[Solution], same: float) -> list[Hypothesis]:
     """The ends as hypotheses, the lowest first; ends with joints in the same places are one."""
     kept: list[Hypothesis] = []
     placed: list[Array] = []
@@ -243,7 +245,7 @@ def _different(body: Body, found: Sequence[Solution]) -> list[Hypothesis]:
         end = found[k]
         joints = body.joints(*(end.values[block.name] for block in body.blocks()))
         off = [float(np.linalg.norm(joints - one, axis=1).mean()) for one in placed]
-        near = next((i for i, d in enumerate(off) if d < SAME), None)
+        near = next((i for i, d in enumerate(off) if d < same), None)
         if near is None:
             kept.append(Hypothesis(end.values, end.cost, end.status, (k,), end.violation))
             placed.append(joints)

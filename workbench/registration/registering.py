@@ -12,68 +12,18 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.diagnostics.wording import Finding
-from workbench.errors import BadArgument
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
 from workbench.registration.doubts import doubts
 from workbench.registration.facing import facing
-from workbench.registration.free_vertices import (
-    MODEL_STAGES,
-    QUICK_VERTEX_STAGES,
-    VERTEX_STAGES,
-    FreeVertices,
-    VertexStage,
-)
-from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
+from workbench.registration.free_vertices import FreeVertices
+from workbench.registration.model_fit import ModelFit, Progress, fit_model
+from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.support import FACING, NEAR, support
 
-LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 LEFT = 20  # points that must be left when those at the boundary are left out
-
-
-def coupled(body: Body) -> tuple[VertexStage, ...]:
-    """The stages of free vertices for a body: none for triangle bodies, which have no such term.
-
-    The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is held,
-    because following takes three times as long, and twice the memory (benchmarks/REGISTRATION.md).
-    """
-    if not isinstance(body, SkinnedBody):
-        return ()
-    stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
-    return stages[len(MODEL_STAGES) :]
-
-
-def model_alone(body: Body) -> tuple[VertexStage, ...]:
-    """No stages of free vertices for any body: the registration is the fitted model."""
-    return ()
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How scans are registered.
-
-    Raises BadArgument for a width below zero.
-
-    Attributes:
-        fit_stages: the stages of the fit of the body, from coarse to fine.
-        vertex_stages: from the body to the stages of free vertices that follow.
-        boundary: in m; points of the scan as near as this to its boundary are left out. With 0
-            all points are used.
-        seed: of the points that the coarse stages draw.
-    """
-
-    fit_stages: tuple[FitStage, ...] = FIT_STAGES
-    vertex_stages: Callable[[Body], tuple[VertexStage, ...]] = coupled
-    boundary: float = 0.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.boundary < np.inf:
-            raise BadArgument(
-                f"the width that is left out at the boundary is 0 m or more, not {self.boundary:g}"
-            )
 
 
 @dataclass(frozen=True)
@@ -175,12 +125,13 @@ def register(
     body: Body,
     scan: Scan,
     *,
-    recipe: Recipe = Recipe(),
+    recipe: Recipe | None = None,
     camera: ArrayLike | None = None,
     progress: Callable[[Progress], object] | None = None,
 ) -> Registration:
     """Fit a body to a scan from many starts, free the vertices, and judge the result.
 
+    The recipe is the `usual_recipe` of the body, unless one is given.
     `camera` (3,) m is where the scan was taken from, if that was one place; then `doubts` also
     looks for surface where the camera would have seen it. `progress` is told of every iterate of
     the fit of the body. Ctrl-C raises KeyboardInterrupt, and nothing is returned.
@@ -195,13 +146,24 @@ def register(
     >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
     (True, ['model', 'free'])
     """
+    recipe = usual_recipe(body) if recipe is None else recipe
     used, left_out = _without_boundary(scan, recipe.boundary)
     took = _Clock()
     with Interrupts() as interrupts:
-        fit = fit_model(body, used, stages=recipe.fit_stages, seed=recipe.seed, progress=progress)
+        fit = fit_model(
+            body,
+            used,
+            starts=recipe.starts,
+            stages=recipe.fit_stages,
+            within=recipe.within,
+            same=recipe.same,
+            seed=recipe.seed,
+            progress=progress,
+        )
         interrupts.check()
-        known = support(fit)
-        findings = doubts(fit, known, camera=None if camera is None else np.asarray(camera))
+        known = support(fit, near=recipe.near)
+        place = None if camera is None else np.asarray(camera)
+        findings = doubts(fit, known, camera=place, limits=recipe.doubts)
         vertices, values, seen = fit.vertices(), fit.values, known.seen
         unknowns = fit.problem.free.size
         stages = [_outcome("model", unknowns, fit.iterations, fit.cost, fit, vertices, took)]

@@ -13,7 +13,8 @@ from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
 from workbench.geometry.upright import TURNS
 from workbench.registration.model_fit import Progress
-from workbench.registration.registering import Recipe, Registration, register
+from workbench.registration.recipe import Recipe
+from workbench.registration.registering import Registration, register
 
 MOST = 40_000  # points of a scan that are registered
 RESERVED = ("index.html", "registrations.csv", "start.npz", "summary.json")  # beside the folders

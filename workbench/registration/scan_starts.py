@@ -37,7 +37,7 @@ def scan_starts(
         raise BadArgument(
             f"starts need one facing and one pose of the arms or more, not {yaws} and {arms}"
         )
-    _check_size(body, scan)
+    check_size(body, scan)
     low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
     middle = np.median(scan.points, axis=0)
     betas = np.zeros(body.n_betas)
@@ -83,7 +83,8 @@ def _descends(parents: tuple[int, ...], joint: int, ancestor: int) -> bool:
     return joint == ancestor
 
 
-def _check_size(body: Body, scan: Scan) -> None:
+def check_size(body: Body, scan: Scan) -> None:
+    """Raise BadScan for a scan that cannot be of this body."""
     if scan.n_points < FEWEST:
         raise BadScan(
             f"a body is fitted to at least {FEWEST} points, but the scan has {scan.n_points}"

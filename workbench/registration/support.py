@@ -23,7 +23,8 @@ class Support:
             faces its way.
         touching: (M,) which points are within the reach of the fit.
         contacts: (N,) how many of them touch a triangle of each vertex.
-        seen: (N,) which vertices have a touching point within 3 cm; the others rest on the prior.
+        seen: (N,) which vertices have a touching point nearby, within 3 cm unless `support` is told
+            otherwise; the others rest on the prior.
         sd: (N,) m, the posterior standard deviation of the place of each vertex, in Laplace's
             approximation: the root of the trace of its covariance, with contacts held.
     """
@@ -40,12 +41,13 @@ class Support:
         return float(np.sqrt(np.mean(self.sd**2)))
 
 
-def support(fit: ModelFit, hypothesis: int = 0) -> Support:
+def support(fit: ModelFit, hypothesis: int = 0, *, near: float = NEAR) -> Support:
     """What of a hypothesis of a fit the scan supports.
 
     The standard deviations are those of the linearized problem: J'J of the last stage, whose
     derivatives are those with contacts held, pushed through to the vertices. They hold near this
-    hypothesis and say nothing about others. Raises NotFinite where the priors given leave a
+    hypothesis and say nothing about others. A vertex without a touching point within `near` m was
+    not seen. Raises NotFinite where the priors given leave a
     direction open.
     """
     vertices = fit.vertices(hypothesis)
@@ -57,7 +59,7 @@ def support(fit: ModelFit, hypothesis: int = 0) -> Support:
     contacts = np.bincount(faces[at.faces[touching]].ravel(), minlength=len(vertices))
     seen: Mask = contacts > 0
     if touching.any():
-        seen = seen & (np.asarray(cKDTree(scan.points[touching]).query(vertices)[0]) < NEAR)
+        seen = seen & (np.asarray(cKDTree(scan.points[touching]).query(vertices)[0]) < near)
     return Support(distances, touching, contacts, seen, _spread(fit, hypothesis))
 
 

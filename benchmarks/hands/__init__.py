@@ -1,0 +1,1 @@
+"""Fits of the embedded hand to points, skeletons and scans, against the truth."""

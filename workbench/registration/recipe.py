@@ -1,0 +1,120 @@
+"""How scans are registered: stages, starts and lengths as data, for people and for hands."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.hand_axes import is_hand
+from workbench.errors import BadArgument
+from workbench.fitting.scan import Scan
+from workbench.registration.doubts import Doubts
+from workbench.registration.free_vertices import (
+    BODY,
+    MODEL_STAGES,
+    QUICK_VERTEX_STAGES,
+    TOGETHER,
+    VERTEX_STAGES,
+    VERTICES,
+    VertexStage,
+)
+from workbench.registration.hand_starts import hand_starts
+from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN, FitStage
+from workbench.registration.scan_starts import scan_starts
+from workbench.registration.scan_term import ScanTerm
+from workbench.registration.support import NEAR
+
+PERSON = Doubts()
+LARGE = 3_000  # vertices, from which on the model is held while vertices are free
+
+
+def coupled(body: Body) -> tuple[VertexStage, ...]:
+    """The stages of free vertices for a body: none for triangle bodies, which have no such term.
+
+    The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is held,
+    because following takes three times as long, and twice the memory (benchmarks/REGISTRATION.md).
+    """
+    if not isinstance(body, SkinnedBody):
+        return ()
+    stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
+    return stages[len(MODEL_STAGES) :]
+
+
+def model_alone(body: Body) -> tuple[VertexStage, ...]:
+    """No stages of free vertices for any body: the registration is the fitted model."""
+    return ()
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How scans are registered. The lengths that are the defaults suit a whole person.
+
+    Raises BadArgument for a width below zero, and for other lengths that are not above it.
+
+    Attributes:
+        fit_stages: the stages of the fit of the body, from coarse to fine.
+        vertex_stages: from the body to the stages of free vertices that follow.
+        boundary: in m; points of the scan as near as this to its boundary are left out. With 0
+            all points are used.
+        seed: of the points that the coarse stages draw.
+        starts: where the fit of the body begins.
+        within: in m; a point farther from the surface has no contact.
+        same: in m, the mean distance of joints below which two ends are one.
+        near: in m; a vertex without a touching point as near as this was not seen.
+        doubts: from where on a fit is doubted.
+    """
+
+    fit_stages: tuple[FitStage, ...] = FIT_STAGES
+    vertex_stages: Callable[[Body], tuple[VertexStage, ...]] = coupled
+    boundary: float = 0.0
+    seed: int = 0
+    starts: Callable[[Body, Scan], Sequence[Values]] = scan_starts
+    within: float = WITHIN
+    same: float = SAME
+    near: float = NEAR
+    doubts: Doubts = PERSON
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.boundary < np.inf:
+            raise BadArgument(
+                f"the width that is left out at the boundary is 0 m or more, not {self.boundary:g}"
+            )
+        if not min(self.within, self.same, self.near) > 0:
+            raise BadArgument(
+                "`within`, `same` and `near` of a recipe are lengths above 0 m, not "
+                f"{self.within:g}, {self.same:g} and {self.near:g}"
+            )
+
+
+HAND_FIT_STAGES = (
+    FitStage(200, 0.012, 0.030, 48, 15, 0.01),
+    FitStage(800, 0.005, 0.015, 6, 30, 0.003),
+    FitStage(1500, 0.003, 0.009, 2, 40, 0.0005),
+)
+HAND_TERM = ScanTerm(sigma=0.001, outlier=0.004, within=0.02, patch=1e-5)
+HAND_VERTEX_STAGES = (VertexStage("free", (*BODY, VERTICES), 0.001, HAND_TERM, TOGETHER),)
+
+
+def hand_coupled(body: Body) -> tuple[VertexStage, ...]:
+    """The stages of free vertices for a hand, whose lengths are about a tenth of a person's."""
+    return HAND_VERTEX_STAGES if isinstance(body, SkinnedBody) else ()
+
+
+HAND_RECIPE = Recipe(
+    fit_stages=HAND_FIT_STAGES,
+    vertex_stages=hand_coupled,
+    starts=hand_starts,
+    within=0.06,
+    same=0.004,
+    near=0.006,
+    doubts=Doubts(apart=0.006, rough=0.004, open=0.003),
+)
+"""For a hand alone, in metres as a person: a hand has no side that is usually up."""
+
+
+def usual_recipe(body: Body) -> Recipe:
+    """The recipe for scans of what a body is: a hand alone, or a whole person."""
+    return HAND_RECIPE if is_hand(body) else Recipe()
