@@ -3,6 +3,17 @@
 They were written by somebody who had read what the functions promise and not how they work. All
 predictions were committed before any of these problems was diagnosed. Gauges, numbers and acts are
 counted as in `zoo.py`.
+
+In the first run 19 of 24 were as predicted in everything. Five were not:
+
+- `affine_cameras`: stretches and shears of the points had no name (mended);
+- `body_of_unknown_size`: the scale was called `size against trans` (mended);
+- `template_and_shapes`: the betas were taken for points that translate and turn (mended);
+- `equal_rates_at_a_point`: it was not said that the terms can be exchanged (mended);
+- `arm_with_a_tool`: the rotation was called `offset against tool` (mended). The prediction of two
+  acts was wrong: both offsets are one thing, and are held in one act.
+
+The count of numbers was right in 24 of 24, the count of acts in 23, the kinds of gauges in 20.
 """
 
 import casadi as cs
@@ -443,5 +454,5 @@ SECOND_ZOO = (
     Specimen(difficulty_and_ability, {"offset": 1, "scale": 1}, 2, 2),
     Specimen(template_and_shapes, {"offset": 2, "scale": 2, "mixing": 2}, 6, 3),
     Specimen(weights_against_templates, {"scale": 3}, 3, 3),
-    Specimen(arm_with_a_tool, {"rotation": 1}, 2, 2),
+    Specimen(arm_with_a_tool, {"rotation": 1}, 2, 1),
 )

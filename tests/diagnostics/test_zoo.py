@@ -6,10 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.diagnostics.second_zoo import SECOND_ZOO
 from tests.diagnostics.zoo import ZOO, Specimen
 from workbench import Diagnosis, diagnose
 
-EVERY = pytest.mark.parametrize("specimen", ZOO, ids=lambda one: one.name)
+EVERY = pytest.mark.parametrize("specimen", [*ZOO, *SECOND_ZOO], ids=lambda one: one.name)
 GAUGES = ("translation", "rotation", "scale", "offset", "mixing", "gauge")
 
 

@@ -9,24 +9,29 @@ cameras are written. Of all changes that undo it the smallest is taken.
 Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Layout, Values
-from workbench.diagnostics.gauge_names import named_gauge, single_gauge
+from workbench.blocks import Layout, Values
+from workbench.diagnostics.factor_gauges import MOST, column_offsets, factor_gauges
+from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.similarities import named_steps, similarity, steps_of
+from workbench.diagnostics.similarities import (
+    axis_of,
+    named_steps,
+    similarity,
+    steps_of,
+    stretches,
+)
 from workbench.diagnostics.things import in_space
-from workbench.diagnostics.undoing import SAME, outside, undoing, undone, unit_vectors
+from workbench.diagnostics.undoing import SAME, places_of, undoing, undone, unit_vectors
 from workbench.geometry.rotation import slopes_by_turns
 from workbench.problem import Problem
 from workbench.problem.nonzeros import tied_columns
-
-MOST = 600  # numbers that may undo a motion; with more, only declared gauges are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +64,19 @@ def gauges(
     x = problem.split(values)[0]
     for gauge in declared:
         yield from _declared(gauge, free, values, null)
-    yield from _factors(free, x, null)
+    mixed = [*factor_gauges(free, x, null)]
+    yield from (factor.motion for factor in mixed)
+    factored = {name for factor in mixed for name in factor.blocks}
     islands = _islands(free, pattern)
     for island in islands:
-        yield from _points(free, x, null, island)
+        yield from column_offsets(free, null, island, factored)
+        yield from _points(free, x, null, island, factored)
     if problem.trees:
         yield from _bodies(problem, x, null)
     for island in islands:
         yield from _numbers(free, x, null, island)
+    yield from _sizes(problem, values, x, null)
+    yield from _vectors(problem, x, null)
 
 
 def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:
@@ -79,18 +89,24 @@ def _declared(gauge: Gauge, free: Layout, values: Values, null: Array) -> Iterat
     for name, change in moved.items():
         v[free.slices[name]] = free[name].taken(change).ravel()
     others = np.concatenate(
-        [_places(free, b) for b in free.blocks if b.name not in moved] or [np.zeros(0, int)]
+        [places_of(free, b) for b in free.blocks if b.name not in moved] or [np.zeros(0, int)]
     )
     for w, _ in undone(v[:, None], unit_vectors(others, free.size), null):
         main = [b for b in free.blocks if b.name in moved]
         yield named_gauge("gauge", gauge.name, w, free, main)
 
 
-def _points(free: Layout, x: Array, null: Array, island: Index) -> Iterator[NamedSubspace]:
-    """Similarities of the rows of a block of points; all else in the island may undo them."""
+def _points(
+    free: Layout, x: Array, null: Array, island: Index, factored: Set[str]
+) -> Iterator[NamedSubspace]:
+    """Similarities of the rows of a block of points, and then stretches and shears.
+
+    All else in the island may undo them. Rows that a matrix mixes are coefficients and no points.
+    """
     blocks = [b for b in free.blocks if in_space(b) and b.size > b.shape[-1]]
+    blocks = [b for b in blocks if b.name not in factored]
     for block in sorted(blocks, key=lambda b: -b.size):
-        own = np.intersect1d(island, _places(free, block))
+        own = np.intersect1d(island, places_of(free, block))
         d = block.shape[-1]
         others = np.setdiff1d(island, own)
         if len(own) <= d or len(others) > MOST:
@@ -107,6 +123,12 @@ def _points(free: Layout, x: Array, null: Array, island: Index) -> Iterator[Name
             yield named_gauge(
                 step.kind, step.name, v, free, [block], own, (x / size, step.coefficients)
             )
+        if null.shape[1] > coefficients.shape[1]:
+            for said, along in stretches(x[own].reshape(-1, d) / size):
+                moves = np.zeros((free.size, 1))
+                moves[own, 0] = along
+                for v, _ in undone(moves, unit_vectors(others, free.size), null):
+                    yield named_gauge("mixing", said, v, free, [block], own)
 
 
 def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
@@ -117,10 +139,10 @@ def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
     places = [b for b in spatial if b.unit == "m"]
     turns = [b for b in spatial if b.unit == "rad"]
     for block in places:
-        others = [_places(free, b) for b in places if b is not block]
+        others = [places_of(free, b) for b in places if b is not block]
         if not others:
             continue
-        moves = unit_vectors(_places(free, block), n)
+        moves = unit_vectors(places_of(free, block), n)
         apart = np.concatenate(others)
         coefficients, undo = undoing(moves, unit_vectors(apart, n), null)
         if coefficients.shape[1] == 3:
@@ -132,7 +154,7 @@ def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
         root = tree.entries(0, free)
         if len(root) != 3:
             continue
-        apart = np.concatenate([_places(free, b) for b in spatial])
+        apart = np.concatenate([places_of(free, b) for b in spatial])
         moves = np.zeros((n, 3))
         moves[root] = slopes_by_turns(x[root])
         coefficients, undo = undoing(moves, unit_vectors(apart, n), null)
@@ -146,7 +168,7 @@ def _bodies(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
 
 def _numbers(free: Layout, x: Array, null: Array, island: Index) -> Iterator[NamedSubspace]:
     """A common offset or a common factor of a block; other blocks undo it in the same way."""
-    parts = [(b, np.intersect1d(island, _places(free, b))) for b in free.blocks]
+    parts = [(b, np.intersect1d(island, places_of(free, b))) for b in free.blocks]
     parts = [(b, own) for b, own in parts if own.size]
     for kind, said, number in (
         ("offset", "a common offset", np.ones(free.size)),
@@ -175,27 +197,45 @@ def _numbers(free: Layout, x: Array, null: Array, island: Index) -> Iterator[Nam
                 yield named_gauge(kind, said, v, free, main, own)
 
 
-def _factors(free: Layout, x: Array, null: Array) -> Iterator[NamedSubspace]:
-    """Rows of one matrix are mixed, and columns of the next mixed back."""
-    plain = [b for b in free.blocks if len(b.shape) == 2 and b.unit == "1" and b.whole is None]
-    for first in plain:
-        for second in plain:
-            h = first.shape[0]
-            if first is second or second.shape[1] != h or h * h > MOST:
-                continue
-            at_a, at_b = _places(free, first), _places(free, second)
-            A, B = x[at_a].reshape(first.shape), x[at_b].reshape(second.shape)
-            for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
-                E = np.zeros((h, h))
-                E[i, j] = 1.0
-                v = np.zeros(free.size)
-                v[at_a], v[at_b] = (E @ A).ravel(), -(B @ E).ravel()
-                row = f"row {i} of {first.name}"
-                said = f"a factor of {row}" if i == j else f"row {j} of {first.name} added to {row}"
-                if v.any() and np.linalg.norm(outside(v, null)) <= SAME * np.linalg.norm(v):
-                    kind = "scale" if i == j else "mixing"
-                    name = f"{said}, undone by {second.name}"
-                    yield single_gauge(kind, name, v)
+def _sizes(problem: Problem, values: Values, x: Array, null: Array) -> Iterator[NamedSubspace]:
+    """A factor of points whose origin is not the camera: s (p + trans) + t, seen in proportion.
+
+    At twice the factor the residuals are the same with trans + t / (2 s), where t / s is how fast
+    trans undoes a relative change of s. This is tried out, for a number without a unit need not be
+    a factor.
+    """
+    free = problem.free
+    fixed = problem.split(values)[1]
+    places = [b for b in free.blocks if b.size == 3 and in_space(b) and b.unit != "1"]
+    others = np.concatenate([places_of(free, b) for b in places] or [np.zeros(0, int)])
+    for block in [b for b in free.blocks if b.size == 1 and b.unit == "1"]:
+        at = places_of(free, block)
+        if not others.size or not x[at[0]]:
+            continue
+        moves = x[at[0]] * unit_vectors(at, free.size)
+        for v, _ in undone(moves, unit_vectors(others, free.size), null):
+            v = v * (x[at[0]] / v[at[0]])
+            twice = x + v * np.where(np.arange(free.size) == at[0], 1.0, 0.5)
+            before, after = problem.residual(x, fixed), problem.residual(twice, fixed)
+            if np.linalg.norm(after - before) <= SAME * (1.0 + float(np.linalg.norm(before))):
+                yield named_gauge("scale", "a scale", v, free, [block])
+
+
+def _vectors(problem: Problem, x: Array, null: Array) -> Iterator[NamedSubspace]:
+    """One vector turns, such as the tool of an arm, and angles undo that."""
+    free = problem.free
+    poses = {name for tree in problem.trees for name in tree.blocks}
+    angles = [b for b in free.blocks if b.unit in ("rad", "deg") and b.name not in poses]
+    others = np.concatenate([places_of(free, b) for b in angles] or [np.zeros(0, int)])
+    vectors = [b for b in free.blocks if b.shape in ((2,), (3,)) and in_space(b)]
+    for block in vectors if 0 < others.size <= MOST else ():
+        at, d = places_of(free, block), block.size
+        moves = np.zeros((free.size, steps_of(d) - d - 1))
+        moves[at] = similarity(x[at][None])[:, d:-1]
+        for v, a in undone(moves, unit_vectors(others, free.size), null):
+            if min(np.linalg.norm(v[at]), np.linalg.norm(v[others])) > SAME * np.linalg.norm(v):
+                about = "" if d == 2 else f" about {axis_of(a)}"
+                yield named_gauge("rotation", f"a rotation{about}", v, free, [block])
 
 
 def _islands(free: Layout, pattern: csc_array) -> list[Index]:
@@ -210,8 +250,3 @@ def _islands(free: Layout, pattern: csc_array) -> list[Index]:
     read = pattern.tocoo()
     tied = coo_array((read.data, (read.row, group[read.col])), (pattern.shape[0], count))
     return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
-
-
-def _places(free: Layout, block: Block) -> Index:
-    at = free.slices[block.name]
-    return np.arange(at.start, at.stop)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from workbench.arrays import Array, Index
+from workbench.blocks import Block, Layout
 
 SAME = 1e-6  # of its length: a motion that misses the null space by less lies in it
 
@@ -54,3 +55,9 @@ def unit_vectors(places: Index, n: int) -> Array:
     found = np.zeros((n, len(places)))
     found[places, np.arange(len(places))] = 1.0
     return found
+
+
+def places_of(free: Layout, block: Block) -> Index:
+    """The places of a block's entries among the free numbers."""
+    at = free.slices[block.name]
+    return np.arange(at.start, at.stop)
