@@ -39,7 +39,8 @@ def test_the_first_advice_is_a_least_remedy(specimen: Specimen) -> None:
     if not specimen.numbers:
         assert not any(suggestion.kind == "least" for suggestion in d.suggestions)
         return
-    first = d.suggestions[0]
+    first = next(s for s in d.suggestions if s.kind == "least")
+    assert first is d.suggestions[0] or first.acts > 5 > d.suggestions[0].acts
     assert (first.kind, first.acts, first.numbers) == ("least", specimen.acts, specimen.numbers)
     for suggestion in d.suggestions:
         if suggestion.kind != "least":

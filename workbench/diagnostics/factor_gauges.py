@@ -15,9 +15,9 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Layout
 from workbench.diagnostics.gauge_names import named_gauge, single_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.undoing import SAME, outside, places_of, undone, unit_vectors
+from workbench.diagnostics.undoing import Unseen, places_of, undone
 
-MOST = 600  # numbers that may undo a motion; with more, only declared gauges are tried
+MOST = 600  # numbers in the matrix between two factors
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class FactorGauge:
     blocks: tuple[str, str]
 
 
-def factor_gauges(free: Layout, x: Array, null: Array) -> Iterator[FactorGauge]:
+def factor_gauges(free: Layout, x: Array, unseen: Unseen) -> Iterator[FactorGauge]:
     """Rows of one matrix are mixed, and columns of the next mixed back."""
     plain = [b for b in free.blocks if len(b.shape) == 2 and b.whole is None]
     for first in plain:
@@ -45,23 +45,25 @@ def factor_gauges(free: Layout, x: Array, null: Array) -> Iterator[FactorGauge]:
                 v[at_a], v[at_b] = (E @ A).ravel(), -(B @ E).ravel()
                 row = f"row {i} of {first.name}"
                 said = f"a factor of {row}" if i == j else f"row {j} of {first.name} added to {row}"
-                if v.any() and np.linalg.norm(outside(v, null)) <= SAME * np.linalg.norm(v):
+                within = unseen.within(v) if v.any() else None
+                if within is not None:
                     kind = "scale" if i == j else "mixing"
                     name = f"{said}, undone by {second.name}"
-                    yield FactorGauge(single_gauge(kind, name, v), (first.name, second.name))
+                    yield FactorGauge(single_gauge(kind, name, within), (first.name, second.name))
 
 
 def column_offsets(
-    free: Layout, null: Array, island: Index, factored: Set[str]
+    free: Layout, unseen: Unseen, island: Index, factored: Set[str]
 ) -> Iterator[NamedSubspace]:
     """An amount is added to a column of a factor, and unknowns of the island undo it."""
     for block in [b for b in free.blocks if b.name in factored]:
         at = places_of(free, block)
         others = np.setdiff1d(island, at)
-        if len(others) > MOST or not np.isin(at, island).all():
+        if not np.isin(at, island).all():
             continue
         for k in range(block.shape[1]):
             column = np.zeros((free.size, 1))
             column[at[k :: block.shape[1]]] = 1.0
-            for v, _ in undone(column, unit_vectors(others, free.size), null):
-                yield named_gauge("offset", f"a common offset of column {k}", v, free, [block])
+            for v, _ in undone(column, others, unseen):
+                said = f"a common offset of column {k}"
+                yield named_gauge("offset", said, v, free, [block], least=unseen.same)

@@ -17,7 +17,7 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         at = diagnosis.free.slices[block.name]
         x = np.arange(at.start, at.stop)
         sigma, prior = known.sigma[at], known.prior_sigma[at]
-        seen = np.isfinite(sigma)
+        seen = np.isfinite(sigma) & (sigma > 0)  # one that a bound fixes has none to draw
         colour, marker = LINES[i % len(LINES)], MARKERS[i % len(MARKERS)]
         # Of a block of which nothing is known only the strips tell.
         label = f"{block.name} ({block.unit})" if seen.any() else None
@@ -29,7 +29,8 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     for i, (first, last) in enumerate(_runs(blind)):  # no number is known, so none is drawn
         label = None if i else "unknown: no finite standard deviation"
         ax.axvspan(first - 0.5, last + 0.5, color=VERMILLION, alpha=0.13, linewidth=0, label=label)
-    if blind.size == known.sigma.size:  # nothing to put on an axis of numbers
+    numbers = np.concatenate([known.sigma, known.prior_sigma])
+    if not (np.isfinite(numbers) & (numbers > 0)).any():  # nothing to put on an axis of numbers
         ax.set_yticks([])
         ax.set_xlim(-0.5, blind.size - 0.5)
     else:
