@@ -30,7 +30,12 @@ def advise(diagnosis: Diagnosis) -> tuple[Suggestion, ...]:
     """Suggestions that improve the rank or the condition at the point of the diagnosis."""
     remedies = REMEDIES if diagnosis.here.finite else (_somewhere_else,)
     problem, at = diagnosis.problem, dict(diagnosis.values)
-    found = [s for remedy in remedies for s in remedy(diagnosis, problem, at)]
+    found: list[Suggestion] = []
+    for remedy in remedies:
+        suggested = list(remedy(diagnosis, problem, at))
+        if remedy is _fix and any(s.kind in ("least", "prior") and s.cured for s in found):
+            suggested = [s for s in suggested if s.cured]  # half a remedy helps nobody then
+        found += suggested
     acts = {kind: [s.acts for s in found if s.kind == kind] for kind in ("least", "prior")}
     if acts["least"] and acts["prior"] and min(acts["least"]) > max(FEW, min(acts["prior"])):
         found.sort(key=lambda s: s.kind != "prior" or s.acts > FEW)
