@@ -1,6 +1,13 @@
-"""A third set of problems with known gauges and least remedies, written after the second was mended.
+"""A third set of problems with known gauges and remedies, written after the second was mended.
 
-The search was not changed for what these problems show before the first run was written down here.
+All predictions were committed before any of these problems was diagnosed. In that first run the
+numbers were as predicted in 9 of 9, the acts in 9, and the kinds of gauges in 5. The other four
+were mended afterwards:
+
+- `additive_and_bilinear`: two of three offsets were called `m against v` and `n against u`;
+- `hand_and_eye_about_one_axis`: the translation was called a shift of one block against another;
+- `two_tones_of_one_pitch`: a rotation of the amounts was claimed, which is none;
+- `two_layers_with_biases`: the second layer was taken for points that turn, stretch and shear.
 """
 
 import casadi as cs

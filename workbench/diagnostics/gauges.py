@@ -17,10 +17,11 @@ from scipy.sparse import coo_array, csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Values
-from workbench.diagnostics.factor_gauges import column_offsets, factor_gauges
+from workbench.diagnostics.factor_gauges import factor_gauges, offsets_of_factors
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.similarities import (
+    along_axes,
     axis_of,
     named_steps,
     similarity,
@@ -80,10 +81,9 @@ def gauges(
     factored = {name for factor in mixed for name in factor.blocks}
     islands = _islands(free, pattern)
     for island in islands:
-        yield from column_offsets(free, unseen, island, factored)
+        yield from offsets_of_factors(free, unseen, island, mixed)
         yield from _points(free, x, unseen, island, factored, units)
-    if problem.trees:
-        yield from _bodies(problem, x * units, unseen)
+    yield from _bodies(problem, x * units, unseen)
     for island in islands:
         yield from _numbers(free, x, unseen, island, units)
     yield from _sizes(problem, values, x, unseen, units)
@@ -144,31 +144,34 @@ def _points(
 
 
 def _bodies(problem: Problem, x: Array, unseen: Unseen) -> Iterator[NamedSubspace]:
-    """A body's place and root move, and cameras undo that."""
+    """A place or a body's root moves, and other places and turns, such as cameras', undo that."""
     free, n = problem.free, problem.free.size
     poses = {name for tree in problem.trees for name in tree.blocks}
     spatial = [b for b in free.blocks if b.size == 3 and b.name not in poses]
     places = [b for b in spatial if b.unit in LENGTHS[1:]]
     turns = [b for b in spatial if b.unit == "rad"]
 
-    def along_axes(
+    def along(
         kind: str, said: str, moves: Array, others: list[Block], main: Block
     ) -> Iterator[NamedSubspace]:
         coefficients, whole = undoing(moves, _places(free, others), unseen)
-        for a, axis in zip(np.eye(3), "xyz", strict=True) if coefficients.shape[1] == 3 else ():
-            yield named_gauge(kind, f"{said} {axis}", whole(a), free, [main], least=unseen.same)
+        for a in along_axes(coefficients, slice(0, 3)):
+            v = whole(a)
+            if np.linalg.norm(v[_places(free, others)]) > SAME * np.linalg.norm(v):
+                name = f"{said} {axis_of(a)}"
+                yield named_gauge(kind, name, v, free, [main], least=unseen.same)
 
     for block in places:
         if others := [b for b in places if b is not block]:
             moves = unit_vectors(places_of(free, block), n)
-            yield from along_axes("translation", "a translation along", moves, others, block)
+            yield from along("translation", "a translation along", moves, others, block)
     for tree in problem.trees if turns else ():
         root = tree.entries(0, free)
         if len(root) == 3:
             moves = np.zeros((n, 3))
             moves[root] = slopes_by_turns(x[root])
             main = free.block_of(root[0])[0]
-            yield from along_axes("rotation", "a rotation about", moves, spatial, main)
+            yield from along("rotation", "a rotation about", moves, spatial, main)
 
 
 def _numbers(
@@ -239,7 +242,7 @@ def _vectors(problem: Problem, x: Array, unseen: Unseen) -> Iterator[NamedSubspa
     poses = {name for tree in problem.trees for name in tree.blocks}
     angles = [b for b in free.blocks if b.unit in ("rad", "deg") and b.name not in poses]
     others = _places(free, angles)
-    vectors = [b for b in free.blocks if b.shape in ((2,), (3,)) and in_space(b)]
+    vectors = [b for b in free.blocks if b.shape in ((2,), (3,)) and b.unit in LENGTHS[1:]]
     for block in vectors if others.size else ():
         at, d = places_of(free, block), block.size
         moves = np.zeros((free.size, steps_of(d) - d - 1))

@@ -58,16 +58,16 @@ def named_steps(coefficients: Array, d: int, size: float) -> Iterator[Step]:
     """
     turns = slice(d, steps_of(d) - 1)
     T = coefficients @ _null(coefficients[d:])
-    for t in _along_axes(T, slice(0, d)):
+    for t in along_axes(T, slice(0, d)):
         yield Step("translation", f"a translation along {axis_of(t[:d])}", t)
     R = coefficients @ _null(coefficients[-1:])
     R = R - T @ (T.T @ R)
     R = _orthonormal(R)
-    for r in _along_axes(R, turns):
+    for r in along_axes(R, turns):
         yield Step("rotation", _rotation(r, d, size if T.shape[1] < d else 0.0), r)
     S = coefficients - T @ (T.T @ coefficients)
     S = _orthonormal(S - R @ (R.T @ S))
-    for s in _along_axes(S, slice(-1, None)):
+    for s in along_axes(S, slice(-1, None)):
         about = "" if T.shape[1] == d else f" about {_place(-size * s[:d])}"
         yield Step("scale", f"a scale{about}", s)
 
@@ -93,7 +93,7 @@ def _place(v: Array) -> str:
     return f"({', '.join(f'{c:.3g}' for c in v)})"
 
 
-def _along_axes(basis: Array, rows: slice) -> Iterator[Array]:
+def along_axes(basis: Array, rows: slice) -> Iterator[Array]:
     """The basis (g, q) combined so that q of its rows are a unit matrix."""
     if not basis.shape[1]:
         return
