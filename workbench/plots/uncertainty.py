@@ -34,14 +34,14 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         ax.set_yticks([])
         ax.set_xlim(-0.5, blind.size - 0.5)
     else:
+        drawn = numbers[np.isfinite(numbers) & (numbers > 0)]
+        ax.set_ylim(drawn.min() / 2, drawn.max() * 60)  # room for the legend
         ax.set_yscale("log")
     ax.set_xlabel("entry, in the order of the table below")
     ax.set_ylabel("standard deviation (the entry's unit)")
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper right", ncols=2)
     ax.margins(x=0.01)
-    low, high = ax.get_ylim()
-    ax.set_ylim(low, high * 30)  # room for the legend
     return ax
 
 
