@@ -98,3 +98,27 @@ def test_a_solver_is_not_asked_at_the_start(here: Path) -> None:
     assert "--solver changes nothing: with --at-start nothing is solved" in result.output
     result = CliRunner().invoke(app, ["diagnose", name, "--at-start", "--solver", "dogleg-leg"])
     assert "no solver is called 'dogleg-leg'" in str(result.exception)
+
+
+GAUGE = """
+import casadi as cs
+import numpy as np
+import workbench as wb
+from workbench.diagnostics import Gauge
+
+x = wb.Block("x", (6,), "m")  # three points in the plane
+ends = [(0, 1), (1, 2), (2, 0)]
+apart = [cs.norm_2(x.symbol[[2 * i, 2 * i + 1]] - x.symbol[[2 * j, 2 * j + 1]]) for i, j in ends]
+problem = wb.Problem([wb.Residual("distances", cs.vertcat(*apart), 0.01, "m")], ["x"], blocks=[x])
+start = {"x": np.array([0.0, 0.0, 1.0, 0.2, 0.3, 0.9])}
+gauges = Gauge("a lift", lambda values: {"x": np.array([0.0, 1.0] * 3)})
+"""
+
+
+def test_gauges_that_a_file_declares_are_named(here: Path) -> None:
+    (here / "flat.py").write_text(GAUGE, encoding="utf-8")
+    result = CliRunner().invoke(app, ["diagnose", "flat.py", "--at-start"])
+    assert "a lift of x" in result.output
+    (here / "flat.py").write_text(GAUGE + "gauges = ['a lift']\n", encoding="utf-8")
+    result = CliRunner().invoke(app, ["diagnose", "flat.py", "--at-start"])
+    assert "`gauges` are a tuple of Gauge" in str(result.exception)

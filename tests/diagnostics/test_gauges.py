@@ -4,8 +4,16 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from tests.diagnostics.zoo import distances_in_space, spatial_arm, three_cameras, two_exponentials
-from workbench import Block, Problem, Residual, Values, diagnose
+from tests.diagnostics.second_zoo import equal_rates_at_a_point
+from tests.diagnostics.zoo import (
+    distances_in_space,
+    joints_of_a_body,
+    rows_and_columns,
+    spatial_arm,
+    three_cameras,
+    two_exponentials,
+)
+from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.diagnostics import Gauge
 from workbench.errors import BadArgument
 
@@ -102,3 +110,50 @@ def test_terms_of_different_kinds_are_not_exchanged() -> None:
     prior = Residual("slow first", x[0] - 0.1, 1.0, "1/s")
     more = Problem((*problem.residuals, prior), problem.free.names, blocks=problem.free.blocks)
     assert diagnose(more, at).exchanges == ()
+
+
+def held_loosely(problem: Problem, at: Values, sigma: float) -> Diagnosis:
+    """A problem with a wide prior on every block."""
+    loose = [
+        residuals.gaussian(
+            b.symbol, mean=np.ravel(at[b.name]), covariance=sigma**2, unit=b.unit, name=b.name
+        )
+        for b in problem.free.blocks
+    ]
+    free = problem.free
+    found = diagnose(Problem((*problem.residuals, *loose), free.names, blocks=free.blocks), at)
+    assert isinstance(found, Diagnosis)
+    return found
+
+
+def test_gauges_that_only_wide_priors_hold_are_named_among_weak_directions() -> None:
+    d = held_loosely(*three_cameras(), 10.0)
+    assert d.rank == d.shape[1]
+    kinds = sorted(one.kind for one in d.weak_directions)
+    assert kinds == ["rotation"] * 3 + ["scale"] + ["translation"] * 3
+    assert d.weak_count == len(d.weak_directions)
+    for one in d.weak_directions:
+        assert one.change == pytest.approx(0.1, rel=1e-3), one.name  # a metre of ten
+
+
+def test_weak_directions_are_weak_and_no_null_direction_is_among_them() -> None:
+    problem, at = joints_of_a_body()
+    far = [Residual(r.name, r.expression, 0.5, r.unit, points=r.points) for r in problem.residuals]
+    d = diagnose(Problem(far, problem.free.spelled()), at)
+    assert isinstance(d, Diagnosis)
+    assert d.weak_count == len(d.weak_directions) > 3
+    assert all(1e-3 < one.change < 1 for one in d.weak_directions)
+    W = np.column_stack([one.vector for one in d.weak_directions])
+    N = np.column_stack([one.vector for one in d.null_directions])
+    assert np.linalg.matrix_rank(np.column_stack([W, N]), tol=1e-6) == len(W.T) + len(N.T)
+
+
+def test_a_prior_is_put_on_the_fewest_blocks() -> None:
+    d = diagnose(*rows_and_columns())
+    priors = [s for s in d.suggestions if s.kind == "prior"]
+    assert [s.acts for s in priors] == [1, 1]
+    assert all(s.cured for s in priors)
+    both = [s for s in diagnose(*equal_rates_at_a_point()).suggestions if s.kind == "prior"]
+    assert [s.what.partition(" (")[0] for s in both] == ["add a Gaussian prior on amount and rate"]
+    assert both[0].acts == 2
+    assert both[0].cured

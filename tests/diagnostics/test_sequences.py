@@ -8,8 +8,9 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from tests.diagnostics.zoo import body_and_camera
 from workbench import Block, Problem, Values, diagnose, load_body, residuals, sequence
-from workbench.diagnostics import Diagnosis, SequenceDiagnosis, Undiagnosed
+from workbench.diagnostics import Diagnosis, Gauge, SequenceDiagnosis, Undiagnosed
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.words import diagnosis_of
 from workbench.errors import BadArgument, NotFinite
@@ -343,3 +344,35 @@ def test_the_answer_does_not_depend_on_units() -> None:
     a, b = linear(rows, shared), linear(rows, [B * [1e-3, 1] for B in shared])
     assert a.rank == b.rank == 14
     np.testing.assert_allclose(b.shared.sigma, a.shared.sigma * [1e3, 1], rtol=1e-9)
+
+
+def filmed_by_a_free_camera(frames: int) -> tuple[Problem, Values]:
+    """A body of fixed shape in every frame, and one camera; nobody says where they are."""
+    problem, one = body_and_camera()
+    film = sequence([problem] * frames, shared=("camera/rotation", "camera/translation"))
+    rng, at = np.random.default_rng(0), {}
+    for name, block in film.known.items():
+        x = np.asarray(one[name], dtype=float)
+        moves = 0.1 * (name in ("pose", "trans"))
+        several = [x + moves * rng.normal(size=x.shape) for _ in range(frames)]
+        at[name] = np.stack(several) if block.framed else x
+    return film, at
+
+
+def test_gauges_of_all_frames_are_named() -> None:
+    d = long(*filmed_by_a_free_camera(4))
+    assert d.shape[1] - d.rank == 6
+    said = [one.described(4) for one in d.null_directions]
+    over = ": 1 direction over 4 of 4 frames together"
+    assert said == [
+        *(f"a translation along {a} of trans, undone by camera/translation{over}" for a in "xyz"),
+        *(f"a rotation about {a} of trans, undone by pose and camera{over}" for a in "xyz"),
+    ]
+
+
+def test_a_declared_gauge_of_a_sequence_gets_its_name() -> None:
+    problem, at = filmed_by_a_free_camera(3)
+    lift = Gauge("a lift", lambda values: {"trans": np.tile([0.0, 1.0, 0.0], (3, 1))})
+    d = diagnose(problem, at, gauges=[lift])
+    assert d.null_directions[0].name == "a lift of trans, undone by camera/translation"
+    assert sum(one.count for one in d.null_directions) == 6

@@ -6,10 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.diagnostics.second_zoo import SECOND_ZOO
+from tests.diagnostics.third_zoo import THIRD_ZOO
 from tests.diagnostics.zoo import ZOO, Specimen
 from workbench import Diagnosis, diagnose
 
-EVERY = pytest.mark.parametrize("specimen", ZOO, ids=lambda one: one.name)
+EVERY = pytest.mark.parametrize(
+    "specimen", [*ZOO, *SECOND_ZOO, *THIRD_ZOO], ids=lambda one: one.name
+)
 GAUGES = ("translation", "rotation", "scale", "offset", "mixing", "gauge")
 
 
@@ -38,7 +42,8 @@ def test_the_first_advice_is_a_least_remedy(specimen: Specimen) -> None:
     if not specimen.numbers:
         assert not any(suggestion.kind == "least" for suggestion in d.suggestions)
         return
-    first = d.suggestions[0]
+    first = next(s for s in d.suggestions if s.kind == "least")
+    assert first is d.suggestions[0] or first.acts > 5 > d.suggestions[0].acts
     assert (first.kind, first.acts, first.numbers) == ("least", specimen.acts, specimen.numbers)
     for suggestion in d.suggestions:
         if suggestion.kind != "least":

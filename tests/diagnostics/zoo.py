@@ -38,7 +38,7 @@ class Specimen:
         return self.build.__name__
 
 
-def _turned(turn: cs.MX, X: cs.MX) -> cs.MX:
+def turned(turn: cs.MX, X: cs.MX) -> cs.MX:
     """Points (3, N) turned by a rotation vector (3, 1) that is not zero."""
     angle = cs.norm_2(turn)
     K = cs.skew(turn / angle)
@@ -46,11 +46,11 @@ def _turned(turn: cs.MX, X: cs.MX) -> cs.MX:
     return R @ X
 
 
-def _pixels(X: cs.MX, focal: float | cs.MX = 800.0) -> cs.MX:
+def pixels(X: cs.MX, focal: float | cs.MX = 800.0) -> cs.MX:
     return focal * cs.vec(X[:2, :] / cs.repmat(X[2, :], 2, 1))
 
 
-def _observed(name: str, expression: cs.MX, sigma: float, unit: str) -> Residual:
+def observed(name: str, expression: cs.MX, sigma: float, unit: str) -> Residual:
     """What is seen is irrelevant to rank: the residual is the expression itself."""
     return Residual(name, cs.vec(expression), sigma, unit)
 
@@ -66,11 +66,11 @@ def _cameras(count: int, points: int, *, by_centre: bool = False) -> tuple[Probl
         at[place.name] = np.array([0.0, 0.0, 6.0 - 12.0 * by_centre]) + rng.normal(size=3)
         shift = cs.repmat(place.symbol, 1, points)
         there = (
-            _turned(turn.symbol, X.symbol - shift)
+            turned(turn.symbol, X.symbol - shift)
             if by_centre
-            else _turned(turn.symbol, X.symbol) + shift
+            else turned(turn.symbol, X.symbol) + shift
         )
-        seen.append(_observed(f"image {k}", _pixels(there), 1.0, "px"))
+        seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
     return Problem(seen, [b.name for b in blocks], blocks=blocks), at
 
 
@@ -91,9 +91,9 @@ def five_cameras_in_two_blocks() -> tuple[Problem, Values]:
     rng = np.random.default_rng(5)
     X, turns, shifts = Block("points", (9, 3)), Block("turns", (5, 3)), Block("shifts", (5, 3))
     seen = [
-        _observed(
+        observed(
             f"image {k}",
-            _pixels(_turned(turns.symbol[:, k], X.symbol) + cs.repmat(shifts.symbol[:, k], 1, 9)),
+            pixels(turned(turns.symbol[:, k], X.symbol) + cs.repmat(shifts.symbol[:, k], 1, 9)),
             1.0,
             "px",
         )
@@ -111,7 +111,7 @@ def _distances(count: int, d: int, islands: int = 1, **more: object) -> tuple[Pr
     size = count // islands
     pairs = [(i, j) for i, j in combinations(range(count), 2) if i // size == j // size]
     apart = [cs.norm_2(X.symbol[:, i] - X.symbol[:, j]) for i, j in pairs]
-    found = _observed("distances", cs.vertcat(*apart), 0.01, "m")
+    found = observed("distances", cs.vertcat(*apart), 0.01, "m")
     constraints = [Constraint("anchor", X.symbol[:, 0], 0.5, 0.5, "m")] if more else []
     at = np.random.default_rng(count).normal(size=(count, d))
     at[0] = 0.5 if more else at[0]
@@ -149,7 +149,7 @@ def planar_arm() -> tuple[Problem, Values]:
         tips.append(place)
     blocks = (base, angle, offset, length)
     problem = Problem(
-        (_observed("tips", cs.vertcat(*tips), 0.001, "m"),), [b.name for b in blocks], blocks=blocks
+        (observed("tips", cs.vertcat(*tips), 0.001, "m"),), [b.name for b in blocks], blocks=blocks
     )
     return problem, {
         "base": np.array([0.1, 0.2]),
@@ -178,7 +178,7 @@ def spatial_arm() -> tuple[Problem, Values]:
         tips.append(cs.DM([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ place)
     blocks = (offset, length, slide)
     problem = Problem(
-        (_observed("tips", cs.vertcat(*tips), 0.001, "m"),), [b.name for b in blocks], blocks=blocks
+        (observed("tips", cs.vertcat(*tips), 0.001, "m"),), [b.name for b in blocks], blocks=blocks
     )
     return problem, {
         "offset": np.array([0.02, -0.01, 0.03]),
@@ -193,7 +193,7 @@ def two_exponentials() -> tuple[Problem, Values]:
     t = np.linspace(0.0, 3.0, 12)
     total = sum(amount.symbol[k] * cs.exp(-rate.symbol[k] * cs.DM(t)) for k in range(2))
     return Problem(
-        (_observed("decay", total, 0.01, "1"),), ("amount", "rate"), blocks=(amount, rate)
+        (observed("decay", total, 0.01, "1"),), ("amount", "rate"), blocks=(amount, rate)
     ), {"amount": np.array([1.0, 2.0]), "rate": np.array([0.5, 2.0])}
 
 
@@ -203,7 +203,7 @@ def equal_rates() -> tuple[Problem, Values]:
     t = cs.DM(np.linspace(0.0, 3.0, 12))
     total = cs.sum1(amount.symbol) * cs.exp(-rate.symbol * t)
     blocks = (amount, rate)
-    return Problem((_observed("decay", total, 0.01, "1"),), ("amount", "rate"), blocks=blocks), {
+    return Problem((observed("decay", total, 0.01, "1"),), ("amount", "rate"), blocks=blocks), {
         "amount": np.array([1.0, 2.0]),
         "rate": np.array(0.7),
     }
@@ -214,7 +214,7 @@ def clocks() -> tuple[Problem, Values]:
     clock = Block("clock", (6,), "s")
     pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (0, 3)]
     apart = cs.vertcat(*(clock.symbol[i] - clock.symbol[j] for i, j in pairs))
-    problem = Problem((_observed("differences", apart, 0.1, "s"),), ("clock",), blocks=(clock,))
+    problem = Problem((observed("differences", apart, 0.1, "s"),), ("clock",), blocks=(clock,))
     return problem, {"clock": np.random.default_rng(0).normal(size=6)}
 
 
@@ -222,7 +222,7 @@ def rows_and_columns() -> tuple[Problem, Values]:
     """Sums a_i + b_j: what is added to all a may be taken from all b."""
     a, b = Block("a", (4,)), Block("b", (3,))
     sums = cs.vertcat(*(a.symbol[i] + b.symbol[j] for i in range(4) for j in range(3)))
-    return Problem((_observed("table", sums, 0.1, "1"),), ("a", "b"), blocks=(a, b)), {
+    return Problem((observed("table", sums, 0.1, "1"),), ("a", "b"), blocks=(a, b)), {
         "a": np.array([1.0, 2.0, 0.5, -1.0]),
         "b": np.array([0.3, -0.2, 1.0]),
     }
@@ -232,7 +232,7 @@ def products() -> tuple[Problem, Values]:
     """Products u_i v_j: u may grow as v shrinks."""
     u, v = Block("u", (4,)), Block("v", (3,))
     table = cs.vec(u.symbol @ v.symbol.T)
-    return Problem((_observed("table", table, 0.1, "1"),), ("u", "v"), blocks=(u, v)), {
+    return Problem((observed("table", table, 0.1, "1"),), ("u", "v"), blocks=(u, v)), {
         "u": np.array([1.0, 2.0, 0.5, -1.0]),
         "v": np.array([0.3, -0.2, 1.0]),
     }
@@ -245,7 +245,7 @@ def _network(unit: Callable[[cs.MX], cs.MX]) -> tuple[Problem, Values]:
     hidden = unit(first.symbol.T @ x)
     out = second.symbol.T @ hidden
     problem = Problem(
-        (_observed("outputs", out, 0.1, "1"),), ("first", "second"), blocks=(first, second)
+        (observed("outputs", out, 0.1, "1"),), ("first", "second"), blocks=(first, second)
     )
     return problem, {"first": rng.normal(size=(2, 4)), "second": rng.normal(size=(3, 2))}
 
@@ -269,10 +269,10 @@ def one_view_of_a_plane() -> tuple[Problem, Values]:
     X = cs.MX(cs.DM(flat.T))
     # to first order about no turn, which is what counts here
     there = X + cs.skew(turn.symbol) @ X + cs.repmat(shift.symbol, 1, 12)
-    image = _pixels(there, focal.symbol) + cs.repmat(middle.symbol, 12, 1)
+    image = pixels(there, focal.symbol) + cs.repmat(middle.symbol, 12, 1)
     blocks = (focal, middle, turn, shift)
     return Problem(
-        (_observed("image", image, 1.0, "px"),), [b.name for b in blocks], blocks=blocks
+        (observed("image", image, 1.0, "px"),), [b.name for b in blocks], blocks=blocks
     ), {
         "focal": np.array(900.0),
         "middle": np.array([300.0, 200.0]),

@@ -123,6 +123,7 @@ def test_what_a_file_may_define_is_said_wherever_files_are_described(tmp_path: P
     described = commands.partition("## Fit")[0]
     with pytest.raises(BadFile) as raised:
         find(written(tmp_path, "del problem"))
-    for name in ("problem", "start", "priors", "body", "compared", "setup", "experiment"):
+    beside = ("priors", "body", "compared", "candidates", "gauges")
+    for name in ("problem", "start", *beside, "setup", "experiment"):
         for told in (described, str(raised.value), find.__doc__ or ""):
             assert f"`{name}`" in told, (name, told)

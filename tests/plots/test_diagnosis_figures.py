@@ -5,7 +5,7 @@ import pytest
 
 from tests.bodies_made_up import smpl_like_body
 from tests.diagnostics import cases
-from workbench import Block, Problem, Residual, diagnose
+from workbench import Block, Problem, Residual, diagnose, load_body
 from workbench.plots import (
     caption_direction,
     caption_sigmas,
@@ -17,6 +17,7 @@ from workbench.plots import (
     plot_taylor,
     sheet,
 )
+from workbench.plots.direction import close_up
 
 
 def test_joints_are_named_above_the_pattern() -> None:
@@ -98,5 +99,24 @@ def test_what_moves_is_red() -> None:
     moved = {"-": here, "here": here, "+": there}
     _, (ax,) = sheet(8, 4)
     plot_direction(moved, body.faces, ax=ax)
-    assert len(ax.collections) == 6  # three from the front, three from the side
+    assert len(ax.collections) == 3
     assert "30 cm" in caption_direction("a shift", moved, 0.5, "m")
+
+
+def test_what_moves_is_shown_as_large_as_the_body() -> None:
+    body = load_body("small")
+    here = body.vertices()
+    hand = here[:, 0] > here[:, 0].max() - 0.1
+    moved = {name: here + step * hand[:, None] for name, step in (("-", -0.05), ("here", 0.0))}
+    moved["+"] = here + [[0.0, 0.05, 0.0]] * hand[:, None]
+    times, part = close_up(moved, body.faces)
+    assert times > 3
+    assert 0 < len(part) < len(body.faces) / 4
+    assert hand[body.faces[part]].any()
+    _, (ax,) = sheet(8, 4)
+    plot_direction(moved, body.faces, ax=ax)
+    assert len(ax.collections) == 4  # the whole body, and the hand three times
+    assert f"{times:.2g} times as large" in ax.get_xlabel()
+    assert not ax.get_ylabel()
+    turned = {"-": here[:, [2, 1, 0]], "here": here, "+": here}
+    assert close_up(turned, body.faces)[0] == 1.0

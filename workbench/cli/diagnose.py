@@ -39,6 +39,9 @@ def diagnose(
 ) -> None:
     """Diagnose a fit's Jacobian: its rank, what it cannot determine, and what to do about it.
 
+    Gauges (translations, rotations, scale, offsets, factors) are found by themselves; a FILE.py may
+    declare others in `gauges`.
+
     The exit code is 1 if there are warnings.
     """
     console = Console()
@@ -78,9 +81,10 @@ def _looked_at(
         _mind_priors(console, experiment, setup)
     values = setup.start if solver is None else solved(console, setup, solver)
     console.print("[dim]looking at the Jacobian[/]")
+    problem, priors = setup.problem, setup.priors
     if data_alone:
-        return diagnostics.diagnose(setup.problem.without(*setup.priors), values), setup
-    return diagnostics.diagnose(setup.problem, values, priors=setup.priors), setup
+        problem, priors = problem.without(*priors), ()
+    return diagnostics.diagnose(problem, values, priors=priors, gauges=setup.gauges), setup
 
 
 def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None:

@@ -1,6 +1,8 @@
 """Suggestions for null and weak directions; each is tried out before it is made."""
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import comb
 
 import numpy as np
 
@@ -17,6 +19,10 @@ from workbench.threads import limited_threads
 
 NEARBY = 1e-3  # of a yardstick: how far from a point that is not finite to try again
 TURN = 2 * np.pi
+MOST = 500  # sets of blocks of one size that are compared
+LISTED = 3  # priors that are suggested
+DETERMINED = 1e-3  # of a null direction: what a prior on some blocks must see of each
+FEW = 5  # acts of a least remedy, from which on a prior leads that takes fewer
 NAMED = 5  # blocks in a suggestion; there may be dozens
 
 
@@ -24,7 +30,16 @@ def advise(diagnosis: Diagnosis) -> tuple[Suggestion, ...]:
     """Suggestions that improve the rank or the condition at the point of the diagnosis."""
     remedies = REMEDIES if diagnosis.here.finite else (_somewhere_else,)
     problem, at = diagnosis.problem, dict(diagnosis.values)
-    return tuple(s for remedy in remedies for s in remedy(diagnosis, problem, at))
+    found: list[Suggestion] = []
+    for remedy in remedies:
+        suggested = list(remedy(diagnosis, problem, at))
+        if remedy is _fix and any(s.kind in ("least", "prior") and s.cured for s in found):
+            suggested = [s for s in suggested if s.cured]  # half a remedy helps nobody then
+        found += suggested
+    acts = {kind: [s.acts for s in found if s.kind == kind] for kind in ("least", "prior")}
+    if acts["least"] and acts["prior"] and min(acts["least"]) > max(FEW, min(acts["prior"])):
+        found.sort(key=lambda s: s.kind != "prior" or s.acts > FEW)
+    return tuple(found)
 
 
 def _clearly_better(before: RankAndCondition, after: RankAndCondition) -> bool:
@@ -109,13 +124,13 @@ def _held_too(diagnosis: Diagnosis, part: slice) -> str:
 
 
 def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
-    """Gaussian priors, as wide as a yardstick, on the blocks that take part in null directions."""
+    """Gaussian priors, as wide as a yardstick, on the fewest blocks that determine everything."""
     names = _blind_blocks(diagnosis)
     if not names:
         return
     sizes = diagnosis.point.yardsticks.sizes
     sigma = {n: float(sizes[problem.free.slices[n]][0]) for n in names}
-    for chosen in ([[n] for n in names[: _most(diagnosis)]] if len(names) > 1 else []) + [names]:
+    for chosen in _fewest(diagnosis, names):
         priors = [
             gaussian(
                 problem.free[name].symbol,
@@ -128,7 +143,7 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
         ]
         fuller = with_more(problem, priors)
         units = [with_unit(sigma[name], problem.free[name].unit) for name in chosen]
-        found = tried(
+        yield from tried(
             diagnosis,
             "prior",
             f"add a Gaussian prior on {_together(chosen)} (sigma {some_of(units, NAMED)})",
@@ -136,10 +151,31 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
             "there the answer is the mean of the prior, not what the data say",
             fuller,
             fewer_unseen,
+            acts=len(chosen),
         )
-        yield from found
-        if any(suggestion.cured for suggestion in found):
+
+
+def _fewest(diagnosis: Diagnosis, names: Sequence[str]) -> list[Sequence[str]]:
+    """The smallest sets of blocks in which no null direction stays without a change, best first.
+
+    A block is one act. Of a Jacobian that was eliminated part after part only all blocks are tried.
+    """
+    point, free = diagnosis.point, diagnosis.free
+    if diagnosis.here.estimated:
+        return [names]
+    null = point.null_in(point.measured, point.yardsticks.sizes)
+    for count in range(1, len(names)):
+        if comb(len(names), count) > MOST:
             break
+        found = []
+        for chosen in combinations(names, count):
+            rows = np.vstack([null[free.slices[name]] for name in chosen])
+            s = np.linalg.svd(rows, compute_uv=False)
+            if len(s) == null.shape[1] and s[-1] > DETERMINED:
+                found.append((-round(float(s[-1]), 6), chosen))
+        if found:
+            return [chosen for _, chosen in sorted(found, key=lambda one: one[0])[:LISTED]]
+    return [names]
 
 
 def _drop(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
@@ -239,4 +275,4 @@ def _least(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
     yield from least_remedies(diagnosis)
 
 
-REMEDIES = (_rewrap, _least, _unread, _drop, _fix, _prior, _rescale)
+REMEDIES = (_rewrap, _least, _unread, _drop, _prior, _fix, _rescale)

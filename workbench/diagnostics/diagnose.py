@@ -34,28 +34,34 @@ def diagnose(
 
     `priors` are the names of the residuals that are priors and not data, or one such name; the
     diagnosis separates what they contribute. `gauges` are motions that the problem is invariant to
-    if other unknowns undo them, where this is not found without; see `Gauge`. They are not
-    asked for in a long sequence.
+    if other unknowns undo them, where this is not found without; see `Gauge`.
 
     Raises UnknownName for a name that no residual has, BadArgument for anything but a problem,
     TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no small parts,
     and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
+    declared = several("gauges", gauges, Gauge, BadArgument)
     problem = problem.frozen(at)
     here = linearized(problem, at)  # looks at every value
     if is_long(here.jacobian):
-        return SequenceDiagnosis(problem, problem.read(at), here, sequence_words.WORDING, names)
-    return _whole(problem, at, here, names, several("gauges", gauges, Gauge, BadArgument))
+        words = sequence_words.WORDING
+        return SequenceDiagnosis(problem, problem.read(at), here, words, names, declared)
+    return _whole(problem, at, here, names, declared)
 
 
 def diagnose_whole(
-    problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    *,
+    priors: str | Iterable[str] = (),
+    gauges: Iterable[Gauge] = (),
 ) -> Diagnosis:
     """A diagnosis with singular values. Raises TooLarge for a long sequence."""
     names = _checked(problem, priors)
+    declared = several("gauges", gauges, Gauge, BadArgument)
     problem = problem.frozen(at)
-    return _whole(problem, at, linearized(problem, at), names)
+    return _whole(problem, at, linearized(problem, at), names, declared)
 
 
 def _whole(

@@ -252,7 +252,8 @@ class Diagnosis:
         """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        return contributions(self.point.constrained, self.problem.rows, self.free)
+        sizes = self.point.yardsticks.sizes
+        return contributions(self.point.constrained, sizes, self.problem.rows, self.free)
 
     @cached_property
     def derivatives(self) -> DerivativeCheck:

@@ -40,9 +40,12 @@ def exchanges(problem: Problem, values: Values, null: Array) -> tuple[tuple[str,
             continue
         count = free[group[0]].shape[0]
         others = [_exchanged(free, x, group, i, j) for i, j in pairwise(range(count))]
-        if all(
+        new = (
             np.linalg.norm(y - x - null @ (null.T @ (y - x))) > NEW * np.linalg.norm(x)
-            and np.linalg.norm(problem.residual(y, fixed) - before)
+            for y in others
+        )
+        if any(new) and all(
+            np.linalg.norm(problem.residual(y, fixed) - before)
             <= SAME * (1.0 + float(np.linalg.norm(before)))
             for y in others
         ):

@@ -24,13 +24,14 @@ def named_gauge(
     main: Sequence[Block],
     own: Index | None = None,
     same: tuple[Array, Array] | None = None,
+    least: float = MOVES,
 ) -> NamedSubspace:
     """`a rotation about x of points, undone by cam0, cam1 and cam2`.
 
-    `own` are the places in the block that move, and `same` tells which others move likewise.
+    `own` are the places in the block that move, and `same` tells which others move likewise. What
+    moves by `least` of the largest number or less is not named.
     """
-    moving = abs(v) > MOVES * abs(v).max()
-    v = np.where(moving, v, 0.0)
+    whole, v = v, np.where(abs(v) > least * abs(v).max(), v, 0.0)
     alike = [b.name for b in main]
     if own is not None and len(own) < main[0].size:
         alike[0] = _rows(main[0], own - free.slices[main[0].name].start)
@@ -41,14 +42,14 @@ def named_gauge(
         for block in [b for b in blocks if in_space(b) and b.shape[-1] == d]:
             at = free.slices[block.name]
             like = similarity(x[at].reshape(-1, d)) @ coefficients
-            if np.allclose(like, v[at], rtol=1e-5, atol=1e-6 * abs(v).max()):
+            if np.allclose(like, whole[at], rtol=10 * least, atol=least * abs(v).max()):
                 alike.append(block.name)
                 blocks.remove(block)
     name = f"{said} of {_listed(alike)}"
     if blocks:
         back = things([b.name for b in free.blocks], [b.name for b in blocks])
         name += f", undone by {_listed(back)}"
-    return single_gauge(kind, name, v)
+    return single_gauge(kind, name, whole)
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -73,5 +74,5 @@ def _rows(block: Block, entries: Index) -> str:
 
 def single_gauge(kind: str, name: str, v: Array) -> NamedSubspace:
     """A motion v (n,) under its name."""
-    entries = np.flatnonzero(v)
+    entries = np.flatnonzero(abs(v) > MOVES * abs(v).max())
     return NamedSubspace(kind, name, (), entries, (v / np.linalg.norm(v))[entries, None])

@@ -83,8 +83,9 @@ def identifiability(
     """How well each entry is known; `prior_rows` (m,) says which rows are priors.
 
     The standard deviation of an entry is compared with that by the priors alone, `prior` (n,), or
-    with its yardstick (n,) where no prior determines it. `unread` and `under` are the columns that
-    nothing reads and those of the under-determined part.
+    with its yardstick (n,) where no prior determines it. Whether an entry takes part in a null
+    direction is also judged in yardsticks, so that units change no verdict. `unread` and `under`
+    are the columns that nothing reads and those of the under-determined part.
     """
     eliminated = constrained.by_elimination
     share: Array | None = None
@@ -92,9 +93,11 @@ def identifiability(
         with limited_threads():
             sigma, pairs, decided, better = _by_elimination(eliminated, prior_rows)
     else:
-        sigma, half = constrained.laplace
+        measured = constrained.measured(yardsticks)
+        sigma, half = measured.laplace
         pairs = _correlated(half, np.isinf(sigma))
-        share = _data_share(constrained.here, prior_rows, half)
+        share = _data_share(measured.here, prior_rows, half)
+        sigma = sigma * yardsticks
         decided, better = float(share.sum()), int(np.sum(share > 0.5))
     verdicts = _verdicts(sigma, prior, yardsticks, unread, under)
     return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
@@ -146,7 +149,8 @@ def prior_sigma(here: Linearization, prior_rows: Mask) -> Array:
     sigma[read] = 1 / rows.column_norms[read]  # where no row reads another unknown as well
     for some in _apart(rows, read):
         if some.size > 1:
-            sigma[some] = _sigma(ConstrainedJacobian(rows.columns(some), np.zeros((0, some.size))))
+            unit = rows.columns(some).scaled(sigma[some])  # columns of length 1
+            sigma[some] *= _sigma(ConstrainedJacobian(unit, np.zeros((0, some.size))))
     return sigma
 
 
@@ -213,23 +217,28 @@ class Contribution:
 
 
 def contributions(
-    constrained: ConstrainedJacobian, rows: Mapping[str, slice], free: Layout
+    constrained: ConstrainedJacobian, sizes: Array, rows: Mapping[str, slice], free: Layout
 ) -> tuple[Contribution, ...]:
-    """What each residual contributes, found by leaving it out; nothing is solved again."""
+    """What each residual contributes, found by leaving it out; nothing is solved again.
+
+    What is known is judged with every unknown in its yardstick, `sizes` (n,).
+    """
     m = constrained.here.shape[0]
-    s, rank, sigma = _known(constrained, free)
+    s, rank, sigma = _known(constrained, sizes, free)
     found = []
     for term, part in rows.items():
         left = np.ones(m, dtype=bool)
         left[part] = False
-        s0, rank0, sigma0 = _known(constrained.only(np.flatnonzero(left)), free)
+        s0, rank0, sigma0 = _known(constrained.only(np.flatnonzero(left)), sizes, free)
         found.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
     return tuple(found)
 
 
-def _known(constrained: ConstrainedJacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
+def _known(
+    constrained: ConstrainedJacobian, sizes: Array, free: Layout
+) -> tuple[Array, int, dict[str, float]]:
     if not constrained.here.shape[0]:
         return np.zeros(0), constrained.count, dict.fromkeys(free.names, np.inf)
-    variance = constrained.laplace[0] ** 2
+    variance = (constrained.measured(sizes).laplace[0] * sizes) ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
     return constrained.reduced.spectrum.s, constrained.rank, rms

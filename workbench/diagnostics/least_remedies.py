@@ -12,76 +12,63 @@ length between two points is one act and one number.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout
+from workbench.diagnostics.acts import (
+    INDEPENDENT,
+    Act,
+    distances_to_measure,
+    held,
+    is_new,
+    things_to_hold,
+)
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.structure import gathered
 from workbench.diagnostics.suggestion import Suggestion
-from workbench.diagnostics.things import families, in_space, row_label
 from workbench.diagnostics.trials import fewer_unseen, tried, with_more
 from workbench.problem import Constraint, Problem
 
 MOST = 200  # null directions up to which remedies are searched for
-RIGID = ("translation", "rotation", "shift")  # gauges of points, between which there are distances
-ENDS = 30  # points of a block between which distances are tried
 FIRST = 6  # things that are tried as the first one
-WIDE = 2000  # rows of a block up to which each is tried as a thing
-INDEPENDENT = 1e-3  # smallest singular value of the rows of a thing, of their largest
 EXCHANGES = 100
+DIGITS = 6  # of what remedies are compared by; fewer than rounding changes
+TIE = 1e-6  # of a column: by less they count as equal
 BETTER = 1.01  # by which an exchange must enlarge the determinant
 
 
-@dataclass(frozen=True, eq=False)
-class Act:
-    """One thing that a user does.
-
-    Attributes:
-        what: what is held, such as `cam0` or `the distance of points[1] and points[7]`.
-        weights: (g, q) the combinations of unknowns that it determines.
-        places: (q,) the places of these unknowns.
-        entries: the places of the unknowns that are held; none for a distance.
-        ends: the block and the two rows between which a distance is measured.
-    """
-
-    what: str
-    weights: Array = field(repr=False)
-    places: Index = field(repr=False)
-    entries: tuple[int, ...] = ()
-    ends: tuple[str, int, int] | None = None
-
-    @property
-    def size(self) -> int:
-        """How many numbers it determines."""
-        return len(self.weights)
-
-    def seen(self, null: Array) -> Array:
-        """How its numbers change along the directions of a null space (n, k): (g, k)."""
-        return np.asarray(self.weights @ null[self.places])
-
-
 def least_remedies(d: Diagnosis) -> list[Suggestion]:
-    """Remedies of the least number of numbers, fewest acts first; each was carried out."""
+    """Remedies of the least number of numbers, fewest acts first; each was carried out.
+
+    Among those of as many acts the one comes first after which no direction is nearly unknown.
+    """
     k = d.shape[1] - d.rank
     if not 0 < k <= MOST or k == d.shape[1]:
         return []
-    sizes = d.point.yardsticks.sizes
-    null = np.linalg.qr(d.point.constrained.null / sizes[:, None])[0]
-    found: list[Suggestion] = []
+    null = d.point.null_in(d.point.measured, d.point.yardsticks.sizes)
+    found: list[tuple[float, Suggestion]] = []
     seen: set[tuple[str, ...]] = set()
     for acts in sorted(_searched(d, null), key=len):
         key = tuple(sorted(act.what for act in acts))
         if key not in seen:
             seen.add(key)
-            found += _carried_out(d, acts)
-    ranked = sorted(found, key=lambda s: (s.acts, s.numbers, s.after.condition))
+            found += [(_weakest(acts, null), one) for one in _carried_out(d, acts)]
+    ranked = [s for _, s in sorted(found, key=lambda f: (f[1].acts, f[1].numbers, -f[0]))]
     kinds = (ranked, [s for s in ranked if _measures(s, d)], [s for s in ranked if s.acts == k])
     return sorted({id(one): one for kind in kinds for one in kind[:1]}.values(), key=ranked.index)
+
+
+def _weakest(acts: Sequence[Act], null: Array) -> float:
+    """How far a set of acts is from leaving a direction of the null space (n, k) unknown.
+
+    It is the smallest change of what is held along a unit vector, in yardsticks, so that no unit
+    decides which set is the best one.
+    """
+    seen = np.vstack([act.seen(null) for act in acts])
+    return float(np.round(np.linalg.svd(seen, compute_uv=False)[-1], DIGITS))
 
 
 def _measures(suggestion: Suggestion, d: Diagnosis) -> bool:
@@ -93,15 +80,15 @@ def _searched(d: Diagnosis, null: Array) -> Iterator[list[Act]]:
     """Sets of acts that determine every direction of the null space (n, k)."""
     entries = _entries(d.free, null)
     yield entries
-    groups = _things(d.free, null)
+    groups = things_to_hold(d.free, null)
     firsts = sorted(groups, key=lambda act: (-act.size, -_volume(act.seen(null))))
     wide = [act for act in firsts if act.size == firsts[0].size][:FIRST]
-    distances = _distances(d, null)
+    distances = distances_to_measure(d, null)
     for first in [None, *wide, *_of_other_sizes(firsts)]:
         chosen = [] if first is None else [first]
         left = _left(null, chosen)
         while first is not None and left.shape[1]:
-            fitting = [act for act in groups if act.size <= left.shape[1] and _new(act, left)]
+            fitting = [act for act in groups if act.size <= left.shape[1] and is_new(act, left)]
             if not fitting:
                 break
             chosen.append(max(fitting, key=lambda act: (act.size, _volume(act.seen(left)))))
@@ -132,18 +119,17 @@ def _left(null: Array, acts: Sequence[Act]) -> Array:
     return np.asarray(null @ Vt[rank:].T)
 
 
-def _new(act: Act, null: Array) -> bool:
-    """Whether every number of an act determines something that is still free."""
-    seen = act.seen(null)
-    lengths = np.linalg.norm(act.weights, axis=1)
-    s = np.linalg.svd(seen / lengths[:, None], compute_uv=False)
-    return bool(s[-1] > INDEPENDENT * max(s[0], 1e-3)) and len(s) == act.size
-
-
 def _volume(seen: Array) -> float:
     """The logarithm of the product of the singular values of rows (g, k), for each row."""
     s = np.linalg.svd(seen, compute_uv=False)
-    return float(np.mean(np.log(np.maximum(s, 1e-300))))
+    return float(np.round(np.mean(np.log(np.maximum(s, 1e-300))), DIGITS))
+
+
+def _by_pivots(A: Array) -> tuple[Array, Index]:
+    """R and the order of columns by QR with pivoting; of equal columns the first one leads."""
+    first = 1 - TIE * np.arange(A.shape[1]) / A.shape[1]
+    R, pivots = scipy.linalg.qr(A * first, mode="r", pivoting=True)
+    return R, pivots
 
 
 def _entries(free: Layout, null: Array) -> list[Act]:
@@ -151,91 +137,20 @@ def _entries(free: Layout, null: Array) -> list[Act]:
     k = null.shape[1]
     if not k:
         return []
-    chosen = scipy.linalg.qr(null.T, mode="r", pivoting=True)[1][:k]
+    chosen = _by_pivots(null.T)[1][:k]
     for _ in range(EXCHANGES):
         by = null @ np.linalg.inv(null[chosen])
         i, j = np.unravel_index(np.argmax(abs(by)), by.shape)
         if abs(by[i, j]) < BETTER:
             break
         chosen[j] = i
-    return [_held(free.label(int(i)), [int(i)]) for i in np.sort(chosen)]
-
-
-def _held(what: str, entries: Sequence[int]) -> Act:
-    return Act(what, np.eye(len(entries)), np.array(entries, dtype=np.int64), tuple(entries))
-
-
-def _things(free: Layout, null: Array) -> list[Act]:
-    """What can be held as one thing, and is not known in any of its directions."""
-    k = null.shape[1]
-    at = {b.name: range(free.slices[b.name].start, free.slices[b.name].stop) for b in free.blocks}
-    found: dict[tuple[int, ...], str] = {}
-
-    def add(what: str, entries: Sequence[int]) -> None:
-        if 1 < len(entries) <= k:
-            found.setdefault(tuple(entries), what)
-
-    for one, members in families(free.names).items():
-        add(one, [i for name in members for i in at[name]])
-    by_count: dict[int, list[str]] = {}
-    for block in free.blocks:
-        add(block.name, at[block.name])
-        if len(block.shape) == 2 and block.shape[1] > 1 and 1 < block.shape[0] <= WIDE:
-            by_count.setdefault(block.shape[0], []).append(block.name)
-    for count, names in by_count.items():
-        for row in range(count):
-            wide = {name: free[name].shape[1] for name in names}
-            some = {n: list(at[n][row * w : (row + 1) * w]) for n, w in wide.items()}
-            called = {n: _row(free, n, row) for n in names}
-            for name in names:
-                add(called[name], some[name])
-            for pair in combinations(names, 2):
-                add(" and ".join(called[n] for n in pair), [i for n in pair for i in some[n]])
-    acts = [_held(what, entries) for entries, what in found.items()]
-    return [act for act in acts if _new(act, null)]
-
-
-def _row(free: Layout, name: str, row: int) -> str:
-    """`pose[left_hand]`, or `points[3]`."""
-    return f"{name}[{row_label(free[name], row, free[name].shape[-1])}]"
-
-
-def _distances(d: Diagnosis, null: Array) -> list[Act]:
-    """Distances between points that move in the null space."""
-    free, x = d.free, d.problem.split(d.values)[0]
-    moved = np.zeros(free.size, dtype=bool)
-    for direction in d.null_directions:
-        if direction.kind in RIGID:
-            moved |= direction.vector != 0
-    found = []
-    for block in free.blocks:
-        wide = block.shape[-1] if block.shape else 0
-        if not in_space(block) or block.size <= wide or block.whole is not None:
-            continue
-        at = free.slices[block.name]
-        if not moved[at].all():
-            continue
-        X = x[at].reshape(-1, wide)
-        if np.linalg.norm(null[at]) < INDEPENDENT:
-            continue
-        for i, j in combinations(range(0, len(X), -(-len(X) // ENDS)), 2):
-            apart = X[i] - X[j]
-            length = float(np.linalg.norm(apart))
-            if not length:
-                continue
-            row = np.concatenate([apart, -apart])[None] / length
-            places = at.start + np.concatenate([wide * k + np.arange(wide) for k in (i, j)])
-            ends = f"{_row(free, block.name, i)} and {_row(free, block.name, j)}"
-            act = Act(f"the distance of {ends}", row, places, (), (block.name, i, j))
-            if np.linalg.norm(act.seen(null)) > INDEPENDENT:
-                found.append(act)
-    return found
+    return [held(free.label(int(i)), [int(i)]) for i in np.sort(chosen)]
 
 
 def _pivoted(acts: Sequence[Act], null: Array) -> list[Act]:
     """As many independent acts of one number as there are, up to the dimension of null (n, k)."""
     seen = np.vstack([act.seen(null) for act in acts])
-    _, R, pivots = scipy.linalg.qr(seen.T, mode="economic", pivoting=True)
+    R, pivots = _by_pivots(seen.T)
     size = abs(np.diag(R))
     return [acts[int(p)] for p, s in zip(pivots, size, strict=False) if s > INDEPENDENT]
 

@@ -8,7 +8,7 @@ blocks; a limb; a block.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -43,6 +43,14 @@ class NamedSubspace:
     basis: Array | None = None
     tree: Tree | None = None
     undone_by: str = ""
+
+
+def in_sizes(motion: NamedSubspace, sizes: Array) -> NamedSubspace:
+    """A motion of unknowns x as one of unknowns y, with x = sizes * y."""
+    there = sizes[motion.entries]
+    if motion.basis is None or (there == there[0]).all():
+        return motion
+    return replace(motion, basis=np.linalg.qr(motion.basis / there[:, None])[0])
 
 
 def named_subspaces(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,17 @@ from workbench.blocks import Layout
 from workbench.blocks.directions import dominant, signed
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.gauges import Gauge, gauges
-from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
+from workbench.diagnostics.named_subspaces import NamedSubspace, in_sizes, named_subspaces
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.rest_gauges import rest_gauges
 from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparsest
 from workbench.diagnostics.turned_joints import named_by_joints
+from workbench.diagnostics.undoing import Unseen, unit_vectors
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 from workbench.threads import limited_threads
 
+NEARLY = 0.05  # of its length: what a gauge may have outside of the weak directions
 WEAK = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
 ZERO = 1e-6  # entries of a direction that are only rounding
 LISTED = 12  # weak directions that are looked for where there are no singular values
@@ -52,19 +53,28 @@ def null_directions(
 ) -> tuple[Direction, ...]:
     """Directions that change no residual and that no constraint forbids, with names.
 
-    `pattern` (m, n) is where the Jacobian can be nonzero. Gauges come first.
+    `pattern` (m, n) is where the Jacobian can be nonzero. Gauges come first. Directions are looked
+    for, and named, with every block in its yardstick, so that units change no name.
     """
     if point.constrained.rank == point.here.shape[1]:
         return ()
-    constrained = point.constrained
-    tolerance = constrained.tolerance
-    null = constrained.null
-    motions = chain(
-        rest_gauges(point.problem, point.values),
-        gauges(point.problem, point.values, null, pattern, declared),
-        named_subspaces(point.problem.free, point.problem.trees, pattern),
+    units = point.block_units
+    constrained = point.in_block_units
+    null = point.null_in(constrained, units)
+    motions = _motions(point, pattern, Unseen(null), units, units, declared)
+    found = directions(
+        constrained.stacked, null, point.problem.free, motions, constrained.tolerance
     )
-    return directions(constrained.stacked, null, point.problem.free, motions, tolerance)
+    return tuple(_in_own_units(d, units, point.constrained.stacked) for d in found)
+
+
+def _in_own_units(direction: Direction, units: Array, here: Linearization) -> Direction:
+    """A direction that was measured in units, as a vector of length 1 of the unknowns."""
+    if (units == 1).all():
+        return direction
+    v = direction.vector * units
+    v = v / np.linalg.norm(v)
+    return replace(direction, vector=v, change=float(np.linalg.norm(here.along(v))))
 
 
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
@@ -79,12 +89,14 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
     if point.here.estimated or nothing:
         return ()
     here, sizes = point.measured.stacked, point.yardsticks.sizes
-    null = here.spectrum.Vt[int(np.sum(here.spectrum.s > WEAK)) :].T
-    found = directions(here, null, point.problem.free, _motions(point, pattern), WEAK)
-    noticed = (d for d in found if d.change > here.spectrum.tolerance)
-    return tuple(
-        replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
-    )
+    values, vectors = here.spectrum.s, here.spectrum.Vt.T
+    first, rank = int(np.sum(values > WEAK)), here.spectrum.rank
+    null, weak = vectors[:, rank:], vectors[:, first:rank]
+    units = point.block_units
+    unseen = Unseen(np.linalg.qr(vectors[:, first:] * (sizes / units)[:, None])[0], NEARLY)
+    motions = _motions(point, pattern, unseen, units, sizes)
+    found = directions(here, weak, point.problem.free, motions, WEAK, null)
+    return tuple(replace(d, vector=d.vector * sizes) for d in sorted(found, key=lambda d: d.change))
 
 
 def count_weak(point: Point) -> int:
@@ -107,10 +119,23 @@ def _weakest(point: Point, jacobian: EliminatedJacobian) -> tuple[Direction, ...
     return tuple(replace(d, vector=d.vector * sizes) for d in found)
 
 
-def _motions(point: Point, pattern: csc_array) -> Iterator[NamedSubspace]:
-    """The motions by which directions are named: gauges of bodies at rest first."""
-    yield from rest_gauges(point.problem, point.values)
-    yield from named_subspaces(point.problem.free, point.problem.trees, pattern)
+def _motions(
+    point: Point,
+    pattern: csc_array,
+    unseen: Unseen,
+    units: Array,
+    sizes: Array,
+    declared: Sequence[Gauge] = (),
+) -> Iterator[NamedSubspace]:
+    """The motions by which directions are named, in `sizes`: gauges come first.
+
+    What is `unseen` is given in `units`, which are the same for all of a block.
+    """
+    problem, values = point.problem, point.values
+    yield from (in_sizes(motion, sizes) for motion in rest_gauges(problem, values))
+    for motion in gauges(problem, values, unseen, pattern, declared, units):
+        yield in_sizes(motion, sizes / units)
+    yield from named_subspaces(problem.free, problem.trees, pattern)
 
 
 def directions(
@@ -119,10 +144,12 @@ def directions(
     free: Layout,
     dictionary: Iterable[NamedSubspace],
     tolerance: float,
+    named: Array | None = None,
 ) -> tuple[Direction, ...]:
     """A basis of the directions that J shortens to `tolerance` times their length.
 
-    `null` (n, d) is an orthonormal basis of them. Motions of the dictionary come first. Directions
+    `null` (n, d) is an orthonormal basis of them, except for those that were `named` already (n, k)
+    and are at right angles to it. Motions of the dictionary come first. Directions
     that none of these covers are made as sparse as possible (least sum of absolute values), and
     named by their largest entries.
     """
@@ -133,15 +160,17 @@ def directions(
     R = here.R if isinstance(J, np.ndarray) else by_nonzeros(J)
     gram: Any = R.T @ R  # an array, or sparse as R is
     silent = here.column_norms <= tolerance  # entries that are null directions
-    known = np.zeros((free.size, int(silent.sum())))  # orthonormal basis of what was found
-    known[np.flatnonzero(silent), np.arange(known.shape[1])] = 1.0
+    if named is not None:
+        silent[:] = False
+    known = unit_vectors(np.flatnonzero(silent), free.size)  # orthonormal, of what was found
+    known = known if named is None else named
     searched: set[bytes] = set()
     found: list[Direction] = []
     for motion in dictionary:
         if len(found) == total:
             break
         entries, basis = motion.entries, motion.basis
-        if motion.kind == "entry":
+        if motion.kind == "entry" and named is None:
             if silent[entries].all():
                 v = np.zeros(free.size)
                 v[entries] = 1.0
@@ -173,10 +202,16 @@ def directions(
         rest = null[:, np.linalg.norm(null - known @ (known.T @ null), axis=0) > FRESH]
         found += [_mixed(v, here, free) for v in rest[:, : total - len(found)].T]
     elif len(found) < total:
-        rest, _ = beyond(known, null)
+        rest = beyond(known, null)[0] if named is None else null @ _apart(null.T @ known)
         rest = rest[:, : total - len(found)]
         found += [_mixed(v, here, free) for v in _inside(sparsest(rest, known), null, here).T]
     return tuple(found)
+
+
+def _apart(A: Array) -> Array:
+    """An orthonormal basis of what is at right angles to the columns of A (d, k)."""
+    U, s, _ = np.linalg.svd(A, full_matrices=True)
+    return np.asarray(U[:, int(np.sum(s > FRESH)) :])
 
 
 def _all_seen(gram: Array, basis: Array | None, tolerance: float) -> bool:

@@ -72,6 +72,36 @@ class Point:
         return yardsticks(self.problem.free, read, self.values, self.prior_sigma)
 
     @cached_property
+    def block_units(self) -> Array:
+        """(n,) the yardsticks, one for each block: where those of a block differ, their mean.
+
+        All ones where the unknowns were eliminated: that is done in columns of length 1.
+        """
+        sizes = self.yardsticks.sizes
+        if self.constrained.parts is not None:
+            return np.ones_like(sizes)
+        at = self.problem.free.slices.values()
+        means = [np.full(i.stop - i.start, np.sqrt(np.mean(sizes[i] ** 2))) for i in at]
+        return np.concatenate([np.zeros(0), *means])
+
+    @cached_property
+    def in_block_units(self) -> ConstrainedJacobian:
+        """The constrained Jacobian with every unknown in its `block_units`."""
+        same = np.array_equal(self.block_units, self.yardsticks.sizes)
+        return self.measured if same else self.constrained.measured(self.block_units)
+
+    def null_in(self, measured: ConstrainedJacobian, units: Array) -> Array:
+        """(n, d) an orthonormal basis of the null space in these units, of this Jacobian in them.
+
+        The dimension is that of the Jacobian in the unknowns' own units, which decides the rank.
+        """
+        if measured is self.constrained:
+            return measured.null
+        if measured.rank == self.constrained.rank:
+            return measured.null
+        return np.asarray(np.linalg.qr(self.constrained.null / units[:, None])[0])
+
+    @cached_property
     def is_prior(self) -> Mask:
         """Which rows are priors, (m,)."""
         return self.problem.rows_named(self.priors)

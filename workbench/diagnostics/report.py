@@ -16,6 +16,7 @@ from workbench.diagnostics.structure import (
     pose_moves_template,
 )
 from workbench.diagnostics.tables import sections, table
+from workbench.errors import joined
 
 MOST = 12  # lines of one list
 
@@ -61,6 +62,7 @@ def _structure(d: Diagnosis) -> Iterator[str]:
                 f"{t.norm:.3g}",
             )
             for t in d.terms
+            if t.nonzeros
         ],
     )
     yield f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows"
@@ -198,7 +200,7 @@ def _known(d: Diagnosis) -> Iterator[str]:
 def _contributions(d: Diagnosis) -> Iterator[str]:
     if not d.contributions:
         return
-    names = d.free.names
+    names, unknown = compared_blocks(d)
     rows = [
         (
             c.residual,
@@ -213,6 +215,20 @@ def _contributions(d: Diagnosis) -> Iterator[str]:
     ]
     header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
     yield from table(header, rows)
+    if unknown:
+        yield f"with or without any one of them the sigmas of {joined(unknown)} are unknown"
+
+
+def compared_blocks(d: Diagnosis) -> tuple[list[str], list[str]]:
+    """The blocks whose sigmas are known with or without some residual, and the others."""
+    known = {
+        name
+        for c in d.contributions
+        for name in d.free.names
+        if np.isfinite([c.sigma_without[name], c.sigma_with[name]]).any()
+    }
+    names = d.free.names
+    return [n for n in names if n in known], [n for n in names if n not in known]
 
 
 def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:

@@ -2,19 +2,23 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, hstack
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.blocks.directions import dominant
+from workbench.diagnostics.gauges import Gauge, gauges
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.single_frames import SingleFrames
-from workbench.diagnostics.sparse_bases import FRESH
+from workbench.diagnostics.sparse_bases import FRESH, beyond
 from workbench.diagnostics.structure import counted, gathered
+from workbench.diagnostics.undoing import Unseen
 
 OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
+LARGE = 10_000_000  # numbers in the null vectors of several frames, up to which gauges are sought
 TAKES_PART = 1e-6  # of a direction's length: less is rounding
 
 
@@ -51,9 +55,12 @@ class NullDirections:
         return f"{self.name}, in {where}{more}"
 
 
-def named(vectors: csc_array, frames: SingleFrames) -> tuple[NullDirections, ...]:
-    """Names of the null vectors (n, d) of a sequence."""
+def named(
+    vectors: csc_array, frames: SingleFrames, declared: Sequence[Gauge] = ()
+) -> tuple[NullDirections, ...]:
+    """Names of the null vectors (n, d) of a sequence: gauges of all frames first."""
     frame_of, place = frames.places
+    over_all, vectors = _over_all_frames(vectors, frames, declared)
     local: dict[int, list[int]] = {}
     tied, shared = [], []
     for j, (first, last) in enumerate(zip(vectors.indptr[:-1], vectors.indptr[1:], strict=True)):
@@ -65,7 +72,7 @@ def named(vectors: csc_array, frames: SingleFrames) -> tuple[NullDirections, ...
         else:
             local.setdefault(int(reached[0]), []).append(j)
     dictionary = Dictionary.of(frames.layout, named_subspaces(frames.layout, frames.trees))
-    found: list[NullDirections] = _of_shared(csc_array(vectors[:, shared]), frames)
+    found = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
     if tied:
         found += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
     groups: dict[tuple[str, str, tuple[str, ...]], dict[int, int]] = {}
@@ -81,6 +88,57 @@ def named(vectors: csc_array, frames: SingleFrames) -> tuple[NullDirections, ...
         for (kind, name, joints), counts in groups.items()
     ]
     return (*found, *_gathered(single))
+
+
+def _over_all_frames(
+    vectors: csc_array, frames: SingleFrames, declared: Sequence[Gauge]
+) -> tuple[list[NullDirections], csc_array]:
+    """Gauges that move several frames at once, and the null vectors without them.
+
+    They are looked for among the vectors that move several frames, or what frames share.
+    """
+    frame_of, _ = frames.places
+    moved = [vectors.indices[i:j] for i, j in pairwise(vectors.indptr)]
+    several = [len(np.unique(frame_of[at])) > 1 or bool((frame_of[at] < 0).any()) for at in moved]
+    over = np.flatnonzero(several)
+    if not 0 < over.size <= vectors.shape[0] or over.size * vectors.shape[0] > LARGE:
+        return [], vectors
+    basis = np.linalg.qr(vectors[:, over].toarray())[0]
+    problem, values = frames.problem, frames.values
+    found, known = [], np.zeros((len(basis), 0))
+    for motion in gauges(problem, values, Unseen(basis), problem.pattern, declared):
+        v = np.zeros((len(basis), 1))
+        assert motion.basis is not None  # of gauges
+        v[motion.entries] = motion.basis
+        fresh, _ = beyond(known, v)
+        if not fresh.shape[1]:
+            continue
+        known = np.column_stack([known, fresh])
+        some = np.unique(frame_of[motion.entries])
+        frames_moved = tuple(int(t) for t in some if t >= 0)
+        found.append(NullDirections(motion.name, (), frames_moved, 1, tied=True))
+        if len(found) == over.size:
+            break
+    if not found:
+        return [], vectors
+    rest = basis @ _apart(basis.T @ known)
+    own = csc_array(vectors[:, np.flatnonzero(~np.array(several))])
+    return found, csc_array(hstack([own, _by_frame(rest, frame_of)]))
+
+
+def _by_frame(rest: Array, frame_of: Index) -> csc_array:
+    """Vectors (n, d) combined so that as few as can be move what frames share."""
+    if not rest.shape[1]:
+        return csc_array(rest)
+    Vt = np.linalg.svd(rest[frame_of < 0], full_matrices=True)[2]
+    combined = rest @ Vt.T
+    combined[abs(combined) < TAKES_PART] = 0.0
+    return csc_array(combined)
+
+
+def _apart(A: Array) -> Array:
+    """An orthonormal basis of what is at right angles to the columns of A (d, k)."""
+    return np.asarray(np.linalg.svd(A, full_matrices=True)[0][:, A.shape[1] :])
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
+from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.linearized import check_finite, linearized, not_finite
 from workbench.diagnostics.null_space import WEAK
@@ -96,6 +97,7 @@ class SequenceDiagnosis:
         here: its linearization at these values, without columns of rounding errors.
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
+        gauges: motions that were declared to be gauges.
     """
 
     problem: Problem = field(repr=False)
@@ -103,6 +105,7 @@ class SequenceDiagnosis:
     here: Linearization = field(repr=False)
     wording: "Wording[SequenceDiagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
+    gauges: tuple[Gauge, ...] = field(default=(), repr=False)
 
     @property
     def free(self) -> Layout:
@@ -179,7 +182,7 @@ class SequenceDiagnosis:
     @cached_property
     def null_directions(self) -> tuple[NullDirections, ...]:
         """The null directions with names, gathered over the frames that share them."""
-        return named(self.null_vectors, self.frames)
+        return named(self.null_vectors, self.frames, self.gauges)
 
     # What is known about each unknown.
 

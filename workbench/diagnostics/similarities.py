@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import scipy.linalg
@@ -25,6 +26,20 @@ def similarity(X: Array) -> Array:
     return np.column_stack([step.ravel() for step in (*steps, *turns, X)])
 
 
+def stretches(X: Array) -> Iterator[tuple[str, Array]]:
+    """What else a linear map does to points (N, d): stretches and shears, in words and (N d,).
+
+    With the rotations and the scale they span all linear maps.
+    """
+    d = X.shape[1]
+    for i in range(d - 1):
+        yield f"a stretch along {'xyz'[i]}", (X * np.eye(d)[i]).ravel()
+    for i, j in combinations(range(d), 2):
+        shear = np.zeros((d, d))
+        shear[i, j] = shear[j, i] = 1.0
+        yield f"a shear of {'xyz'[i]} and {'xyz'[j]}", (X @ shear).ravel()
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """A translation, a rotation or a scale among similarities, with its coefficients (g,)."""
@@ -43,16 +58,16 @@ def named_steps(coefficients: Array, d: int, size: float) -> Iterator[Step]:
     """
     turns = slice(d, steps_of(d) - 1)
     T = coefficients @ _null(coefficients[d:])
-    for t in _along_axes(T, slice(0, d)):
-        yield Step("translation", f"a translation along {_axis(t[:d])}", t)
+    for t in along_axes(T, slice(0, d)):
+        yield Step("translation", f"a translation along {axis_of(t[:d])}", t)
     R = coefficients @ _null(coefficients[-1:])
     R = R - T @ (T.T @ R)
     R = _orthonormal(R)
-    for r in _along_axes(R, turns):
+    for r in along_axes(R, turns):
         yield Step("rotation", _rotation(r, d, size if T.shape[1] < d else 0.0), r)
     S = coefficients - T @ (T.T @ coefficients)
     S = _orthonormal(S - R @ (R.T @ S))
-    for s in _along_axes(S, slice(-1, None)):
+    for s in along_axes(S, slice(-1, None)):
         about = "" if T.shape[1] == d else f" about {_place(-size * s[:d])}"
         yield Step("scale", f"a scale{about}", s)
 
@@ -63,11 +78,11 @@ def _rotation(r: Array, d: int, size: float) -> str:
         return f"a rotation{about}"
     t, omega = r[:3], r[3:6]
     about = f" through {_place(size * np.cross(omega, t) / float(omega @ omega))}" if size else ""
-    return f"a rotation about {_axis(omega)}{about}"
+    return f"a rotation about {axis_of(omega)}{about}"
 
 
-def _axis(v: Array) -> str:
-    """`x`, or the vector `(0.60, 0.80, 0.00)`."""
+def axis_of(v: Array) -> str:
+    """The name of an axis (3,): `x`, or the vector `(0.60, 0.80, 0.00)`."""
     v = v / np.linalg.norm(v)
     main = int(np.argmax(abs(v)))
     return "xyz"[main] if abs(v[main]) > 1 - 1e-6 else _place(v)
@@ -78,7 +93,7 @@ def _place(v: Array) -> str:
     return f"({', '.join(f'{c:.3g}' for c in v)})"
 
 
-def _along_axes(basis: Array, rows: slice) -> Iterator[Array]:
+def along_axes(basis: Array, rows: slice) -> Iterator[Array]:
     """The basis (g, q) combined so that q of its rows are a unit matrix."""
     if not basis.shape[1]:
         return

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Layout
+from workbench.errors import joined
 
 NATURAL = {  # how many of the unit make one yardstick, and its name
     "rad": (1.0, "a radian"),
@@ -54,7 +55,7 @@ class Yardsticks:
         blocks: dict[str, list[str]] = {}
         for block, words in self.words.items():
             blocks.setdefault(words, []).append(block)
-        return "; ".join(f"{words} for {' and '.join(names)}" for words, names in blocks.items())
+        return "; ".join(f"{words} for {joined(names)}" for words, names in blocks.items())
 
 
 def yardsticks(

@@ -44,9 +44,10 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that returns
     one, whose parameters are the arguments), or `problem` and `start`. Beside these two it may
     define `priors` (names of the residuals that are not data, or these residuals), `body` (a
-    SkinnedBody or TriangleBody, to draw) and `compared` (names of solvers to run as well); its
-    docstring is the question. If it defines several of the three, the first one in this order
-    counts.
+    SkinnedBody or TriangleBody, to draw), `compared` (names of solvers to run as well),
+    `candidates` (residuals that could be measured next) and `gauges` (motions that change no
+    residual); its docstring is the question. If it defines several of the three, the first one in
+    this order counts.
 
     Arguments are values, or the texts that were typed for them. Raises UnknownName, BadArgument, or
     BadFile with the line of the file that failed.
@@ -102,6 +103,7 @@ def _described(module: Any, path: Path) -> Experiment:
             priors=getattr(module, "priors", ()),
             compared=getattr(module, "compared", ()),
             candidates=getattr(module, "candidates", {}),
+            gauges=getattr(module, "gauges", ()),
         )
         return Experiment(path.stem, lambda: made, path.name)
     raise BadFile(f"it defines no experiment; it needs {ENOUGH}; {BESIDE}")

@@ -14,8 +14,8 @@ ENOUGH = (
 )
 BESIDE = (
     "beside `problem` and `start`, `priors` names the residuals that are not data, `body` is the "
-    "body to draw, `compared` names solvers to run as well, and `candidates` are residuals by name "
-    "that could be measured next"
+    "body to draw, `compared` names solvers to run as well, `candidates` are residuals by name "
+    "that could be measured next, and `gauges` are motions (Gauge) that change no residual"
 )
 
 

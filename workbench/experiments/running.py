@@ -144,9 +144,9 @@ def run(
     own = called(given, solver, solution)
     values = dict(setup.start) | solution.values
     progress("looking at the Jacobian")
-    diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors)
+    diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors, gauges=setup.gauges)
     data_alone = (
-        diagnose_whole(setup.problem.without(*setup.priors), values)
+        diagnose_whole(setup.problem.without(*setup.priors), values, gauges=setup.gauges)
         if 0 < len(setup.priors) < len(setup.problem.residuals)
         else None
     )

@@ -7,10 +7,11 @@ from types import NoneType
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks import Values
+from workbench.blocks import Values, checks
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.diagnostics.design.candidates import Given
+from workbench.diagnostics.gauges import Gauge
 from workbench.errors import BadSetup, check_known
 from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
@@ -124,6 +125,8 @@ class Setup:
             that solver is applied to the problem as it is.
         moving: the body that moves through frames, where the problem is a sequence.
         candidates: measurements that could be made, by name; see `workbench design`.
+        gauges: motions that the problem is invariant to, where `workbench diagnose` does not find
+            them by itself.
     """
 
     problem: Problem
@@ -142,6 +145,7 @@ class Setup:
     strategy: Callable[[Solver | None], Solver] | None = None
     moving: Moving | None = None
     candidates: Given = field(default_factory=dict)
+    gauges: tuple[Gauge, ...] = ()
 
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")
@@ -178,6 +182,8 @@ class Setup:
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
+        found = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
+        object.__setattr__(self, "gauges", checks.several("`gauges`", found, Gauge, BadSetup))
         expect("candidates", self.candidates, Mapping, "a dict of residuals by name")
         expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
         if self.made_of is not None:

@@ -52,12 +52,14 @@ class Figurine:
         vertices: (N, 3) in metres.
         look: from which side it is drawn.
         colours: (F, 3) for the faces, or one colour for all; None for the colour of skin.
+        faces: (F, 3) its own faces, where they are not those of the others.
     """
 
     label: str
     vertices: Array
     look: Look = front
     colours: ArrayLike | None = None
+    faces: Index | None = None
 
 
 def plot_body(vertices: Array, faces: Index, *, ax: Axes) -> Axes:
@@ -111,7 +113,8 @@ def line_up(
     at, places = 0.0, []
     for figurine, solid, extent, slot in zip(figurines, solids, extents, slots, strict=True):
         flat = solid[:, :2] + [at + (slot - extent) / 2 - float(solid[:, 0].min()), 0.0]
-        ax.add_collection(painted(flat, solid, faces, figurine.colours, contrast))
+        own = faces if figurine.faces is None else figurine.faces
+        ax.add_collection(painted(flat, solid, own, figurine.colours, contrast))
         places.append(at + slot / 2)
         at += slot + gap
     low = min(float(s[:, 1].min()) for s in solids)

@@ -89,7 +89,8 @@ def unseen(diagnosis: Diagnosis) -> list[str]:
     pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
     text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")
     named = ("twist", "entry", "joint", "mixed")
-    text += [d.name for d in found if d.kind not in named]  # gauges, shifts, blocks
+    others = [d.name for d in found if d.kind not in named]  # gauges, shifts, blocks
+    text += [name.partition(", undone by ")[0] for name in others]
     longer = [d.name for d in found if d.kind in ("joint", "mixed")]
     text += longer if len(longer) < 4 else [f"{len(longer)} combinations of more: see the table"]
     if len(text) > MOST:

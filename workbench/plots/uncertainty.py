@@ -17,7 +17,7 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         at = diagnosis.free.slices[block.name]
         x = np.arange(at.start, at.stop)
         sigma, prior = known.sigma[at], known.prior_sigma[at]
-        seen = np.isfinite(sigma)
+        seen = np.isfinite(sigma) & (sigma > 0)  # one that a bound fixes has none to draw
         colour, marker = LINES[i % len(LINES)], MARKERS[i % len(MARKERS)]
         # Of a block of which nothing is known only the strips tell.
         label = f"{block.name} ({block.unit})" if seen.any() else None
@@ -29,18 +29,19 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     for i, (first, last) in enumerate(_runs(blind)):  # no number is known, so none is drawn
         label = None if i else "unknown: no finite standard deviation"
         ax.axvspan(first - 0.5, last + 0.5, color=VERMILLION, alpha=0.13, linewidth=0, label=label)
-    if blind.size == known.sigma.size:  # nothing to put on an axis of numbers
+    numbers = np.concatenate([known.sigma, known.prior_sigma])
+    if not (np.isfinite(numbers) & (numbers > 0)).any():  # nothing to put on an axis of numbers
         ax.set_yticks([])
         ax.set_xlim(-0.5, blind.size - 0.5)
     else:
+        drawn = numbers[np.isfinite(numbers) & (numbers > 0)]
+        ax.set_ylim(drawn.min() / 2, drawn.max() * 60)  # room for the legend
         ax.set_yscale("log")
     ax.set_xlabel("entry, in the order of the table below")
     ax.set_ylabel("standard deviation (the entry's unit)")
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper right", ncols=2)
     ax.margins(x=0.01)
-    low, high = ax.get_ylim()
-    ax.set_ylim(low, high * 30)  # room for the legend
     return ax
 
 

@@ -5,18 +5,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from workbench import plots
 from workbench.bodies.body import Body
 from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagnosis
+from workbench.diagnostics.diagnose import diagnose_whole
 from workbench.diagnostics.findings import held
+from workbench.diagnostics.report import compared_blocks
 from workbench.diagnostics.structure import pose_moves_template
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, joined
 from workbench.fitting.setup import View
 from workbench.plots import sheets
 from workbench.replay import recorded_diagnosis
 from workbench.reports import diagnosis_tables, tables
 from workbench.reports.direction_pictures import pictures
-from workbench.reports.figures import drawn, plotted, spectrum
+from workbench.reports.figures import Shown, drawn, plotted, spectrum
 from workbench.reports.folder import SUMMARY, write_folder
 from workbench.reports.page import page
 
@@ -120,6 +124,27 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
     }
 
 
+def _sigmas(d: Diagnosis) -> dict[str, Any]:
+    """The standard deviations, after a remedy where none of them is finite without it."""
+    known, unknown = compared_blocks(d) if d.contributions else ([], [])
+    found: dict[str, Any] = {
+        "sigmas": None,
+        "sigmas_known": bool(known),
+        "sigmas_unknown": joined(unknown) if unknown else "",
+    }
+    if np.isfinite(d.identifiability.sigma).any():
+        return found | {"sigmas": _drawn_sigmas(d)}
+    for one in d.suggestions:
+        if one.kind == "least":
+            after = diagnose_whole(one.problem, one.values, priors=d.priors)
+            return found | {"remedied": _drawn_sigmas(after), "remedied_by": one.what}
+    return found
+
+
+def _drawn_sigmas(d: Diagnosis) -> Shown:
+    return plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d)
+
+
 def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
@@ -132,7 +157,7 @@ def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str
         "weak_pictures": pictures(d, d.weak_directions, body),
         "recording": recorded_diagnosis(d, body, views),
         "conditioning": diagnosis_tables.conditioning_table(d),
-        "sigmas": plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d),
+        **_sigmas(d),
         "share": plotted(8.0, 3.4, plots.plot_data_share, plots.caption_data_share, d)
         if d.priors and d.identifiability.data_share is not None
         else None,

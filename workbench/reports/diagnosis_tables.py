@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.diagnostics import Diagnosis, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.report import changed
+from workbench.diagnostics.report import changed, compared_blocks
 from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
 from workbench.reports import tables
 from workbench.reports.tables import Columns, Table, number
@@ -113,6 +113,7 @@ def contributions_table(d: Diagnosis) -> Table | None:
     """The rank and the standard deviations with and without each residual, None if not computed."""
     if not d.contributions:
         return None
+    names, _ = compared_blocks(d)
     rows = tuple(
         (
             c.residual,
@@ -122,7 +123,7 @@ def contributions_table(d: Diagnosis) -> Table | None:
             number(float(c.singular_values_with.min(initial=np.inf)), 2),
             *(
                 changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: number(sigma, 2))
-                for n in d.free.names
+                for n in names
             ),
         )
         for c in d.contributions
@@ -133,7 +134,7 @@ def contributions_table(d: Diagnosis) -> Table | None:
         "with",
         "least singular value without",
         "with",
-        *(f"sigma of {n}" for n in d.free.names),
+        *(f"sigma of {n}" for n in names),
     )
     return Table(head, rows, tuple(range(1, len(head))))
 

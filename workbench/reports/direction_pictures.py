@@ -19,11 +19,15 @@ MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 
 
 def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> list[Shown]:
-    """The body moved along the first directions that move it; no pictures for several frames."""
+    """The body moved along the first directions that move it; no pictures for several frames.
+
+    The three entries of one joint are one picture, of the first of them.
+    """
     several = any(block.framed for block in d.problem.known.values())
     if body is None or several or _arguments(d, body, d.values) is None:
         return []
     drawn: list[Shown] = []
+    turned: set[tuple[str, ...]] = set()
     for direction in sorted(found, key=lambda x: x.kind == "entry"):
         if len(drawn) == PICTURES:
             break
@@ -34,6 +38,10 @@ def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> lis
         here = moved["here"]
         if max(float(np.abs(s - here).max()) for s in moved.values()) < 1e-3:
             continue
+        if direction.kind == "entry" and direction.joints:
+            if direction.joints in turned:
+                continue
+            turned.add(direction.joints)
         unit = d.free.unit(int(np.argmax(abs(direction.vector))))
         figure = sheets.direction_sheet(moved, body.faces)
         drawn.append(shown(figure, caption_direction(direction.name, moved, amount, unit)))

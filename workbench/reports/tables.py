@@ -161,7 +161,7 @@ def hypotheses_table(solution: Solution) -> Table:
 
 
 def terms_table(diagnosis: Diagnosis) -> Table:
-    """The Jacobian by term and block."""
+    """The Jacobian by term and block, without pairs that do not depend on each other."""
     columns: Columns[TermBlock] = {
         "term": lambda t: t.residual,
         "block": lambda t: t.block,
@@ -171,7 +171,8 @@ def terms_table(diagnosis: Diagnosis) -> Table:
         "density": lambda t: f"{t.nonzeros / max(1, t.rows * t.columns):.1%}",
         "norm": lambda t: number(t.norm),
     }
-    return Table.of(diagnosis.terms, columns, (2, 3, 4, 5, 6))
+    some = [term for term in diagnosis.terms if term.nonzeros]
+    return Table.of(some, columns, (2, 3, 4, 5, 6))
 
 
 def directions_table(diagnosis: Diagnosis) -> Table:
