@@ -250,8 +250,7 @@ class NormalEquations:
                     only, subject = slice(at, at + 1), batch.subject[j : j + 1]
                     one = SkinningPass.of(self.estimate, only, subject)
                     turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
-                    if self.estimate.posedirs.shape[2]:
-                        turns[:, 1:] += one.bulging()[0]
+                    turns[:, 1:] += one.bulging()[0]
                     turns -= np.average(turns, axis=0, weights=share[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
                     blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)

@@ -161,6 +161,8 @@ class SkinningPass:
         """
         local, P = self.posing.local[:, 1:], self.estimate.posedirs
         (c, m), N = local.shape[:2], len(P)
+        if not P.shape[2]:
+            return np.zeros((c, N, m, 3, 3))
         slopes = (crossed(np.eye(3)) @ local[:, :, None]).reshape(c, m, 3, 9)  # of the features
         at_rest = np.einsum("nbmf,cmdf->cnmbd", P.reshape(N, 3, m, 9), slopes, optimize=True)
         return np.asarray(self.blended[:, :, None] @ at_rest)

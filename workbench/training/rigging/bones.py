@@ -120,9 +120,7 @@ def fit_bones(bones: Bones, rest: Array, meshes: Array, rounds: int = 3) -> Bone
     return Bones(R, t, W)
 
 
-def fit_bone_weights(
-    bones: Bones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS
-) -> Bones:
+def fit_bone_weights(bones: Bones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS) -> Bones:
     """The weights of each vertex, the bones held, at most `most` of them above zero."""
     (N, K), T = bones.weights.shape, len(meshes)
     grams, rights = np.zeros((N, K, K)), np.zeros((N, K))

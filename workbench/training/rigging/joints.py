@@ -37,21 +37,22 @@ class JointCandidate:
         bones: the numbers of both.
         place: (3,) in metres, at rest.
         gap: in metres, how far the bones take it apart, rms over the frames.
-        turns: (3,) how far a metre along each direction parts the bones, in metres (rms); about
-            the angle in radians by which they turn about the other two directions. Ascending.
+        parting: (3,) how far the bones take apart a point that is a metre off along each
+            direction, in metres (rms), ascending. It is zero along the axis of a hinge, and across
+            it about the angle in radians by which the bones turn against each other.
         directions: (3, 3) in its rows the unit vectors of these directions, at rest.
     """
 
     bones: tuple[int, int]
     place: Array
     gap: float
-    turns: Array
+    parting: Array
     directions: Array
 
     @cached_property
     def slides(self) -> Array:
         """How far the joint may slide along each direction, (3,) m, without the gap telling."""
-        return np.asarray(max(self.gap, ROUNDING) / np.maximum(self.turns, 1e-300))
+        return np.asarray(max(self.gap, ROUNDING) / np.maximum(self.parting, 1e-300))
 
     @property
     def free(self) -> Array:
@@ -70,11 +71,11 @@ def candidate(bones: Bones, rest: Array, a: int, b: int) -> JointCandidate:
         middle = (own @ rest / np.maximum(own.sum(axis=1, keepdims=True), 1e-300)).mean(axis=0)
     else:
         middle = both @ rest / both.sum()
-    _, turns, directions = np.linalg.svd(A, full_matrices=False)
+    _, parting, directions = np.linalg.svd(A, full_matrices=False)
     along = directions @ (A.T @ (g - A @ middle))
-    place = middle + (along / (turns**2 + NEAR**2)) @ directions
+    place = middle + (along / (parting**2 + NEAR**2)) @ directions
     gap = float(np.linalg.norm(A @ place - g))
-    return JointCandidate((a, b), place, gap, turns[::-1], directions[::-1])
+    return JointCandidate((a, b), place, gap, parting[::-1], directions[::-1])
 
 
 @dataclass(frozen=True, eq=False)
