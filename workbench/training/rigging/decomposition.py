@@ -28,6 +28,8 @@ FEWEST = 3  # vertices of a cluster: two do not determine a rotation
 TURNS = 4  # of Lloyd's algorithm, and of the alternation, between two new bones
 WORST = 0.5  # of the largest error: clusters that have more are divided at once
 CLIFF, STEEP = 1e-13, 100.0  # of the largest eigenvalue: rounding; a ratio that no noise has
+SPARE = 5  # one bone in so many is made in addition, and given up again
+CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
 MOST = 64  # bones that are looked for without being asked for
 
 
@@ -78,19 +80,54 @@ def clusters(rest: Array, meshes: Array, count: int) -> Bones:
     return Bones(R, t, np.eye(len(motions))[own])
 
 
-def grown(bones: Bones, rest: Array, meshes: Array, count: int, report: Report) -> Bones:
-    """Alternation, with one bone more where the error is largest, until there are `count`."""
-    first = bones.count
-    near = patches(rest)
-    while True:
-        for _ in range(TURNS):
-            bones = fit_bones(fit_bone_weights(bones, rest, meshes), rest, meshes)
-        report("bones", bones.count - first + 1, count - first + 1)
-        if bones.count >= count:
-            return bones
-        errors = bones.errors(rest, meshes)
-        worst = near[errors[near].sum(axis=1).argmax()]
-        bones = bones.with_bone(*_of_patch(rest, meshes, worst))
+def alternated(bones: Bones, rest: Array, meshes: Array) -> Bones:
+    """A few turns of the alternation."""
+    for _ in range(TURNS):
+        bones = fit_bones(fit_bone_weights(bones, rest, meshes), rest, meshes)
+    return bones
+
+
+def decomposed(rest: Array, meshes: Array, count: int, report: Report) -> Bones:
+    """`count` bones: from clusters, more than there are to be, and then fewer, as long as it helps.
+
+    A new bone may begin where the error only comes from another bone that is not right yet. So a
+    few more bones are made, and those are given up that others can best stand for.
+    """
+    bones = alternated(clusters(rest, meshes, count), rest, meshes)
+    spare, best = max(1, count // SPARE), None
+    for cycle in range(CYCLES):
+        while bones.count < count + spare:
+            bones = alternated(with_worst(bones, rest, meshes), rest, meshes)
+            report(f"bones, turn {cycle + 1}", min(bones.count, count), count)
+        while bones.count > count:
+            bones = alternated(without_least(bones, rest), rest, meshes)
+        if best is not None and bones.rms(rest, meshes) > BETTER * best.rms(rest, meshes):
+            break
+        best = bones
+    return best if best is not None else bones
+
+
+def with_worst(bones: Bones, rest: Array, meshes: Array) -> Bones:
+    """One bone more, which begins as the motion of the patch with the largest error."""
+    near, errors = patches(rest), bones.errors(rest, meshes)
+    return bones.with_bone(*_of_patch(rest, meshes, near[errors[near].sum(axis=1).argmax()]))
+
+
+def without_least(bones: Bones, rest: Array) -> Bones:
+    """The bones without the one whose surface another one moves most nearly alike."""
+    sizes = (bones.weights**2).sum(axis=0)
+    costs = differences(bones, rest) ** 2 * sizes[:, None]
+    np.fill_diagonal(costs, np.inf)
+    a, b = np.unravel_index(int(costs.argmin()), costs.shape)
+    return _given_over(bones, int(a), int(b))
+
+
+def _given_over(bones: Bones, a: int, b: int) -> Bones:
+    """The bones without bone a, whose weights are added to those of bone b."""
+    weights = bones.weights.copy()
+    weights[:, b] += weights[:, a]
+    kept = np.flatnonzero(np.arange(bones.count) != a)
+    return Bones(bones.rotations, bones.translations, weights).only(kept)
 
 
 def alike(bones: Bones, rest: Array, tolerance: float) -> Bones:
@@ -105,10 +142,7 @@ def alike(bones: Bones, rest: Array, tolerance: float) -> Bones:
         a, b = np.unravel_index(int(apart.argmin()), apart.shape)
         if apart[a, b] > tolerance:
             return bones
-        weights = bones.weights.copy()
-        weights[:, b] += weights[:, a]
-        kept = np.flatnonzero(np.arange(bones.count) != a)
-        bones = Bones(bones.rotations, bones.translations, weights).only(kept)
+        bones = _given_over(bones, int(a), int(b))
     return bones
 
 

@@ -20,9 +20,9 @@ from workbench.training.rigging.decomposition import (
     MOST,
     Report,
     alike,
+    alternated,
     bones_needed,
-    clusters,
-    grown,
+    decomposed,
 )
 from workbench.training.rigging.joints import JointCandidate, JointTree, candidate, joint_tree
 from workbench.training.rigging.refinement import (
@@ -105,16 +105,17 @@ def rig(
         few = subsample(shape, np.asarray(faces), ENOUGH)
         v = few.vertices
         near = Refinement(meshes[:, v], few.faces)
-        found, tree, merged = _skeleton(near, shape[v], bones, tolerance, report)
-        estimate = on_tree(found, tree, shape[v])
-        estimate = near.refined(estimate, "skeleton", LAST_ROUNDS, report, LAST)
+        estimate, merged = _skeleton(near, shape[v], bones, tolerance, report)
+        free = bool((estimate.templates[0] != shape[v]).any())
+        block = "skinning" if free else "skeleton"
+        estimate = near.refined(estimate, block, LAST_ROUNDS, report, LAST)
         every = Refinement(meshes, np.asarray(faces))
         if len(v) < len(shape):
             estimate = _on_every_vertex(estimate, meshes, shape, v)
-            estimate = every.refined(estimate, "skeleton", ROUNDS, report)
-        if every.rms(estimate) > REGRESSED:
+            estimate = every.refined(estimate, block, ROUNDS, report)
+        if not free and every.rms(estimate) > REGRESSED:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
-            estimate = put_back(estimate, shape)
+        estimate = put_back(estimate, shape)
         return _result(every, estimate, merged, dict(card or {}))
 
 
@@ -131,23 +132,28 @@ def pose_rms(body: SkinnedBody, meshes: Array) -> float:
 
 def _skeleton(
     given: Refinement, rest: Array, count: int | None, tolerance: float, report: Report
-) -> tuple[Bones, JointTree, int]:
-    """The bones of a tree that do not change it any more, and how many were merged."""
-    meshes, merged = given.meshes, 0
+) -> tuple[Estimate, int]:
+    """An estimate with enough bones on the right tree, and how many of them were merged.
+
+    One bone more is tried only if the tree with a free template does not explain the meshes either.
+    """
+    meshes = given.meshes
     target = bones_needed(meshes, tolerance) if count is None else count
-    bones = clusters(rest, meshes, target)
-    kept: tuple[Bones, JointTree] | None = None
+    kept: tuple[Estimate, int] | None = None
     while True:
-        bones = grown(bones, rest, meshes, target, report)
+        bones = decomposed(rest, meshes, target, report)
         different = alike(bones, rest, tolerance)
         merged = bones.count - different.count
-        bones, tree = _settled(given, rest, different, report)
-        rms = bones.rms(rest, meshes)
-        if kept is not None and rms > (1 - WORTH) * kept[0].rms(rest, meshes):
-            return *kept, 0
-        if count is not None or rms <= tolerance or target >= MOST:
-            return bones, tree, merged
-        kept, target = (bones, tree), bones.count + 1
+        settled, tree = _settled(given, rest, different, report)
+        estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, report)
+        if given.rms(estimate) > REGRESSED:
+            freed = given.refined(estimate, "skinning", ROUNDS, report)
+            estimate = freed if given.rms(freed) < given.rms(estimate) else estimate
+        if kept is not None and given.rms(estimate) > (1 - WORTH) * given.rms(kept[0]):
+            return kept
+        if count is not None or given.rms(estimate) <= tolerance or target >= MOST:
+            return estimate, merged
+        kept, target = (estimate, merged), different.count + 1
 
 
 def _settled(
@@ -157,7 +163,7 @@ def _settled(
     tree = joint_tree(bones, rest)
     for _ in range(TREES):
         estimate = given.refined(on_tree(bones, tree, rest), "skeleton", ROUNDS, report)
-        freed = off_tree(estimate, given.meshes)
+        freed = alternated(off_tree(estimate, given.meshes), rest, given.meshes)
         again = joint_tree(freed, rest)
         place = np.argsort(tree.order)
         same = {frozenset(int(place[k]) for k in edge) for edge in tree.edges} == again.edges

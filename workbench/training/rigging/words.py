@@ -7,6 +7,8 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.training.rigging.joints import JointCandidate
 
+STILL = 0.05  # rad, rms: bones that turn less against each other hardly turn
+
 
 def notes_of(
     joints: Sequence[JointCandidate], names: Sequence[str], merged: int
@@ -29,6 +31,11 @@ def notes_of(
 def sentence(joint: JointCandidate, names: Sequence[str]) -> str:
     """What is not determined of a joint, in a sentence."""
     above, own = (names[k] for k in joint.bones)
+    if joint.parting[-1] > STILL and len(joint.free) > 1:
+        return (
+            f"{own} and {above} take their joint {1e3 * joint.gap:.1f} mm apart (rms), so that "
+            "it is not known to within a centimetre"
+        )
     if len(joint.free) == 1:
         return (
             f"{own} turns against {above} about one axis only: its joint may slide along "
