@@ -1,5 +1,6 @@
 """Every example runs and asserts what it claims."""
 
+import itertools
 from importlib import import_module
 from pathlib import Path
 

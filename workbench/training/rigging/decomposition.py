@@ -7,7 +7,7 @@ is largest, as the motion of a patch of vertices there, and alternation gives it
 """
 
 from collections.abc import Callable
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -94,17 +94,20 @@ def decomposed(rest: Array, meshes: Array, count: int, report: Report) -> Bones:
     few more bones are made, and those are given up that others can best stand for.
     """
     bones = alternated(clusters(rest, meshes, count), rest, meshes)
-    spare, best = max(1, count // SPARE), None
+    spare = max(1, count // SPARE)
+    best, lowest = bones, inf
     for cycle in range(CYCLES):
         while bones.count < count + spare:
             bones = alternated(with_worst(bones, rest, meshes), rest, meshes)
             report(f"bones, turn {cycle + 1}", min(bones.count, count), count)
         while bones.count > count:
             bones = alternated(without_least(bones, rest), rest, meshes)
-        if best is not None and bones.rms(rest, meshes) > BETTER * best.rms(rest, meshes):
+        before, rms = lowest, bones.rms(rest, meshes)
+        if rms < lowest:
+            best, lowest = bones, rms
+        if rms > BETTER * before:
             break
-        best = bones
-    return best if best is not None else bones
+    return best
 
 
 def with_worst(bones: Bones, rest: Array, meshes: Array) -> Bones:

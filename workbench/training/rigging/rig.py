@@ -146,7 +146,7 @@ def _skeleton(
         merged = bones.count - different.count
         settled, tree = _settled(given, rest, different, report)
         estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, report)
-        if given.rms(estimate) > REGRESSED:
+        if given.rms(estimate) > tolerance:
             freed = given.refined(estimate, "skinning", ROUNDS, report)
             estimate = freed if given.rms(freed) < given.rms(estimate) else estimate
         if kept is not None and given.rms(estimate) > (1 - WORTH) * given.rms(kept[0]):

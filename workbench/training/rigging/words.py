@@ -50,7 +50,8 @@ def sentence(joint: JointCandidate, names: Sequence[str]) -> str:
 def in_words(direction: Array) -> str:
     """A direction at rest, with its largest component positive: `(0.99, 0.10, 0.00)`."""
     d = direction * np.sign(direction[np.abs(direction).argmax()])
-    return f"({', '.join(f'{x + 0.0:.2f}' for x in d)})"
+    rounded = [round(float(x), 2) + 0.0 for x in d]  # and no minus before a zero
+    return f"({', '.join(f'{x:.2f}' for x in rounded)})"
 
 
 def _distance(slide: float) -> str:
