@@ -1,6 +1,6 @@
 """Rigging of the embedded body `small`, driven by recorded motion, blend shapes off.
 
-    python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved|recorded]
+    python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved] [--frames 120]
 
 RECORDING is a recording as `workbench.priors.mocap` reads it. In `recorded` the body makes the
 recorded poses, in which feet, collars and hands do not move at all, and elbows and wrists hardly
@@ -67,7 +67,7 @@ class Driven:
     held_out: Array
 
 
-def driven(recording: Path, added: float) -> Driven:
+def driven(recording: Path, added: float, frames: int) -> Driven:
     """The body `small` without blend shapes, in poses of a recording with angles added (rad)."""
     whole = load_body("small")
     assert isinstance(whole, SkinnedBody)
@@ -80,7 +80,7 @@ def driven(recording: Path, added: float) -> Driven:
     learned, others = read_mocap(recording).split()
     rng = np.random.default_rng(SEED)
     meshes = []
-    for source, count in ((learned, FRAMES), (others, HELD_OUT)):
+    for source, count in ((learned, frames), (others, HELD_OUT)):
         rows = np.sort(rng.choice(len(source.poses), count, replace=False))
         poses = source.poses[rows] + added * rng.standard_normal((count, body.n_joints, 3))
         meshes.append(np.stack([body.vertices(pose) for pose in poses]))
@@ -138,11 +138,12 @@ def main() -> None:
     parser.add_argument("recording", type=Path)
     parser.add_argument("--dem-bones", metavar="PYTHON")
     parser.add_argument("--only", choices=ADDED, action="append")
+    parser.add_argument("--frames", type=int, default=FRAMES)
     given = parser.parse_args()
     for name in given.only or ADDED:
-        data = driven(given.recording, ADDED[name])
+        data = driven(given.recording, ADDED[name], given.frames)
         rigged, found = ours(data)
-        result = {"frames": FRAMES, "held_out_frames": HELD_OUT, "seed": SEED, "ours": found}
+        result = {"frames": given.frames, "held_out_frames": HELD_OUT, "seed": SEED, "ours": found}
         if given.dem_bones:
             result["py_dem_bones"] = theirs(data, rigged.body.n_joints, given.dem_bones)
         results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
