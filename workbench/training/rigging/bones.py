@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.geometry.rotation import nearest_rotation
 from workbench.training.first_guess import MOST_WEIGHTS
 from workbench.training.registrations import rows_of_jobs
@@ -67,7 +67,7 @@ class Bones:
         """The root mean square distance of the vertices, in metres."""
         return float(np.sqrt(self.errors(rest, meshes).mean() / len(meshes)))
 
-    def only(self, some: Array) -> "Bones":
+    def only(self, some: Index) -> "Bones":
         """The bones of these numbers; what the others carried is shared out among them."""
         weights = self.weights[:, some]
         total = weights.sum(axis=1, keepdims=True)

@@ -12,7 +12,7 @@ from math import ceil, inf
 import numpy as np
 from scipy.spatial import cKDTree
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.training.rigging.bones import (
     Bones,
@@ -164,17 +164,17 @@ def differences(bones: Bones, rest: Array) -> Array:
     return np.sqrt(found / T)
 
 
-def patches(rest: Array) -> Array:
+def patches(rest: Array) -> Index:
     """The numbers of each vertex and of those nearest to it at rest, (N, 8) or fewer."""
     _, near = cKDTree(rest).query(rest, min(PATCH, len(rest)))
-    return np.asarray(near)
+    return np.asarray(near, dtype=np.int64)
 
 
-def _of_patch(rest: Array, meshes: Array, patch: Array) -> tuple[Array, Array]:
+def _of_patch(rest: Array, meshes: Array, patch: Index) -> tuple[Array, Array]:
     return rigid_motions(rest[patch], meshes[:, patch], np.ones(len(patch)))
 
 
-def _lloyd(rest: Array, meshes: Array, motions: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _lloyd(rest: Array, meshes: Array, motions: list[tuple[Array, Array]]) -> tuple[Index, Array]:
     """Changes the motions; the cluster (N,) of each vertex, and its squared error (N,)."""
     for _ in range(TURNS):
         own = _errors(rest, meshes, motions).argmin(axis=1)
