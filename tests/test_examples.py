@@ -1,5 +1,6 @@
 """Every example runs and asserts what it claims."""
 
+import itertools
 from importlib import import_module
 from pathlib import Path
 
@@ -261,6 +262,17 @@ def test_a_motion_comes_back_from_its_files(capsys: pytest.CaptureFixture[str]) 
     left = turned[body.joint_names.index("left_hip")] - turned[body.joint_names.index("right_hip")]
     assert left[0] < 0 < np.linalg.norm(left)  # half a turn: left is where right was
     assert np.abs(found.joints()[:, example.order] - fast.joints(body)).max() < 1e-6
+
+
+def test_an_arm_gets_the_skeleton_that_moved_it(capsys: pytest.CaptureFixture[str]) -> None:
+    example = import_module("examples.32_a_skeleton_from_meshes")
+    capsys.readouterr()
+    assert example.body.n_joints == 5
+    assert max(example.found.rms, example.held_out) < 1e-8  # m
+    assert example.gaps.min(axis=1).max() < 1e-6
+    assert example.edges == {frozenset(pair) for pair in itertools.pairwise(example.NAMES)}
+    (slides,) = (note for note in example.found.notes if "one axis" in note)
+    assert "along (0.00, 0.00, 1.00)" in slides
 
 
 def test_a_second_camera_and_ten_markers_are_chosen() -> None:

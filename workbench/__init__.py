@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from workbench.training.first_guess import Start
     from workbench.training.plan import Plan, Stage
     from workbench.training.registrations import Batch, InMemory, Registrations
+    from workbench.training.rigging.rig import Rigged, rig
     from workbench.training.training import Trained, train
 
 __all__ = [
@@ -117,6 +118,7 @@ __all__ = [
     "Record",
     "Registrations",
     "Residual",
+    "Rigged",
     "Scipy",
     "SequenceDiagnosis",
     "Setup",
@@ -154,6 +156,7 @@ __all__ = [
     "load_body",
     "read_motion",
     "residuals",
+    "rig",
     "sample",
     "save_body",
     "save_motion",

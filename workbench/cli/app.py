@@ -22,6 +22,7 @@ from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.motion import motion
 from workbench.cli.register import register
+from workbench.cli.rig import rig
 from workbench.cli.run import run
 from workbench.cli.sample import sample
 from workbench.cli.sliders import sliders
@@ -83,6 +84,7 @@ for command in (
     sample,
     compare,
     train,
+    rig,
     register,
     coregister,
     body,

@@ -25,7 +25,7 @@ from workbench.training.evaluation import held_out_errors, shapes_explained
 from workbench.training.executor import Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
-from workbench.training.plan import REACH, alternation
+from workbench.training.plan import REACH, alternation, without_blend_shapes
 from workbench.training.progress import Progress
 from workbench.training.registrations import Registrations
 from workbench.training.training import train as train_body
@@ -68,6 +68,10 @@ def train(
             "changes the skin there."
         ),
     ] = REACH,
+    blend_shapes: Annotated[
+        bool,
+        typer.Option(help="Learn pose blend shapes, or only templates, joints, weights and poses."),
+    ] = True,
     jobs: Annotated[
         int, typer.Option(help="Number of processes; the result does not depend on it.")
     ] = 2,
@@ -97,7 +101,11 @@ def train(
                 f"{held_out} has no registrations of the set 'poses', on which a body is measured; "
                 "give a folder that has some, or leave --held-out out"
             )
-    plan = alternation(rounds=rounds, reach=None if folder is None else reach)
+    plan = without_blend_shapes(rounds=rounds)
+    if blend_shapes:
+        plan = alternation(rounds=rounds, reach=None if folder is None else reach)
+    elif reach != REACH:
+        warn_without_effect(console, "--reach", "there are no blend shapes to reach anywhere")
     make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)

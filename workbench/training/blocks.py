@@ -8,6 +8,8 @@ regressor  joints from templates: least squares over shares, one joint at a time
 cut        only the largest four weights are kept, where more were allowed before
 people     templates, joints and poses at once: steps of Gauss and Newton in a trust region
 together   all names at once: steps of Gauss and Newton in a trust region
+skinning   all names but the pose blend shapes, which are held, in the same way
+skeleton   joints, poses and weights at once, in the same way
 """
 
 from collections.abc import Callable
@@ -31,6 +33,8 @@ from workbench.training.subsampling import ENOUGH, subsample
 
 REST = ("templates", "joints")
 PEOPLE = ("templates", "joints", "poses")
+SKELETON = ("joints", "poses", "weights")
+SKINNING = ("templates", *SKELETON)
 SURFACES = ("templates", "posedirs", "joints")
 POSE_STEPS = 2  # of Levenberg and Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
@@ -242,5 +246,7 @@ BLOCKS: dict[str, Block] = {
     "cut": cut_weights,
     "people": partial(fit_in_trust_region, PEOPLE),
     "together": partial(fit_in_trust_region, NAMES),
+    "skinning": partial(fit_in_trust_region, SKINNING),
+    "skeleton": partial(fit_in_trust_region, SKELETON),
 }
 MAY_RISE = ("cut",)  # blocks that may raise the cost

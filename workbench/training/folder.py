@@ -161,8 +161,14 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
     Raises BadFile that names what cannot be used and why: another topology, numbers that are not
     finite, a mirrored mesh, another unit than metres.
     """
-    rows = read_table(folder / TABLE)
-    found = FolderRegistrations(folder, rows, n_vertices, faces)
+    found = FolderRegistrations(folder, read_table(folder / TABLE), n_vertices, faces)
+    check_registrations(found, faces, str(folder))
+    return found
+
+
+def check_registrations(found: FolderRegistrations, faces: Index, place: str) -> None:
+    """Read every registration in a place. Raises BadFile that names all that cannot be used."""
+    rows = found.rows
     bad: list[str] = []
     sizes, volumes = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     for i, row in enumerate(rows):
@@ -179,9 +185,8 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
         more = f"\nand {len(bad) - MOST_LISTED} more" if len(bad) > MOST_LISTED else ""
         first = "\n".join(f"  {text}" for text in bad[:MOST_LISTED])
         raise BadFile(
-            f"{len(bad)} of {len(rows)} registrations in {folder} cannot be used:\n{first}{more}"
+            f"{len(bad)} of {len(rows)} registrations in {place} cannot be used:\n{first}{more}"
         )
-    return found
 
 
 def _out_of_size(rows: tuple[Row, ...], sizes: Array) -> Iterator[str]:

@@ -76,3 +76,24 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
         ),
         reach,
     )
+
+
+def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
+    """The alternation without pose blend shapes: templates, joints, weights and poses alone.
+
+    What skinning alone leaves of the data is then the cost, and not compensated by 9 (K - 1) free
+    directions for every vertex: from registrations that linear blending explains, joints and
+    weights are found that blend shapes would hide.
+    """
+    held = Sigmas() if sigmas is None else sigmas
+    rough = replace(held, data=ROUGH * held.data)
+    tied = replace(held, rings=TIED * held.rings)
+    last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
+    return Plan(
+        (
+            Stage(rough, ("rest", "poses"), 1, QUICK),
+            Stage(held, ("rest", "poses", "weights"), 1, QUICK),
+            Stage(tied, ("regressor", "rest", "poses"), rounds, QUICK),
+            Stage(tied, last, 1, QUICK),
+        )
+    )

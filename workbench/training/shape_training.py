@@ -11,7 +11,6 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.unposing import unpose
-from workbench.errors import BadArgument
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
 from workbench.training.executor import SERIAL, Execution
@@ -97,13 +96,17 @@ def regressor_of(model: PoseModel) -> JointRegressor:
 def subjects_space(
     model: PoseModel, regressor: csr_array, faces: Index, n_betas: int, mirror: Mirror | None
 ) -> ShapeSpace:
-    """The principal directions of the subjects' templates, with their root joints at zero."""
+    """The principal directions of the subjects' templates, with their root joints at zero.
+
+    One subject has none: the template is the subject's own.
+    """
     templates = model.estimate.templates
     n = min(n_betas, len(templates) - 1)
     if n < 1:
-        raise BadArgument(
-            "shape cannot be learned from one subject; give registrations of more people"
-        )
+        own = about_root(templates, regressor)[0]
+        if mirror is not None:
+            own = (own + mirror.points(own)) / 2
+        return ShapeSpace(own, np.zeros((*own.shape, 0)), np.zeros(0))
     return learn_shape_space(about_root(templates, regressor), faces, mirror, n)
 
 

@@ -130,6 +130,8 @@ class SkinningPass:
             on_world[:, parent] += on_levers[:, k]
         on_local = np.zeros_like(on_world)
         P = self.estimate.posedirs
+        if not P.shape[2]:
+            return self.posing.turning_back(on_world, on_local)
         on_features = on_rest.reshape(c, -1) @ P.reshape(-1, P.shape[2])
         on_local[:, 1:] = on_features.reshape(c, K - 1, 3, 3)
         return self.posing.turning_back(on_world, on_local)
@@ -159,14 +161,21 @@ class SkinningPass:
         """
         local, P = self.posing.local[:, 1:], self.estimate.posedirs
         (c, m), N = local.shape[:2], len(P)
+        if not P.shape[2]:
+            return np.zeros((c, N, m, 3, 3))
         slopes = (crossed(np.eye(3)) @ local[:, :, None]).reshape(c, m, 3, 9)  # of the features
         at_rest = np.einsum("nbmf,cmdf->cnmbd", P.reshape(N, 3, m, 9), slopes, optimize=True)
         return np.asarray(self.blended[:, :, None] @ at_rest)
 
 
 def bent(posedirs: Array, features: Array) -> Array:
-    """P f, (c, N, 3) m, of posedirs (N, 3, F) and features (c, F)."""
+    """P f, (c, N, 3) m, of posedirs (N, 3, F) and features (c, F); zero if there are no posedirs.
+
+    Posedirs (N, 3, 0) stand for those of a body without blend shapes, which are not multiplied.
+    """
     N = len(posedirs)
+    if not posedirs.shape[2]:
+        return np.zeros((len(features), N, 3))
     return np.asarray(features @ posedirs.reshape(3 * N, -1).T).reshape(-1, N, 3)
 
 

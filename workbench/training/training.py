@@ -52,10 +52,11 @@ def train(
     """Train a body from a few people in many poses and, if given, many people in one pose.
 
     `start` is a template divided into segments. Without `multi_shape`, the shape directions are
-    those of the subjects themselves, at most one fewer than there are subjects. With a `folder`,
-    the run can be killed at any time, and continues from there. A mesh of very many vertices is
-    trained on some of them first. `executor` runs the fits of poses, in this process as `map`
-    does, or in several by `Processes`. Raises NotLowered, NoMirror or BadFile.
+    those of the subjects themselves, at most one fewer than there are subjects, so that a body of
+    one subject has none. The plan `without_blend_shapes` leaves pose blend shapes out. With a
+    `folder`, the run can be killed at any time, and continues from there. A mesh of very many
+    vertices is trained on some of them first. `executor` runs the fits of poses, in this process
+    as `map` does, or in several by `Processes`. Raises NotLowered, NoMirror or BadFile.
     """
     chosen = alternation() if plan is None else plan
     execution = Execution(executor, report)

@@ -1,0 +1,156 @@
+"""Rigging of the embedded body `small`, driven by recorded motion, blend shapes off.
+
+    python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved] [--frames 120]
+
+RECORDING is a recording as `workbench.priors.mocap` reads it. In `recorded` the body makes the
+recorded poses, in which feet, collars and hands do not move at all, and elbows and wrists hardly
+about more than one axis. In `moved` every joint is turned by made-up angles as well, of 0.15 rad
+(standard deviation) about each axis, so that each of them can be found. Bones, weights, joints and
+tree are compared with those of the body, and the error is measured on poses of clips that nothing
+was learned from. PYTHON is a Python in which py-dem-bones is installed: it decomposes the same
+meshes into as many bones.
+"""
+
+import argparse
+import json
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from workbench import SkinnedBody, load_body
+from workbench.arrays import Array
+from workbench.priors.mocap import read_mocap
+from workbench.training.rigging.rig import Rigged, pose_rms, rig
+
+RESULTS = Path(__file__).parent / "results" / "rigging.json"
+ADDED = {"moved": 0.15, "recorded": 0.0}  # rad
+FRAMES, HELD_OUT = 120, 20
+SEED = 3
+PEER = """
+import sys, time, json, numpy as np, py_dem_bones as peer
+given = np.load(sys.argv[1]); rest, V = given["rest"], given["meshes"]
+T, N, _ = V.shape
+found = []
+for smooth in (0.0, 1e-4):
+    for asked in range(int(given["bones"]), 3 * int(given["bones"])):
+        d = peer.DemBones()
+        d.nIters, d.nInitIters, d.nTransIters, d.nWeightsIters = 100, 10, 5, 3
+        d.nnz, d.weightsSmooth = 4, smooth
+        d.nV, d.nB, d.nF, d.nS = N, asked, T, 1
+        d.fStart, d.subjectID = np.array([0, T], np.int32), np.zeros(T, np.int32)
+        d.u = np.asfortranarray(rest.T)
+        d.v = np.asfortranarray(V.transpose(0, 2, 1).reshape(3 * T, N))
+        d.fv = given["faces"].tolist()
+        d.init()
+        if d.nB >= int(given["bones"]):
+            break
+    began = time.process_time()
+    d.compute()
+    found.append({"bones": d.nB, "asked": asked, "smooth": smooth, "rms_m": d.rmse(),
+                  "cpu_s": time.process_time() - began})
+print(json.dumps(found))
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A body and meshes (T, N, 3) m that it made, to learn from and held out."""
+
+    body: SkinnedBody
+    meshes: Array
+    held_out: Array
+
+
+def driven(recording: Path, added: float, frames: int) -> Driven:
+    """The body `small` without blend shapes, in poses of a recording with angles added (rad)."""
+    whole = load_body("small")
+    assert isinstance(whole, SkinnedBody)
+    body = replace(
+        whole,
+        posedirs=np.zeros_like(whole.posedirs),
+        shapedirs=whole.shapedirs[:, :, :0],
+        capsules=None,
+    )
+    learned, others = read_mocap(recording).split()
+    rng = np.random.default_rng(SEED)
+    meshes = []
+    for source, count in ((learned, frames), (others, HELD_OUT)):
+        rows = np.sort(rng.choice(len(source.poses), count, replace=False))
+        poses = source.poses[rows] + added * rng.standard_normal((count, body.n_joints, 3))
+        meshes.append(np.stack([body.vertices(pose) for pose in poses]))
+    return Driven(body, *meshes)
+
+
+def agreement(found: SkinnedBody, truth: SkinnedBody) -> dict[str, Any]:
+    """Bones matched by their weights; edges and joints by the bones that they join."""
+    gaps = np.abs(found.weights[:, :, None] - truth.weights[:, None]).max(axis=0)
+    own, other = linear_sum_assignment(gaps)
+    true = dict(zip(own.tolist(), other.tolist(), strict=True))
+    away = []
+    for k, place in enumerate(found.joints()):
+        a, b = true.get(k), true.get(found.parents[k])
+        for child, parent in ((a, b), (b, a)):
+            if k and child is not None and truth.parents[child] == parent:
+                away.append(float(np.linalg.norm(place - truth.joints()[child])))
+    return {
+        "bones": found.n_joints,
+        "edges": len(away),
+        "of_edges": truth.n_joints - 1,
+        "largest_weight_error": float(gaps[own, other].max()),
+        "largest_joint_error_m": max(away, default=float("nan")),
+    }
+
+
+def ours(given: Driven) -> tuple[Rigged, dict[str, Any]]:
+    """What `rig` finds, and how well."""
+    began = time.process_time()
+    found = rig(given.meshes, given.body.faces, rest=given.body.template)
+    seconds = time.process_time() - began
+    return found, agreement(found.body, given.body) | {
+        "rms_m": found.rms,
+        "held_out_rms_m": pose_rms(found.body, given.held_out),
+        "cpu_s": seconds,
+        "notes": found.notes,
+    }
+
+
+def theirs(given: Driven, bones: int, python: str) -> Any:
+    """What py-dem-bones makes of the same meshes: errors of what it was given."""
+    with tempfile.TemporaryDirectory() as folder:
+        arrays = Path(folder) / "meshes.npz"
+        body = given.body
+        np.savez(arrays, rest=body.template, faces=body.faces, meshes=given.meshes, bones=bones)
+        ran = subprocess.run(
+            [python, "-c", PEER, str(arrays)], capture_output=True, text=True, check=True
+        )
+    return json.loads(ran.stdout.splitlines()[-1])
+
+
+def main() -> None:
+    """Measure, and add to results/rigging.json."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("--dem-bones", metavar="PYTHON")
+    parser.add_argument("--only", choices=ADDED, action="append")
+    parser.add_argument("--frames", type=int, default=FRAMES)
+    given = parser.parse_args()
+    for name in given.only or ADDED:
+        data = driven(given.recording, ADDED[name], given.frames)
+        rigged, found = ours(data)
+        result = {"frames": given.frames, "held_out_frames": HELD_OUT, "seed": SEED, "ours": found}
+        if given.dem_bones:
+            result["py_dem_bones"] = theirs(data, rigged.body.n_joints, given.dem_bones)
+        results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+        results[name] = result
+        RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+        print(json.dumps({name: result}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""Rigging finds the body that moved the meshes, and says what their motion leaves open."""
+
+import numpy as np
+import pytest
+
+from tests.training.rigging.made_motion import compared, driven
+from workbench.errors import BadArgument
+from workbench.training.rigging.rig import pose_rms, rig
+
+
+def test_a_tube_is_found_as_it_is_and_explains_held_out_meshes() -> None:
+    given = driven(24, seed=1)
+    parts: list[str] = []
+    found = rig(
+        given.meshes,
+        given.body.faces,
+        rest=given.body.template,
+        report=lambda what, done, of: parts.append(what),
+    )
+    agreement = compared(found.body, given.body)
+    assert agreement.edges == 5
+    assert agreement.weights < 1e-6
+    assert agreement.joints < 1e-6
+    assert found.rms < 1e-8
+    assert pose_rms(found.body, driven(3, seed=9).meshes) < 1e-8
+    assert {"bones, turn 1", "skeleton"} <= set(parts)
+    assert len(found.notes) == 1
+    assert "the joint of root" in found.notes[0]
+    motion = found.motion(30.0)
+    again = found.body.vertices(motion.pose[4], trans=motion.trans[4])
+    np.testing.assert_allclose(again, given.meshes[4], atol=1e-8)
+
+
+def test_the_pose_at_rest_is_found_too() -> None:
+    """From a mesh in another pose: in no bent mesh is the skin where linear blending has it."""
+    given = driven(24, seed=1)
+    bent = given.body.vertices(0.15 * np.random.default_rng(4).standard_normal((6, 3)))
+    found = rig(given.meshes, given.body.faces, rest=bent)
+    assert found.rms < 1e-8
+    assert found.body.n_joints == 6
+    assert np.abs(found.body.template - bent).max() > 0.005  # m
+    assert pose_rms(found.body, driven(3, seed=9).meshes) < 1e-8
+
+
+def test_a_hinge_lets_its_joint_slide_and_is_named() -> None:
+    allowed = np.ones((6, 3))
+    allowed[3] = [0, 0, 1]
+    given = driven(24, seed=1, allowed=allowed)
+    found = rig(given.meshes, given.body.faces, rest=given.body.template)
+    assert found.rms < 1e-8
+    assert compared(found.body, given.body).edges == 5
+    (hinge,) = (note for note in found.notes if "one axis" in note)
+    assert "may slide along (0.00, 0.00, 1.00) by any distance" in hinge
+
+
+def test_noise_leaves_errors_of_its_size() -> None:
+    given = driven(24, seed=1)
+    noise = 0.002 * np.random.default_rng(0).standard_normal(given.meshes.shape)
+    found = rig(given.meshes + noise, given.body.faces, rest=given.body.template, bones=6)
+    agreement = compared(found.body, given.body)
+    assert agreement.edges == 5
+    assert agreement.joints < 0.01  # m
+    assert 0.8 < found.rms / (0.002 * np.sqrt(3)) < 1
+
+
+def test_one_bone_is_a_body_without_a_tree() -> None:
+    given = driven(6, seed=1, allowed=np.eye(6)[:, :1] * np.ones((6, 3)))
+    found = rig(given.meshes, given.body.faces, rest=given.body.template)
+    assert found.body.parents == (-1,)
+    assert found.rms < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"meshes": np.zeros((1, 66, 3))}, "two frames and four vertices"),
+        ({"rest": np.zeros((5, 3))}, "one of the same topology"),
+        ({"meshes": np.full((3, 66, 3), np.nan)}, "not finite"),
+        ({"bones": 0}, "1 to 16 bones"),
+        ({"tolerance": 0.0}, "above 0"),
+    ],
+)
+def test_what_cannot_be_rigged_is_said(wrong: dict[str, object], said: str) -> None:
+    body = driven(2, seed=0)
+    arguments = {"meshes": body.meshes, "rest": body.body.template} | wrong
+    meshes = arguments.pop("meshes")
+    with pytest.raises(BadArgument, match=said):
+        rig(meshes, body.body.faces, **arguments)  # type: ignore[arg-type]

@@ -1,0 +1,1 @@
+"""Rigging: bones, weights, joints, a tree and a body from meshes of one topology in motion."""

@@ -1,0 +1,199 @@
+"""How many bones, and where they begin: clusters that move rigidly, and then bone after bone.
+
+Alternation only improves bones that are roughly right. The first ones are clusters of vertices
+that move as a rigid body would (Lloyd's algorithm, with a rigid motion for the mean). A bone that
+carries no vertex alone, as a collar, is in no cluster. So each further bone begins where the error
+is largest, as the motion of a patch of vertices there, and alternation gives it its share.
+"""
+
+from collections.abc import Callable
+from math import ceil, inf
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from workbench.arrays import Array, Index
+from workbench.errors import BadArgument
+from workbench.training.rigging.bones import (
+    Bones,
+    fit_bone_weights,
+    fit_bones,
+    frames,
+    rigid_motions,
+)
+
+Report = Callable[[str, int, int], None]
+PATCH = 8  # vertices whose motion a new bone begins with
+FEWEST = 3  # vertices of a cluster: two do not determine a rotation
+TURNS = 4  # of Lloyd's algorithm, and of the alternation, between two new bones
+WORST = 0.5  # of the largest error: clusters that have more are divided at once
+CLIFF, STEEP = 1e-13, 100.0  # of the largest eigenvalue: rounding; a ratio that no noise has
+SPARE = 5  # one bone in so many is made in addition, and given up again
+CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
+MOST = 64  # bones that are looked for without being asked for
+
+
+def bones_needed(meshes: Array, tolerance: float) -> int:
+    """The least number of bones that can explain meshes (T, N, 3) m to within a tolerance (m, rms).
+
+    All coordinates of all frames, written below each other, are a matrix of 3 T rows and a column
+    for each vertex. Its columns are combinations of the 3 K columns of the bones' rotations, and
+    of one for the place of the root, if the bones hang together in joints. So its rank is at most
+    3 K + 1. A joint that turns about one axis alone lowers the rank by one, so that the number
+    found is a lower bound. Of meshes without noise the rank is exact: singular values end in a
+    cliff, down to rounding. Raises BadArgument if the number is above 64.
+    """
+    T, N = meshes.shape[:2]
+    rows = meshes.transpose(0, 2, 1).reshape(3 * T, N)
+    gram = rows.T @ rows if N < 3 * T else rows @ rows.T
+    sizes = np.linalg.eigvalsh(gram).clip(0) / (T * N)  # ascending, squares of singular values
+    rank = int(np.count_nonzero(np.sqrt(np.cumsum(sizes)) > tolerance))
+    above = int(np.count_nonzero(sizes > CLIFF * sizes[-1]))
+    if above < len(sizes) and sizes[-above] > STEEP * sizes[-above - 1]:
+        rank = max(rank, above)
+    count = max(1, ceil((rank - 1) / 3))
+    if count > MOST:
+        raise BadArgument(
+            f"the meshes need {count} bones or more to be explained to within {1e3 * tolerance:g} "
+            f"mm, and at most {MOST} are looked for; say how many there are to be, or allow a "
+            "larger error"
+        )
+    return count
+
+
+def clusters(rest: Array, meshes: Array, count: int) -> Bones:
+    """At most `count` bones, each of which carries the vertices that it moves best, alone."""
+    near = patches(rest)
+    motions = [rigid_motions(rest, meshes, np.ones(len(rest)))]
+    own, errors = _lloyd(rest, meshes, motions)
+    while len(motions) < count:
+        before = len(motions)
+        total = np.bincount(own, weights=errors, minlength=before)
+        for c in np.argsort(-total)[: count - before]:
+            if total[c] >= WORST * total.max() and total[c] > 0:
+                members = np.flatnonzero(own == c)
+                motions.append(_of_patch(rest, meshes, near[members[errors[members].argmax()]]))
+        own, errors = _lloyd(rest, meshes, motions)
+        if len(motions) <= before:
+            break
+    R, t = (np.stack(part, axis=1) for part in zip(*motions, strict=True))
+    return Bones(R, t, np.eye(len(motions))[own])
+
+
+def alternated(bones: Bones, rest: Array, meshes: Array) -> Bones:
+    """A few turns of the alternation."""
+    for _ in range(TURNS):
+        bones = fit_bones(fit_bone_weights(bones, rest, meshes), rest, meshes)
+    return bones
+
+
+def decomposed(rest: Array, meshes: Array, count: int, report: Report) -> Bones:
+    """`count` bones: from clusters, more than there are to be, and then fewer, as long as it helps.
+
+    A new bone may begin where the error only comes from another bone that is not right yet. So a
+    few more bones are made, and those are given up that others can best stand for.
+    """
+    bones = alternated(clusters(rest, meshes, count), rest, meshes)
+    spare = max(1, count // SPARE)
+    best, lowest = bones, inf
+    for cycle in range(CYCLES):
+        while bones.count < count + spare:
+            bones = alternated(with_worst(bones, rest, meshes), rest, meshes)
+            report(f"bones, turn {cycle + 1}", min(bones.count, count), count)
+        while bones.count > count:
+            bones = alternated(without_least(bones, rest), rest, meshes)
+        before, rms = lowest, bones.rms(rest, meshes)
+        if rms < lowest:
+            best, lowest = bones, rms
+        if rms > BETTER * before:
+            break
+    return best
+
+
+def with_worst(bones: Bones, rest: Array, meshes: Array) -> Bones:
+    """One bone more, which begins as the motion of the patch with the largest error."""
+    near, errors = patches(rest), bones.errors(rest, meshes)
+    return bones.with_bone(*_of_patch(rest, meshes, near[errors[near].sum(axis=1).argmax()]))
+
+
+def without_least(bones: Bones, rest: Array) -> Bones:
+    """The bones without the one whose surface another one moves most nearly alike."""
+    sizes = (bones.weights**2).sum(axis=0)
+    costs = differences(bones, rest) ** 2 * sizes[:, None]
+    np.fill_diagonal(costs, np.inf)
+    a, b = np.unravel_index(int(costs.argmin()), costs.shape)
+    return _given_over(bones, int(a), int(b))
+
+
+def _given_over(bones: Bones, a: int, b: int) -> Bones:
+    """The bones without bone a, whose weights are added to those of bone b."""
+    weights = bones.weights.copy()
+    weights[:, b] += weights[:, a]
+    kept = np.flatnonzero(np.arange(bones.count) != a)
+    return Bones(bones.rotations, bones.translations, weights).only(kept)
+
+
+def alike(bones: Bones, rest: Array, tolerance: float) -> Bones:
+    """The bones without those that another could stand for.
+
+    Two bones move alike if the vertices of the one, moved by the other, are nowhere farther off
+    than `tolerance` (m, rms over frames and weights). Nothing in the meshes tells them apart.
+    """
+    while bones.count > 1:
+        apart = differences(bones, rest)
+        np.fill_diagonal(apart, np.inf)
+        a, b = np.unravel_index(int(apart.argmin()), apart.shape)
+        if apart[a, b] > tolerance:
+            return bones
+        bones = _given_over(bones, int(a), int(b))
+    return bones
+
+
+def differences(bones: Bones, rest: Array) -> Array:
+    """How far the surface of bone a would be if bone b moved it, (K, K) in m, rms."""
+    K, T = bones.count, len(bones.rotations)
+    found = np.zeros((K, K))
+    shares = bones.weights**2
+    shares = shares / np.maximum(shares.sum(axis=0), 1e-300)
+    for some in frames(bones.rotations):
+        each = bones.moved(rest, some)
+        for a in range(K):
+            own = np.flatnonzero(shares[:, a])
+            gap = ((each[:, :, own] - each[:, [a]][:, :, own]) ** 2).sum(axis=(0, 3))
+            found[a] += gap @ shares[own, a]
+    return np.sqrt(found / T)
+
+
+def patches(rest: Array) -> Index:
+    """The numbers of each vertex and of those nearest to it at rest, (N, 8) or fewer."""
+    _, near = cKDTree(rest).query(rest, min(PATCH, len(rest)))
+    return np.asarray(near, dtype=np.int64)
+
+
+def _of_patch(rest: Array, meshes: Array, patch: Index) -> tuple[Array, Array]:
+    return rigid_motions(rest[patch], meshes[:, patch], np.ones(len(patch)))
+
+
+def _lloyd(rest: Array, meshes: Array, motions: list[tuple[Array, Array]]) -> tuple[Index, Array]:
+    """Changes the motions; the cluster (N,) of each vertex, and its squared error (N,)."""
+    for _ in range(TURNS):
+        own = _errors(rest, meshes, motions).argmin(axis=1)
+        large = np.flatnonzero(np.bincount(own, minlength=len(motions)) >= FEWEST)
+        if len(large) < len(motions):
+            motions[:] = [motions[c] for c in large]
+            own = _errors(rest, meshes, motions).argmin(axis=1)
+        for c in np.unique(own):
+            motions[c] = _of_patch(rest, meshes, np.flatnonzero(own == c))
+    errors = _errors(rest, meshes, motions)
+    return errors.argmin(axis=1), errors.min(axis=1)
+
+
+def _errors(rest: Array, meshes: Array, motions: list[tuple[Array, Array]]) -> Array:
+    """The squared error of each vertex with each motion, summed over frames, (N, K) in m^2."""
+    return np.stack(
+        [
+            ((meshes - (rest @ R.swapaxes(1, 2) + t[:, None])) ** 2).sum(axis=(0, 2))
+            for R, t in motions
+        ],
+        axis=1,
+    )

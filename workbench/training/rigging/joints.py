@@ -1,0 +1,135 @@
+"""Joints: the points that stay together in two bones, the tree of them, and what is left open.
+
+Two bones a and b meet at a joint j, a point at rest, if both take it to the same place:
+
+    min over j of   1/T sum_t | (R_a^t j + t_a^t) - (R_b^t j + t_b^t) |^2
+
+which is a linear problem, A j = g with A_t = R_a^t - R_b^t. Every pair of bones is a candidate, and
+the tree is the one whose gaps are smallest together: the minimum spanning tree (Kruskal 1956; that
+joints of a mesh animation are found from pairs of bones is known from Schaefer and Yuksel,
+Example-based skeleton extraction, 2007).
+
+Where two bones turn about one axis only, A has no say along it: the joint may slide along the axis
+of a hinge. There the joint is taken that is nearest to the middle of the surface that both move.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
+from workbench.arrays import Array, Index
+from workbench.training.rigging.bones import Bones
+
+NEAR = 1e-6  # of A'A's unit: how much the middle of the common surface counts
+APART = 3.0  # factor on the gap of two bones that share no surface
+ROUNDING = 1e-7  # m: coordinates of meshes are of single precision
+SLIDE = 0.01  # m: a joint that errors let slide farther is not determined
+
+
+@dataclass(frozen=True, eq=False)
+class JointCandidate:
+    """The point that stays together best in two bones.
+
+    Attributes:
+        bones: the numbers of both.
+        place: (3,) in metres, at rest.
+        gap: in metres, how far the bones take it apart, rms over the frames.
+        parting: (3,) how far the bones take apart a point that is a metre off along each
+            direction, in metres (rms), ascending. It is zero along the axis of a hinge, and across
+            it about the angle in radians by which the bones turn against each other.
+        directions: (3, 3) in its rows the unit vectors of these directions, at rest.
+    """
+
+    bones: tuple[int, int]
+    place: Array
+    gap: float
+    parting: Array
+    directions: Array
+
+    @cached_property
+    def slides(self) -> Array:
+        """How far the joint may slide along each direction, (3,) m, without the gap telling."""
+        return np.asarray(max(self.gap, ROUNDING) / np.maximum(self.parting, 1e-300))
+
+    @property
+    def free(self) -> Array:
+        """The directions (n, 3) along which the joint is not determined to within 1 cm."""
+        return np.asarray(self.directions[self.slides > SLIDE])
+
+
+def candidate(bones: Bones, rest: Array, a: int, b: int) -> JointCandidate:
+    """The joint of two bones of surface rest (N, 3) m."""
+    T = len(bones.rotations)
+    A = (bones.rotations[:, a] - bones.rotations[:, b]).reshape(-1, 3) / np.sqrt(T)
+    g = (bones.translations[:, b] - bones.translations[:, a]).ravel() / np.sqrt(T)
+    both = bones.weights[:, a] * bones.weights[:, b]
+    if both.sum() <= 0:
+        own = bones.weights[:, [a, b]].T
+        middle = (own @ rest / np.maximum(own.sum(axis=1, keepdims=True), 1e-300)).mean(axis=0)
+    else:
+        middle = both @ rest / both.sum()
+    _, parting, directions = np.linalg.svd(A, full_matrices=False)
+    along = directions @ (A.T @ (g - A @ middle))
+    place = middle + (along / (parting**2 + NEAR**2)) @ directions
+    gap = float(np.linalg.norm(A @ place - g))
+    return JointCandidate((a, b), place, gap, parting[::-1], directions[::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class JointTree:
+    """The tree of K bones.
+
+    Attributes:
+        order: (K,) the numbers of the bones, each after its parent; the root is the first.
+        parents: the parent of each bone in this order, -1 for the root.
+        joints: of each bone but the root with its parent, in this order.
+    """
+
+    order: Index
+    parents: tuple[int, ...]
+    joints: tuple[JointCandidate, ...]
+
+    @property
+    def edges(self) -> frozenset[frozenset[int]]:
+        """The pairs of bones that meet in a joint, by the numbers of the bones."""
+        return frozenset(frozenset(joint.bones) for joint in self.joints)
+
+
+def joint_tree(bones: Bones, rest: Array) -> JointTree:
+    """The tree whose gaps are smallest together; its root is the bone in the middle.
+
+    Pairs that share no surface are taken only if their gap is much smaller than those of others.
+    """
+    K = bones.count
+    found = {(a, b): candidate(bones, rest, a, b) for b in range(K) for a in range(b)}
+    shared = bones.weights.T @ bones.weights
+    gaps = np.zeros((K, K))
+    for (a, b), joint in found.items():
+        factor = 1.0 if shared[a, b] > 0 else APART
+        gaps[a, b] = max(factor * joint.gap, 1e-300)  # a zero would be no edge
+    if K == 1:
+        return JointTree(np.zeros(1, dtype=np.int64), (-1,), ())
+    spanning = minimum_spanning_tree(csr_array(gaps))
+    edges = csr_array(((spanning + spanning.T) != 0).astype(float))
+    root = _middle(edges, bones.weights.sum(axis=0))
+    order, before = breadth_first_order(edges, root, directed=False)
+    place = np.argsort(order)
+    parents = (-1, *(int(place[before[k]]) for k in order[1:]))
+    pairs = [tuple(sorted((int(k), int(before[k])))) for k in order[1:]]
+    joints = tuple(found[a, b] for a, b in pairs)
+    return JointTree(order.astype(np.int64), parents, joints)
+
+
+def _middle(edges: csr_array, sizes: Array) -> int:
+    """The bone from which all others, by their size, are the fewest bones away."""
+    K = len(sizes)
+    steps = np.full((K, K), np.inf)
+    for k in range(K):
+        order, before = breadth_first_order(edges, k, directed=False)
+        steps[k, k] = 0
+        for other in order[1:]:
+            steps[k, other] = steps[k, before[other]] + 1
+    return int((steps @ sizes).argmin())

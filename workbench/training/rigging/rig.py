@@ -1,0 +1,246 @@
+"""A body from meshes in motion: bones, weights, joints and a tree that nobody gave."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.motions import Motion
+from workbench.threads import limited_threads
+from workbench.training.estimate import Estimate
+from workbench.training.joint_regressor import fit_joint_regressor
+from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
+from workbench.training.rigging.bones import Bones, fit_bone_weights
+from workbench.training.rigging.decomposition import (
+    MOST,
+    Report,
+    alike,
+    alternated,
+    bones_needed,
+    decomposed,
+)
+from workbench.training.rigging.joints import JointCandidate, JointTree, candidate, joint_tree
+from workbench.training.rigging.refinement import (
+    LAST,
+    Refinement,
+    off_tree,
+    on_tree,
+    put_back,
+)
+from workbench.training.rigging.words import notes_of
+from workbench.training.subsampling import subsample
+
+TOLERANCE = 1e-4  # m, rms: errors of a decomposition that are no reason for one bone more
+ENOUGH = 600  # vertices that bones, joints and poses are found from
+TREES = 4  # how often a tree is looked for again with better bones
+ROUNDS, LAST_ROUNDS = 4, 30  # of the refinement, before the tree is certain and after
+WORTH = 0.05  # of the rms: a bone that lowers it by a smaller share is not kept
+REGRESSED = 1e-9  # m: a joint regressor that is farther off is not used
+FIT_STEPS, FIT_SIGMA = 40, 1e-3  # of the fits of poses to further meshes; the sigma is in m
+
+
+@dataclass(frozen=True, eq=False)
+class Rigged:
+    """A body that was found in T meshes in motion, and its motion.
+
+    Attributes:
+        body: its joints are called root, bone_1, bone_2 and so on; it has no blend shapes.
+        poses: (T, K, 3) in radians.
+        trans: (T, 3) in metres.
+        rms: the root mean square distance of the body's vertices from the meshes, in metres.
+        joints: of each joint but the root, how well its two bones determine it; `bones` are the
+            numbers of the joint's parent and of the joint.
+        notes: sentences on what the meshes leave open.
+    """
+
+    body: SkinnedBody
+    poses: Array
+    trans: Array
+    rms: float
+    joints: tuple[JointCandidate, ...]
+    notes: tuple[str, ...]
+
+    def motion(self, fps: float) -> Motion:
+        """The motion of the meshes at a rate of `fps` frames a second."""
+        return Motion(self.poses, self.trans, fps, self.body.joint_names)
+
+
+def silent(what: str, done: int, of: int) -> None:
+    """A report that shows nothing."""
+
+
+def rig(
+    meshes: Array,
+    faces: Index,
+    *,
+    rest: Array | None = None,
+    bones: int | None = None,
+    tolerance: float = TOLERANCE,
+    report: Report = silent,
+    card: Mapping[str, Any] | None = None,
+) -> Rigged:
+    """Find a skeleton, its tree and skinning weights in meshes (T, N, 3) m of one topology.
+
+    The meshes are decomposed into rigid bones with smooth weights (Le and Deng 2012, see `bones`),
+    pairs of bones are joined where a point stays together in both (`joints`), and joints, poses
+    and weights are refined together as in training without blend shapes (`refinement`).
+
+    `rest` (N, 3) m is the mesh in the pose in which the body is drawn, the first mesh if it is not
+    given. If the body does not explain the meshes to within rounding with this very mesh, its
+    vertices are refined too. `bones` is how many there are to be; without it, there are as many as
+    lower the error to `tolerance` (m, rms), or as lower it notably. `report` is called with what is
+    going on, and how much of how much of it is done.
+
+    Raises BadArgument for arrays that do not fit together or are too few, and for a motion that
+    needs more than 64 bones.
+    """
+    first = meshes[0] if rest is None and len(meshes) else rest
+    shape = _checked(meshes, first, bones, tolerance)
+    with limited_threads():
+        few = subsample(shape, np.asarray(faces), ENOUGH)
+        v = few.vertices
+        near = Refinement(meshes[:, v], few.faces)
+        estimate, merged = _skeleton(near, shape[v], bones, tolerance, report)
+        free = bool((estimate.templates[0] != shape[v]).any())
+        block = "skinning" if free else "skeleton"
+        estimate = near.refined(estimate, block, LAST_ROUNDS, report, LAST)
+        every = Refinement(meshes, np.asarray(faces))
+        if len(v) < len(shape):
+            estimate = _on_every_vertex(estimate, meshes, shape, v)
+            estimate = every.refined(estimate, block, ROUNDS, report)
+        if not free and every.rms(estimate) > REGRESSED:
+            estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
+        estimate = put_back(estimate, shape)
+        return _result(every, estimate, merged, dict(card or {}))
+
+
+def pose_rms(body: SkinnedBody, meshes: Array) -> float:
+    """The root mean square distance of further meshes (M, N, 3) m from the body posed onto them."""
+    fit = PoseFit(body, body.n_vertices, VertexTerm(), FIT_SIGMA, FIT_STEPS)
+    trusted = np.ones(body.n_vertices)
+    starts = [
+        poses_of_segments(body.template, body.weights, body.parents, V, trusted) for V in meshes
+    ]
+    with limited_threads():
+        return fit.fits(np.stack(starts), meshes).rms(meshes)
+
+
+def _skeleton(
+    given: Refinement, rest: Array, count: int | None, tolerance: float, report: Report
+) -> tuple[Estimate, int]:
+    """An estimate with enough bones on the right tree, and how many of them were merged.
+
+    One bone more is tried only if the tree with a free template does not explain the meshes either.
+    """
+    meshes = given.meshes
+    target = bones_needed(meshes, tolerance) if count is None else count
+    kept: tuple[Estimate, int] | None = None
+    while True:
+        bones = decomposed(rest, meshes, target, report)
+        different = alike(bones, rest, tolerance)
+        merged = bones.count - different.count
+        settled, tree = _settled(given, rest, different, report)
+        estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, report)
+        if given.rms(estimate) > tolerance:
+            freed = given.refined(estimate, "skinning", ROUNDS, report)
+            estimate = freed if given.rms(freed) < given.rms(estimate) else estimate
+        if kept is not None and given.rms(estimate) > (1 - WORTH) * given.rms(kept[0]):
+            return kept
+        if count is not None or given.rms(estimate) <= tolerance or target >= MOST:
+            return estimate, merged
+        kept, target = (estimate, merged), different.count + 1
+
+
+def _settled(
+    given: Refinement, rest: Array, bones: Bones, report: Report
+) -> tuple[Bones, JointTree]:
+    """Refine bones on their tree, free them, and find the tree again, until it stays the same."""
+    tree = joint_tree(bones, rest)
+    for _ in range(TREES):
+        estimate = given.refined(on_tree(bones, tree, rest), "skeleton", ROUNDS, report)
+        freed = alternated(off_tree(estimate, given.meshes), rest, given.meshes)
+        again = joint_tree(freed, rest)
+        place = np.argsort(tree.order)
+        same = {frozenset(int(place[k]) for k in edge) for edge in tree.edges} == again.edges
+        if same and freed.rms(rest, given.meshes) > bones.rms(rest, given.meshes):
+            return bones, tree  # the joints cost more than the refinement gained
+        bones, tree = freed, again
+        if same:
+            break
+    return bones, tree
+
+
+def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index) -> Estimate:
+    """The estimate of some vertices, with a template and weights for all of `rest` (N, 3) m."""
+    bones = off_tree(estimate, meshes[:, some], rounds=0)
+    every = np.zeros((len(rest), bones.count))
+    nearest = np.linalg.norm(rest[:, None] - rest[some], axis=2).argmin(axis=1)
+    every[:] = estimate.weights[nearest]
+    weights = fit_bone_weights(replace(bones, weights=every), rest, meshes).weights
+    none = np.zeros((len(rest), 3, 0))
+    return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
+
+
+def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, Any]) -> Rigged:
+    meshes, template = every.meshes, estimate.templates[0]
+    N, K = estimate.weights.shape
+    own = estimate.weights[:, 0] / estimate.weights[:, 0].sum()
+    rows = csr_array(np.concatenate([own[None], np.zeros((K - 1, N))]))
+    joints = estimate.joints.copy()
+    joints[0, 0] = own @ template  # it turns about another point, and stands elsewhere for it
+    regressor = fit_joint_regressor(estimate.templates, joints, rows)
+    names = ("root", *(f"bone_{k}" for k in range(1, K)))
+    rms = every.rms(estimate)
+    freed = off_tree(estimate, meshes)
+    found = tuple(
+        candidate(freed, template, parent, k)
+        for k, parent in enumerate(estimate.parents[1:], start=1)
+    )
+    notes = notes_of(found, names, merged)
+    body = SkinnedBody(
+        template=template,
+        shapedirs=np.zeros((N, 3, 0)),
+        posedirs=np.zeros((N, 3, 9 * (K - 1))),
+        J_regressor=regressor.matrix,
+        weights=estimate.weights,
+        parents=estimate.parents,
+        faces=every.faces,
+        joint_names=names,
+        name="rigged",
+        rest_joints=joints[0] if regressor.rms.max() > REGRESSED else None,
+        card={"rigged_from": {"meshes": len(meshes), "rms_mm": 1e3 * rms}, "left_open": notes}
+        | card,
+    )
+    posed = np.stack([body.vertices(pose) for pose in estimate.poses])
+    trans = (meshes - posed).mean(axis=1)
+    return Rigged(body, estimate.poses, trans, rms, found, notes)
+
+
+def _checked(meshes: Array, rest: Array | None, bones: int | None, tolerance: float) -> Array:
+    """The mesh at rest. Raises BadArgument."""
+    if meshes.ndim != 3 or meshes.shape[2] != 3 or len(meshes) < 2 or meshes.shape[1] < 4:
+        raise BadArgument(
+            "meshes in motion are an array (T, N, 3) of two frames and four vertices or more, "
+            f"not of shape {meshes.shape}"
+        )
+    if rest is None or rest.shape != meshes.shape[1:]:
+        raise BadArgument(
+            f"the mesh at rest has shape {None if rest is None else rest.shape}, but the meshes "
+            f"have {meshes.shape[1:]}; give one of the same topology"
+        )
+    for name, array in (("meshes", meshes), ("rest", rest)):
+        if not np.isfinite(array).all():
+            raise BadArgument(f"{name} hold numbers that are not finite; leave such meshes out")
+    if bones is not None and not 1 <= bones <= meshes.shape[1] // 4:
+        raise BadArgument(
+            f"there can be 1 to {meshes.shape[1] // 4} bones in {meshes.shape[1]} vertices, four "
+            f"vertices for each, not {bones}"
+        )
+    if not tolerance > 0:
+        raise BadArgument(f"the tolerance is a length in m above 0, not {tolerance!r}")
+    return np.asarray(rest, dtype=float)
