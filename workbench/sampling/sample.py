@@ -1,11 +1,13 @@
 """`sample`: a posterior from a problem, a point and the names of what is to be sampled."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.problem.batch import compiled, interpreted
@@ -16,14 +18,16 @@ from workbench.sampling.ensemble_settings import (
     thinning,
     without_burn_in,
 )
-from workbench.sampling.ensembles import run
+from workbench.sampling.ensembles import EnsembleRun, run
 from workbench.sampling.feasible import refuse_flat, violation_in_words
+from workbench.sampling.hamiltonian import HamiltonianSettings
 from workbench.sampling.importance import of_the_rest
 from workbench.sampling.joint import jointly, named
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.moves import Moves, differential_evolution
 from workbench.sampling.posterior import Posterior
 from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
+from workbench.sampling.with_the_rest import drawn_with_the_rest
 from workbench.threads import limited_threads
 
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
@@ -119,25 +123,64 @@ def sample(
         drawn = run(target, plan, checkpoint=path, every=every, callback=callback)
         if not drawn.chain.shape[1]:
             raise KeyboardInterrupt  # before there was anything to keep
-        mixing = without_burn_in(drawn.chain, thin, drawn.acceptance, subspace.labels)
-        kept = mixing.draws
-        log_prob = drawn.log_prob[:, -kept.shape[1] :]
-        search = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(ensembles + 1,)))
-        return Posterior(
-            problem,
-            problem.read(at),
-            subspace,
-            kept,
-            log_prob,
-            mixing,
-            "emcee",
-            drawn.mode_search,
-            conditioning(problem, given, subspace, drawn.mode_search.modes[0].z),
-            of_the_rest(target, kept.reshape(-1, k), search),
-            drawn.seconds,
-            drawn.interrupted,
-            drawn.unsaved,
-        )
+        along = _along_the_ridge(target, problem.read(at), drawn, plan)
+        told = along.importance
+        if told is None or told.surely or drawn.interrupted:
+            return along
+        return _with_the_rest(target, along, plan, callback)
+
+
+def _along_the_ridge(
+    target: LogDensity, given: Values, drawn: EnsembleRun, plan: EnsembleSettings
+) -> Posterior:
+    """The draws of the ensembles, and what is known of them."""
+    space, thin, k = target.subspace, plan.thin, target.subspace.size
+    mixing = without_burn_in(drawn.chain, thin, drawn.acceptance, space.labels)
+    kept = mixing.draws
+    return Posterior(
+        target.problem,
+        given,
+        space,
+        kept,
+        drawn.log_prob[:, -kept.shape[1] :],
+        mixing,
+        "emcee",
+        drawn.mode_search,
+        conditioning(target.problem, target.fixed, space, drawn.mode_search.modes[0].z),
+        of_the_rest(target, kept.reshape(-1, k), plan.generator(1)),
+        drawn.seconds,
+        drawn.interrupted,
+        drawn.unsaved,
+    )
+
+
+def _with_the_rest(
+    target: LogDensity, along: Posterior, plan: EnsembleSettings, callback: Callback
+) -> Posterior:
+    """Draws of all free numbers in place of those along the ridge, unless only these are usable."""
+    assert along.importance is not None
+    settings = HamiltonianSettings(plan.ensembles, plan.walkers, plan.steps, plan.whole)
+    try:
+        whole = drawn_with_the_rest(target, settings, plan.generator(2), callback)
+    except KeyboardInterrupt:
+        return replace(along, interrupted=True)
+    if whole is None:
+        return along
+    run = whole.run
+    if not run.mixing.usable and along.usable:
+        return replace(along, interrupted=run.interrupted)
+    return replace(
+        along,
+        draws=run.mixing.draws,
+        log_prob=run.log_prob,
+        mixing=run.mixing,
+        method="hamiltonian",
+        mode_search=whole.mode_search,
+        importance=None,
+        seconds=along.seconds + run.seconds,
+        interrupted=run.interrupted,
+        all_free=run.points,
+    )
 
 
 def _check(walkers: int, steps: int, ensembles: int, k: int) -> None:
