@@ -12,7 +12,8 @@ Steps are taken in u, with x = centre + half u. `half` is first that of Laplace'
 after half of the warm-up a square root of the covariance of all chains. The step is adapted during
 the warm-up until 80 % of the ends are accepted. Each chain takes a random fraction of it, so that
 places where the density is narrow are left again, and trajectories have random lengths, so that
-none returns to where it began.
+none returns to where it began. An end beyond bounds or constraints is refused, so that many active
+bounds make chains slow.
 """
 
 import time
@@ -21,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Mask
 from workbench.interrupts import Interrupts
 from workbench.sampling.ensemble_settings import Callback, Progress, without_burn_in
 from workbench.sampling.log_density import LogDensity
@@ -38,6 +39,8 @@ FRACTION = 0.2  # of the step that a chain takes at least
 LENGTH = (0.2 * np.pi, np.pi)  # of trajectories; pi / 2 makes an end of a Gaussian forget its start
 LONGEST = 64  # leapfrog steps in a trajectory
 CHECKED = 150  # trajectories after which draws are judged first; then after 2, 4, ... times as many
+SOME_INSIDE = 0.1  # of the ends: fewer, and steps are to become shorter whatever the reason
+FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
 KEPT = 4096  # points with all numbers that are kept at least, if there are as many
 WORTH = 5.0  # successive points of a chain that tell as much of a covariance as a single one
 
@@ -110,7 +113,17 @@ class _Chains:
         self.u = np.where(taken[:, None], u, self.u)
         self.log_p = np.where(taken, log_p, self.log_p)
         self.slope = np.where(taken[:, None], slope, self.slope)
-        return float(chance.mean()), count
+        return float(chance[self._counted(u)].mean()), count
+
+    def _counted(self, u: Array) -> Mask:
+        """Which ends say whether steps are short enough: not those that only a bound refuses."""
+        problem = self._target.problem
+        everywhere = np.ones(len(u), dtype=bool)
+        if not problem.bounded and problem.stacked_constraints is None:
+            return everywhere
+        z = self.centre + u @ self.half.T
+        inside = self._target.allows(self._target.subspace.points(z))
+        return inside if inside.mean() > SOME_INSIDE else everywhere
 
     def whitened(self, seen: Array) -> "_Chains":
         """The same chains in coordinates in which the points seen (M, d) have covariance 1.
@@ -151,7 +164,7 @@ def run_hamiltonian(
     steps, step, stopped = 0, FIRST, False
     with limited_threads(), Interrupts() as interrupts:
         try:
-            while not (kept.count and (steps >= plan.steps or kept.enough)):
+            while kept.count < FEWEST or not (steps >= plan.steps or kept.enough):
                 interrupts.check()
                 chance, count = chains.move(step, float(rng.uniform(*LENGTH)), rng)
                 steps += count
@@ -220,7 +233,7 @@ class _Kept:
         taken = max(1, round((self._steps - self.warm) / self.count))
         acceptance = self._chances / self.count
         found = without_burn_in(self._by_ensemble(self._z), taken, acceptance, self._labels)
-        return replace(found, discarded=found.discarded + self.warm)
+        return replace(found, discarded=found.discarded + self.warm, proposals=1)
 
     @property
     def log_prob(self) -> Array:

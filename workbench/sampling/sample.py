@@ -31,6 +31,7 @@ from workbench.sampling.with_the_rest import drawn_with_the_rest
 from workbench.threads import limited_threads
 
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
+WARM_UP = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
 
 
 def sample(
@@ -54,24 +55,28 @@ def sample(
 
     `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
     choice such as `directions(20, priors)`. Intervals are marginal: all other numbers are
-    integrated out. If there are up to 21 free numbers, all are sampled; if there are more,
-    Laplace's approximation stands for those that are not named (`rest=integrated`), and the verdict
-    says whether it holds. They can also be held fixed (`rest=fixed`), or follow the named entries
-    by the linear equations among the constraints (`rest=determined`). Holding numbers fixed makes
-    intervals narrower, or conditional; `Posterior.conditioning` says by how much, and if the factor
-    is above 1.2, the draws are not called usable. Up to about 20 entries can be sampled well; more
-    are allowed, and the verdict says whether their draws are usable.
+    integrated out. If there are up to 21 free numbers, all are sampled. If there are more,
+    Laplace's approximation stands for those that are not named (`rest=integrated`). Unless
+    importance weights say that it surely holds, all free numbers are then drawn by Hamiltonian
+    Monte Carlo, and the verdict judges the draws of those that are named. Numbers can also be held
+    fixed (`rest=fixed`), or follow the named entries by the linear equations among the constraints
+    (`rest=determined`). Holding numbers fixed makes intervals narrower, or conditional;
+    `Posterior.conditioning` says by how much, and if the factor is above 1.2, the draws are not
+    called usable. Up to about 20 entries can be sampled well; more are allowed, and the verdict
+    says whether their draws are usable.
 
     Beyond bounds and inequality constraints the posterior density is zero.
 
     There are `ensembles` independent ensembles of `walkers` walkers (64, or more than twice the
     number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
-    usable. One of every `thin` steps is kept. The same seed gives the same draws. With a
-    `checkpoint`, which is a file in emcee's HDF5 format that is replaced every few seconds, a run
-    that was stopped or killed continues where it was, and its result is the same. If the checkpoint
-    cannot be written, for example on a full disk, the log says so once, `Posterior.unsaved` says
-    why, and the run continues. An interrupt from the keyboard, or a callback that returns True,
-    ends a run; the draws up to then are kept.
+    usable; Hamiltonian Monte Carlo takes at most as many leapfrog steps once more. One of every
+    `thin` steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`,
+    which is a file in emcee's HDF5 format that is replaced every few seconds, a run that was
+    stopped or killed continues where it was, and its result is the same; draws of Hamiltonian Monte
+    Carlo are not in that file and are made again. If the checkpoint cannot be written, for example
+    on a full disk, the log says so once, `Posterior.unsaved` says why, and the run continues. An
+    interrupt from the keyboard, or a callback that returns True, ends a run; the draws up to then
+    are kept.
 
     Raises UnknownName, BadArgument, Improper for a direction that neither data nor priors restrict,
     NotSupported for an equation among the constraints that draws would not satisfy or for an entry
@@ -127,6 +132,9 @@ def sample(
         told = along.importance
         if told is None or told.surely or drawn.interrupted:
             return along
+        if steps < WARM_UP:
+            remedy = f"take {WARM_UP:,} steps or more, so that all free numbers are sampled"
+            return replace(along, importance=replace(told, remedy=remedy))
         return _with_the_rest(target, along, plan, callback)
 
 
