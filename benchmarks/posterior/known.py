@@ -155,7 +155,7 @@ def curved_rest() -> Known:
 
 
 def tails_together(freedom: float, k: int, names: tuple[str, ...]) -> Known:
-    """Student's distribution of k numbers with a covariance; two are named, and its tails are all's.
+    """Student's distribution of k numbers with a covariance; a few are named, the tails are all's.
 
     Its log density is that of one residual of k rows, y sqrt((f + k) log(1 + u) / (f u)) with
     u = y'y / f and y whitened.

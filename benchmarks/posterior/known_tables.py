@@ -15,8 +15,8 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
     """How often a verdict is right."""
     lines = [
         "## Verdicts on posteriors whose marginals are known\n",
-        f"An interval of 90% is wrong if its width is off by more than {OFF:.0%}, or one of its ends "
-        "by more than that share of the width. A run is right if none of its intervals is wrong. "
+        f"An interval of 90% is wrong if its width is off by more than {OFF:.0%}, or one of its "
+        "ends by more than that share of the width. A run is right if no interval is wrong. "
         "Thresholds are those that the workbench had before these densities were made up. Above "
         f"21 unknowns, what is not named is drawn by Hamiltonian Monte Carlo: {', '.join(LARGE)}. "
         "It was developed on single runs of these three and of `funnel, width named`, with other "
@@ -42,9 +42,9 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
 def _person(one: Found) -> str:
     lines = [
         "In `balance-monocular`, NUTS samples all 85 unknowns "
-        f"(R-hat {one['nuts']['R-hat']:.3f}, {one['nuts']['effective']:,.0f} effective draws of the "
-        "entry with the fewest). For each block, widths of intervals are divided by those of NUTS; "
-        "`end` is the largest distance of an end from that of NUTS, divided by the width.\n",
+        f"(R-hat {one['nuts']['R-hat']:.3f}, {one['nuts']['effective']:,.0f} effective draws of "
+        "the entry with the fewest). For each block, widths of intervals are divided by those of "
+        "NUTS; `end` is the largest distance of an end from that of NUTS, divided by the width.\n",
         "| block | way | widths / NUTS's | end | verdict |",
         "| --- | --- | --: | --: | --- |",
     ]
