@@ -39,6 +39,40 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
     return "\n".join(lines)
 
 
+def coverage(found: Found, _: Mapping[str, Found]) -> str:
+    """How often intervals hold a truth that was drawn from the prior."""
+    lines = [
+        "## Coverage of truths that are drawn from priors\n",
+        "All data are synthetic: a truth is drawn from the prior, data are made of it, the problem "
+        "is solved from the middle of the prior, and Laplace's intervals of 90% are counted if "
+        "they are called usable. Right intervals cover all entries of a problem in so many cases "
+        "as the band says, but for a chance of one in a thousand. `failed` are fits that ended "
+        "with an error.\n",
+        "| problem | entries | fits | usable | failed | covered, least | covered, most | band | "
+        "of all entries |",
+        "| --- |" + " --: |" * 8,
+    ]
+    for name, one in found.items():
+        hits, (low, high) = one["covered"], one["band"]
+        all_of = sum(hits) / max(1, one["usable"] * len(hits))
+        lines.append(
+            f"| {name} | {len(hits)} | {one['fits']} | {one['usable']} | {one['failed']} | "
+            f"{min(hits)} | {max(hits)} | {low} to {high} | {all_of:.1%} |"
+        )
+    outside = [
+        f"{label} ({name})"
+        for name, one in found.items()
+        for label, hit in zip(one["labels"], one["covered"], strict=True)
+        if not one["band"][0] <= hit <= one["band"][1]
+    ]
+    lines.append(
+        f"\nOutside of their bands are: {', '.join(outside)}.\n"
+        if outside
+        else "\nEvery entry is within its band.\n"
+    )
+    return "\n".join(lines)
+
+
 def _person(one: Found) -> str:
     lines = [
         "In `balance-monocular`, NUTS samples all 85 unknowns "
