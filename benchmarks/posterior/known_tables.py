@@ -17,7 +17,8 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
         "## Verdicts on posteriors whose marginals are known\n",
         f"An interval of 90% is wrong if its width is off by more than {OFF:.0%}, or one of its "
         "ends by more than that share of the width. A run is right if no interval is wrong. "
-        "Thresholds are those that the workbench had before these densities were made up. Above "
+        "Thresholds of mixing are those that the workbench had before these densities were made "
+        "up. Above "
         f"21 unknowns, what is not named is drawn by Hamiltonian Monte Carlo: {', '.join(LARGE)}. "
         "It was developed on single runs of these three and of `funnel, width named`, with other "
         "seeds than those reported.\n",
@@ -34,6 +35,13 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
         f"({interval(total['wrong'], total['usable'])}); of {total['right']} runs that are right, "
         f"{total['refused']} are refused ({interval(total['refused'], total['right'])}).\n"
     )
+    refused = [name for name, one in counts.items() if one["refused"]]
+    if refused:
+        lines.append(
+            f"The runs that are refused although they are right are of: {', '.join(refused)}. Their "
+            "chains stay for long where the density is narrow, so that their length in "
+            "autocorrelation times is too small to be believed.\n"
+        )
     if "person" in found:
         lines.append(_person(found["person"]))
     return "\n".join(lines)
