@@ -38,8 +38,8 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
     refused = [name for name, one in counts.items() if one["refused"]]
     if refused:
         lines.append(
-            f"The runs that are refused although they are right are of: {', '.join(refused)}. Their "
-            "chains stay for long where the density is narrow, so that their length in "
+            f"The runs that are refused although they are right are of: {', '.join(refused)}. "
+            "Their chains stay for long where the density is narrow, so that their length in "
             "autocorrelation times is too small to be believed.\n"
         )
     if "person" in found:

@@ -54,3 +54,23 @@ def test_a_mask_of_another_shape_is_refused() -> None:
         Scan(POINTS).some(np.array([True]))
     with pytest.raises(BadScan, match="this one is empty"):
         Scan(POINTS).some(np.zeros(4, dtype=bool))
+
+
+def test_a_thinned_scan_stands_for_the_same_surface() -> None:
+    rng = np.random.default_rng(0)
+    points, areas = rng.standard_normal((500, 3)), rng.uniform(0.0, 1.0, 500)
+    areas[:100] = 0  # points that do not count are not drawn
+    few = Scan(points, weights=areas).thinned(50)
+    assert few.n_points == 50
+    assert few.weights is not None
+    assert few.weights.sum() == pytest.approx(areas.sum())
+    numbers = [int(np.flatnonzero((points == p).all(axis=1))[0]) for p in few.points]
+    assert min(numbers) >= 100
+    assert len(set(numbers)) == 50
+    ratio = few.weights / areas[numbers]
+    np.testing.assert_allclose(ratio, ratio[0])
+
+
+def test_a_small_scan_is_not_thinned() -> None:
+    scan = Scan(POINTS, NORMALS, FACES, AREAS)
+    assert scan.thinned(4) is scan

@@ -1,6 +1,6 @@
 """A scan: points on a surface that nobody labelled, with what a scanner knows of each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,6 +94,21 @@ class Scan:
             None if self.faces is None else number[self.faces[chosen[self.faces].all(axis=1)]],
             None if self.weights is None else self.weights[chosen],
         )
+
+    def thinned(self, most: int, seed: int = 0) -> "Scan":
+        """At most so many of the points that have an area, drawn at random, without faces.
+
+        Their areas are scaled, so that together they stand for the same surface. A scan that is
+        small enough is returned as it is.
+        """
+        if self.n_points <= most:
+            return self
+        counts = np.flatnonzero(np.ones(self.n_points) if self.weights is None else self.weights)
+        drawn = np.random.default_rng(seed).choice(counts, min(most, len(counts)), replace=False)
+        few = replace(self, faces=None).some(np.isin(np.arange(self.n_points), drawn))
+        if self.weights is None or few.weights is None:
+            return few
+        return replace(few, weights=few.weights * (self.weights.sum() / few.weights.sum()))
 
 
 def _check_shape(name: str, array: Array, expected: tuple[int, ...]) -> None:

@@ -1,7 +1,8 @@
 """Registration with free vertices: the template's vertices are unknowns, coupled to the model."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import casadi as cs
 import numpy as np
@@ -16,6 +17,7 @@ from workbench.geometry.solids import area
 from workbench.problem import Problem
 from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.registration.coupling import Coupling, by_edges
+from workbench.registration.limbs import other_limbs
 from workbench.registration.scan_term import ScanTerm, touched
 from workbench.residuals import Residual
 from workbench.solvers import Iterate, Solution, Solver, TrustRegion
@@ -29,6 +31,8 @@ OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients())
 TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=3e-2))
 SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 MOST = 30  # steps of a stage that ends so
+COARSE = 800  # points of the scan with which other poses of limbs are compared
+COARSE_SETTLED = 5e-3  # of the cost: such a comparison ends after a smaller decrease
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,8 @@ class VertexStage:
             or after 30 steps; with 0 only the solver decides. Contacts go on switching between
             neighbouring triangles when nothing else happens any more, so that gradients vanish late
             or never.
+        limbs: whether arms and legs begin again from their mean pose afterwards, in case one is
+            folded the wrong way; the lower cost decides (see `limbs`).
     """
 
     name: str
@@ -57,6 +63,7 @@ class VertexStage:
     term: ScanTerm = NEAR
     solver: Solver = OF_VERTICES
     settled: float = SETTLED
+    limbs: bool = False
 
     def __post_init__(self) -> None:
         if not self.free or not 0 <= self.coupling < np.inf:
@@ -93,7 +100,7 @@ class Settled:
 
 
 MODEL_STAGES = (
-    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
+    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0, limbs=True),
     VertexStage("model, near", BODY, 0.0, NEAR, OF_MODEL),
 )
 VERTEX_STAGES = (
@@ -203,8 +210,7 @@ class FreeVertices:
         values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
         done: list[StageResult] = []
         for stage in stages:
-            ends = Settled(stage.settled) if stage.settled > 0 else None
-            solution = stage.solver.solve(self.problem(stage), values, callback=ends)
+            solution = self._solved(stage, values)
             values |= solution.values
             if stage.coupling == 0:
                 values[VERTICES] = self._model(values)
@@ -213,12 +219,29 @@ class FreeVertices:
         seen = touched(self._scan(symbol, stages[-1].term), values, stages[-1].term.outlier)
         return Registered(values, self._model(values), seen, tuple(done))
 
+    def _solved(self, stage: VertexStage, values: Values) -> Solution:
+        problem, settled = self.problem(stage), stage.settled
+        found = _minimum(problem, stage.solver, settled, values)
+        if not stage.limbs:
+            return found
+        coarse = replace(self, scan=self.scan.thinned(COARSE)).problem(stage)
+        near = partial(_minimum, coarse, stage.solver, COARSE_SETTLED)
+        other = other_limbs(self.body, near, values | found.values)
+        if other is None:
+            return found
+        again = _minimum(problem, stage.solver, settled, other)
+        return min(found, again, key=lambda end: end.cost)
+
     def _scan(self, points: Points | cs.MX, term: ScanTerm) -> Residual:
         whole = area(self.body.template, self.body.faces)
         return term.residual(points, self.body.faces, self.scan, whole)
 
     def _model(self, values: Mapping[str, Array]) -> Array:
         return np.asarray(self.body.vertices(*(values[name] for name in BODY)))
+
+
+def _minimum(problem: Problem, solver: Solver, settled: float, values: Values) -> Solution:
+    return solver.solve(problem, values, callback=Settled(settled) if settled > 0 else None)
 
 
 def posterior_sd(problem: Problem, values: Values, draws: int = 64, seed: int = 0) -> Array:

@@ -1,0 +1,73 @@
+"""Limbs that a fit has folded the wrong way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.registration.test_free_vertices import body, sampled
+from workbench import load_body
+from workbench.blocks import Values
+from workbench.registration import FreeVertices
+from workbench.registration.free_vertices import BODY, MODEL_STAGES, Settled
+from workbench.registration.limbs import limbs, other_limbs, with_limb_at_mean
+from workbench.solvers import Solution
+
+MODEL = MODEL_STAGES[:1]
+
+
+def test_limbs_of_a_person_are_arms_and_legs() -> None:
+    names = body().joint_names
+    firsts = {names[limb[0]] for limb in limbs(body().parents)}
+    assert firsts == {
+        f"{side}_{joint}"
+        for side in ("left", "right")
+        for joint in ("hip", "knee", "collar", "shoulder", "elbow")
+    }
+    forearm = next(limb for limb in limbs(body().parents) if names[limb[0]] == "left_elbow")
+    assert [names[joint] for joint in forearm] == ["left_elbow", "left_wrist", "left_hand"]
+
+
+def test_limbs_of_a_hand_are_its_fingers() -> None:
+    hand = load_body("hand")
+    found = limbs(hand.parents)
+    assert len(found) == 5
+    assert {len(limb) for limb in found} == {3}
+
+
+def test_other_joints_keep_their_rotations() -> None:
+    limb = limbs(body().parents)[0]
+    pose = np.random.default_rng(0).standard_normal((24, 3))
+    moved = with_limb_at_mean(body(), pose, limb)
+    others = np.delete(np.arange(24), limb)
+    np.testing.assert_array_equal(moved[others], pose[others])
+    assert not (moved[list(limb)] == pose[list(limb)]).any()
+
+
+@pytest.mark.parametrize(("limbs_too", "right"), [(False, False), (True, True)])
+def test_a_forearm_that_was_folded_the_wrong_way_is_unfolded(limbs_too: bool, right: bool) -> None:
+    truth, names = body().start(), body().joint_names
+    pose, folded = truth["pose"].copy(), truth["pose"].copy()
+    pose[names.index("left_elbow")] = [0, -1.2, 0]
+    folded[names.index("left_elbow")] = [0, 0.5, -2]
+    there = truth | {"pose": pose}
+    scan = sampled(body().vertices(**there), n=300)
+    stages = (replace(MODEL[0], limbs=limbs_too, settled=0.01),)
+    found = FreeVertices(body(), scan).register(truth | {"pose": folded}, stages)
+    hand = names.index("left_hand")
+    off = np.linalg.norm(
+        (body().joints(*(found.values[name] for name in BODY)) - body().joints(**there))[hand]
+    )
+    assert (off < 0.03) == right
+
+
+def test_a_fit_that_is_right_already_stays_as_it_is() -> None:
+    there = sampled(body().vertices(), n=200)
+    noise = 0.005 * np.random.default_rng(1).standard_normal(there.points.shape)
+    fit = FreeVertices(body(), replace(there, points=there.points + noise))
+    problem = fit.problem(MODEL[0])
+
+    def near(values: Values) -> Solution:
+        return MODEL[0].solver.solve(problem, values, callback=Settled(0.001))
+
+    assert other_limbs(body(), near, body().start()) is None
