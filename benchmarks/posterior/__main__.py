@@ -7,6 +7,7 @@
     python -m benchmarks.posterior one-person    # five minutes
     python -m benchmarks.posterior throughput    # two minutes
     python -m benchmarks.posterior known         # forty minutes; needs nutpie
+    python -m benchmarks.posterior coverage      # five minutes
     python -m benchmarks.posterior page          # the page from the numbers that there are
 
 Each writes its numbers to results/posterior-PART.json, and POSTERIOR.md from all of them.
@@ -74,8 +75,14 @@ def _known(asked: argparse.Namespace) -> dict[str, Any]:
     names = [name for name in known.DENSITIES if name not in known.TUNING]
     return {
         "densities": known.of_densities(names, range(200, 200 + asked.seeds)),
-        "person": known.of_a_person(),
+        "person": known.of_a_person(range(200, 203)),
     }
+
+
+def _coverage(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import coverage
+
+    return coverage.of_problems(asked.fits, seed=1)
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
@@ -86,6 +93,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "one-person": _one_person,
     "throughput": _throughput,
     "known": _known,
+    "coverage": _coverage,
 }
 
 
@@ -99,6 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--frames", type=int, default=40, help="of the recording")
     parser.add_argument("--people", type=int, default=10, help="made up, for one-person")
     parser.add_argument("--seeds", type=int, default=20, help="of each density, for known")
+    parser.add_argument("--fits", type=int, default=200, help="of each problem, for coverage")
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     asked = parser.parse_args(arguments)
     if asked.part != "page":

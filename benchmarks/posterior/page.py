@@ -29,6 +29,7 @@ def text(results: Mapping[str, Found]) -> str:
         "one-person": tables.one_person,
         "throughput": _throughput,
         "known": known_tables.known,
+        "coverage": known_tables.coverage,
     }
     parts = [HEAD]
     for name, write in writers.items():

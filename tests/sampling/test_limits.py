@@ -177,14 +177,19 @@ def test_what_is_integrated_out_beyond_a_bound_is_told() -> None:
     x, y = wb.Block("x"), wb.Block("y")
     terms = [wb.Residual("x", x.symbol, 1.0), wb.Residual("y", y.symbol, 1.0)]
     problem = wb.Problem(terms, ("x", "y"), {"y": (0.0, np.inf)}, [x, y])
-    for posterior in (
-        laplace(problem, {"x": 0.0, "y": 0.0}, ridge(0)),
-        sample(problem, {"x": 0.0, "y": 0.0}, ridge(0), steps=1000, walkers=16),
-    ):
-        assert posterior.importance is not None
-        assert posterior.importance.outside == pytest.approx(0.5, abs=0.04)
-        assert not posterior.usable
-        assert "% of the draws outside bounds or constraints" in posterior.verdict
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, ridge(0))
+    assert posterior.importance is not None
+    assert posterior.importance.outside == pytest.approx(0.5, abs=0.04)
+    assert not posterior.usable
+    assert "% of the draws outside bounds or constraints" in posterior.verdict
+    few = sample(problem, {"x": 0.0, "y": 0.0}, ridge(0), steps=900, walkers=16)
+    assert few.importance is not None
+    assert few.importance.outside == pytest.approx(0.5, abs=0.04)
+    assert "take 1,000 steps or more" in few.verdict
+    posterior = sample(problem, {"x": 0.0, "y": 0.0}, ridge(0), steps=2000, walkers=16)
+    assert posterior.usable, posterior.verdict
+    assert posterior.importance is None
+    assert posterior.points(1000)[:, 1].min() >= 0  # drawn with x, and within its bound
 
 
 def test_a_start_beyond_a_limit_is_said_by_name() -> None:

@@ -98,9 +98,10 @@ def sample(
             task = bar.add_task("sampling", total=steps, info="")
 
             def tell(progress: sampling.Progress, bar: Bar = bar, task: TaskID = task) -> None:
-                bar.update(
-                    task, completed=progress.step, info=f"{progress.acceptance:.0%} accepted"
-                )
+                info = f"{progress.acceptance:.0%} accepted"
+                if progress.all_free:
+                    info += ", all unknowns by Hamiltonian Monte Carlo"
+                bar.update(task, completed=progress.step, info=info)
 
             posterior = sampling.sample(
                 problem,
@@ -115,7 +116,9 @@ def sample(
                 checkpoint=path,
                 callback=tell,
             )
-        approximation = sampling.laplace(problem, at, names, rest=rest, seed=seed)
+        approximation = sampling.laplace(
+            problem, at, names, rest=rest, seed=seed, against=posterior
+        )
         parts.append(BlockPosterior(part, posterior, approximation))
         say(console, escape(posterior.judgement[0].value))
         if posterior.interrupted:

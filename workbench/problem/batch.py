@@ -28,7 +28,7 @@ Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
 Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
 EXPANDED_UP_TO = 100_000  # instructions
-COMPILED_UP_TO = 60_000  # of those that vary: half a minute of the compiler's
+COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
 
 

@@ -99,10 +99,12 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     rows, truth = compared_with_laplace(p, laplace), truth_of(p, setup)
     entries, known = plots.widest(p, laplace), truth is not None
     E, _, W, k = p.draws.shape
-    m = p.mixing
+    m, chains = p.mixing, f"{E} independent ensembles of {W} walkers"
+    if p.method == "hamiltonian":
+        chains = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
     section = {
         "part": part,
-        "how": f"{k} entries; {E} independent ensembles of {W} walkers, {m.steps:,} steps after "
+        "how": f"{k} entries; {chains}, {m.steps:,} steps after "
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         "modes": _modes(p),

@@ -24,12 +24,14 @@ class Progress:
         steps: how many it takes at most.
         acceptance: the share of the proposals that were accepted.
         seconds: the time since the run began.
+        all_free: whether all free numbers are being sampled, by Hamiltonian Monte Carlo.
     """
 
     step: int
     steps: int
     acceptance: float
     seconds: float
+    all_free: bool = False
 
 
 # called after each step; the run stops if it returns True
@@ -59,6 +61,11 @@ class EnsembleSettings:
     seed: int
     moves: Moves = field(repr=False)
     whole: bool = False
+
+    def generator(self, stream: int) -> np.random.Generator:
+        """Random numbers of what follows the ensembles, one stream for each purpose."""
+        key = (self.ensembles + stream,)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
     @property
     def kept(self) -> int:

@@ -1,16 +1,24 @@
-"""Whether a Gaussian that stands for a posterior holds: importance weights.
+"""Whether a Gaussian that stands for a posterior holds: importance weights, or draws beside it.
 
 Draws come from a density q and should come from p. The tail of the weights p / q is fitted by a
 generalised Pareto distribution, whose shape k-hat says how many moments they have: below 0.5 few
 draws are lost, above 0.7 none of it can be trusted (Vehtari et al. 2024, Pareto smoothed importance
 sampling). Where k-hat is small, the weighted draws also say how far the quantiles of q are off.
+
+These weights are of all free numbers together, those that are integrated out included. With many
+of them k-hat is large although the marginal of what is named is right: weights multiply, so that a
+small misfit in each of eighty numbers is a large one of all, and most of it has nothing to do with
+what is named. The marginal's own weight is the mean of the weights over what is integrated out, and
+too few of these draws carry it to be estimated from them. `compared` therefore judges the named
+entries by draws of all free numbers from the posterior itself (see `hamiltonian`), of which
+whatever else was drawn is left out.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.sampling.arviz_interface import psis
 from workbench.sampling.log_density import LogDensity
 
@@ -18,9 +26,11 @@ TRIED = 4000
 HOLDS = 0.7
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 OFF = 0.05  # of a quantile's level, and of the draws that bounds and constraints forbid
+WIDTH = 0.1  # of the width of an interval of 90 %
+SURELY = 0.4  # of all of these limits: no closer look is needed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Importance:
     """k-hat, how many draws out of `tried` the weights leave, and what the weights correct.
 
@@ -30,10 +40,13 @@ class Importance:
         tried: the number of draws.
         outside: the share of the draws that bounds or constraints forbid.
         cut_off: the share of what constraints allow that the Gaussian leaves out.
-        error: the largest correction of a quantile's level: 0.02 if the 5 % quantile holds 7 %.
-        worst: the entry with that correction.
+        errors: (k,) the largest correction of a quantile's level of each entry: 0.02 if the 5 %
+            quantile holds 7 %.
+        widths: (k,) the corrected width of the interval of 90 % of each entry, over its width.
+        labels: the entries.
         what: the name of the approximation.
         remedy: what to do if it does not hold.
+        beside: what the entries were compared with; empty if the weights themselves tell.
     """
 
     k_hat: float
@@ -41,15 +54,50 @@ class Importance:
     tried: int
     outside: float = 0.0
     cut_off: float = 0.0
-    error: float = 0.0
-    worst: str = ""
+    errors: Array = field(default_factory=lambda: np.zeros(1))
+    widths: Array = field(default_factory=lambda: np.ones(1))
+    labels: tuple[str, ...] = ("",)
     what: str = "the Gaussian conditional of the rest"
     remedy: str = "sample more of it, or fix it"
+    beside: str = ""
+
+    def of_entries(self, at: Index) -> "Importance":
+        """The same of some entries (m,)."""
+        labels = tuple(self.labels[i] for i in at)
+        return replace(self, errors=self.errors[at], widths=self.widths[at], labels=labels)
+
+    @property
+    def error(self) -> float:
+        """The largest correction of a quantile's level."""
+        return float(self.errors.max())
+
+    @property
+    def worst(self) -> str:
+        """The entry with the largest correction, measured by what is allowed."""
+        return self.labels[int(np.argmax(np.maximum(self.errors / OFF, self._wider / WIDTH)))]
+
+    @property
+    def _wider(self) -> Array:
+        return np.asarray(abs(self.widths - 1))
 
     @property
     def holds(self) -> bool:
-        """Whether k-hat is at most 0.7, and errors and both shares at most 0.05."""
-        return self.k_hat <= HOLDS and max(self.error, self.outside, self.cut_off) <= OFF
+        """Whether the approximation serves for the intervals of the entries.
+
+        Errors and both shares are at most 0.05, and widths are off by at most 10 %. Unless the
+        entries were compared with draws of the posterior, k-hat is at most 0.7.
+        """
+        return self._within(1.0)
+
+    @property
+    def surely(self) -> bool:
+        """Whether it holds with so much to spare that no closer look is needed."""
+        return self._within(SURELY)
+
+    def _within(self, share: float) -> bool:
+        told = bool(self.beside) or self.k_hat <= HOLDS
+        off = max(self.error, self.outside, self.cut_off)
+        return told and off <= share * OFF and bool((self._wider <= share * WIDTH).all())
 
     def __str__(self) -> str:
         told = [f"{self.effective / self.tried:.0%} of the draws left by importance weights"]
@@ -59,11 +107,17 @@ class Importance:
             told.append(
                 f"constraints, taken as linear, cut off {self.cut_off:.0%} of what they allow"
             )
-        if self.k_hat <= HOLDS:
-            entry = f", {self.worst}" if self.error > OFF else ""
-            told.append(f"quantiles off by {self.error:.3f} at most{entry}")
-        limit = f", above {HOLDS}" if self.k_hat > HOLDS else ""
-        said = f"(k-hat {self.k_hat:.2f}{limit}; {'; '.join(told)})"
+        if self.beside or self.k_hat <= HOLDS:
+            fine = self.error <= OFF and (self._wider <= WIDTH).all()
+            entry = "" if fine else f", {self.worst}"
+            off = f"quantiles off by {self.error:.3f} and widths by {self._wider.max():.0%} at most"
+            told.append(off + entry)
+        if self.beside:
+            said = f"(compared with {self.beside}: {told.pop()}; of all free numbers together "
+            said += f"k-hat is {self.k_hat:.2f}, with {'; '.join(told)})"
+        else:
+            limit = f", above {HOLDS}" if self.k_hat > HOLDS else ""
+            said = f"(k-hat {self.k_hat:.2f}{limit}; {'; '.join(told)})"
         if self.holds:
             return f"{self.what} holds {said}"
         return f"{self.what} does not hold {said}; {self.remedy}"
@@ -95,6 +149,20 @@ def of_laplace(
     return _weighed(target, z, log_q, rng, told)
 
 
+def compared(told: Importance, z: Array, drawn: Array, beside: str) -> Importance:
+    """The approximation with draws z (N, k), beside draws (M, k) of the posterior itself."""
+    ends = np.quantile(z, LEVELS, axis=0)
+    found = np.array([np.mean(drawn <= end, axis=0) for end in ends])
+    levels = np.array([np.mean(z <= end, axis=0) for end in ends])
+    right = np.quantile(drawn, LEVELS, axis=0)
+    return replace(
+        told,
+        errors=abs(found - levels).max(axis=0),
+        widths=(right[-1] - right[0]) / (ends[-1] - ends[0]),
+        beside=beside,
+    )
+
+
 def _weighed(
     target: LogDensity, z: Array, log_q: Array, rng: np.random.Generator, told: Importance
 ) -> Importance:
@@ -108,14 +176,27 @@ def _weighed(
         weights = np.ones(len(z))
     outside = 1 - float(target.allows(x).mean())
     weights /= weights.sum()
-    below = np.quantile(z, LEVELS, axis=0)[:, None, :] > z  # (levels, N, k)
+    ends = np.quantile(z, LEVELS, axis=0)
+    below = ends[:, None, :] > z  # (levels, N, k)
     errors = np.abs(np.einsum("n,lnk->lk", weights, below) - below.mean(axis=1)).max(axis=0)
-    worst = int(np.argmax(errors))
+    even = np.full(len(z), 1 / len(z))
+    right, told_now = (
+        np.array([np.ptp(_weighted_quantiles(column, each)) for column in z.T])
+        for each in (weights, even)
+    )
     return replace(
         told,
         k_hat=k_hat,
         effective=1 / float(np.sum(weights**2)),
         outside=outside,
-        error=float(errors[worst]),
-        worst=space.labels[worst],
+        errors=errors,
+        widths=right / told_now,
+        labels=space.labels,
     )
+
+
+def _weighted_quantiles(draws: Array, weights: Array) -> Array:
+    """The 5 % and the 95 % quantile of draws (N,) with weights (N,) that sum to one: (2,)."""
+    order = np.argsort(draws)
+    level = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp([LEVELS[0], LEVELS[-1]], level, draws[order])

@@ -1,7 +1,7 @@
 """Laplace's approximation as draws: the Gaussian with the cost's curvature at its minimum."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,20 +10,24 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem import Problem
+from workbench.problem.batch import compiled
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.descent import bounds_of, mode_from
 from workbench.sampling.feasible import refuse_flat, refuse_undefined
-from workbench.sampling.importance import of_laplace
+from workbench.sampling.hamiltonian import HamiltonianSettings
+from workbench.sampling.importance import compared, of_laplace
 from workbench.sampling.joint import jointly_with_limits, named
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
+from workbench.sampling.subspace import Names, Rest, Subspace, fixed, integrated, subspace_of
 from workbench.sampling.truncated_gaussian import draws_from, share_cut_off, truncated_laplace
+from workbench.sampling.with_the_rest import drawn_with_the_rest
 from workbench.threads import limited_threads
 
 CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
+WALKERS, STEPS = 64, 20_000  # of the draws that it is compared with, as `sample` makes them
 SHIFTED = 0.3  # of Laplace's standard deviation
 WIDER, NARROWER = 1.15, 0.87  # standard deviation over Laplace's
 SKEWED = 0.5  # third moment over the cube of the standard deviation
@@ -39,6 +43,7 @@ def laplace(
     rest: Rest = integrated,
     draws: int = 4000,
     seed: int = 0,
+    against: Posterior | None = None,
 ) -> Posterior:
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
@@ -46,7 +51,10 @@ def laplace(
     says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off (see
     `cut`), which is exact where residuals and constraints are linear. The verdict compares the
     Gaussian with the posterior by importance weights, and looks for other modes, of which the
-    Gaussian knows nothing. Raises what `sample` raises.
+    Gaussian knows nothing. Where the weights of all free numbers do not hold, the named entries
+    alone are compared with draws: with those of `against`, which `sample` made of the same entries,
+    or with some that are made for this. Raises what `sample` raises, and BadArgument if `against`
+    is of other entries.
     """
     x, given = problem.split(at)
     if draws < CHAINS:
@@ -54,7 +62,8 @@ def laplace(
     wanted = None if callable(names) or rest is not integrated else named(problem, names)
     if wanted is not None and (all_of := jointly_with_limits(problem, at, wanted)):
         found_whole = laplace(problem, at, all_of, rest=fixed, draws=draws, seed=seed)
-        return found_whole.marginal(wanted)
+        space = subspace_of(problem, x, given, wanted, rest)
+        return _named_alone(found_whole.marginal(wanted), space, given, against, seed)
     with limited_threads():
         subspace = subspace_of(problem, x, given, wanted or names, rest)
         refuse_flat(problem, given, subspace)
@@ -68,7 +77,7 @@ def laplace(
         drawn = z.reshape(CHAINS, -1, 1, subspace.size)
         weighed = of_laplace(target, z, log_q, share_cut_off(target, gaussian, rng), rng)
         found = modes(target, mode, np.random.default_rng(np.random.SeedSequence([seed, 1])))
-        return Posterior(
+        posterior = Posterior(
             problem,
             problem.read(at),
             subspace,
@@ -80,6 +89,39 @@ def laplace(
             conditioning(problem, given, subspace, mode.z),
             weighed,
         )
+        if not subspace.rest.shape[1]:
+            return posterior  # the weights are of what is named
+        return _named_alone(posterior, subspace, given, against, seed)
+
+
+def _named_alone(
+    posterior: Posterior,
+    space: Subspace,
+    given: Array,
+    against: Posterior | None,
+    seed: int,
+) -> Posterior:
+    """The approximation, judged in what is named alone where all free numbers together fail."""
+    told = posterior.importance
+    if against is not None and against.labels != posterior.labels:
+        raise BadArgument(
+            "the draws to compare with are of different entries; give both functions the same names"
+        )
+    if told is None or told.holds:
+        return posterior
+    if against is not None:
+        if not against.usable:
+            return posterior
+        beside = f"{against.mixing.effective.min():,.0f} effective draws by `sample`"
+        drawn = against.flat
+    else:
+        target = LogDensity(posterior.problem, given, space, compiled)
+        rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
+        whole = drawn_with_the_rest(target, HamiltonianSettings(CHAINS, WALKERS, STEPS), rng)
+        if whole is None or not whole.run.mixing.usable:
+            return posterior
+        beside, drawn = whole.in_words, whole.run.mixing.draws.reshape(-1, posterior.size)
+    return replace(posterior, importance=compared(told, posterior.flat, drawn, beside))
 
 
 @dataclass(frozen=True)

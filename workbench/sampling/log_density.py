@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Problem
-from workbench.problem.batch import Costs, Evaluation, interpreted
+from workbench.problem.batch import Costs, Evaluation, Slopes, interpreted
 from workbench.sampling.subspace import Subspace
 
 
@@ -41,6 +41,23 @@ class LogDensity:
         """(M,) for all free numbers, x (M, n)."""
         return self._density(x, x, self._of_all)
 
+    def with_gradient(self, z: Array) -> tuple[Array, Array]:
+        """The log density (M,) at z (M, k), and its gradient (M, k); zero where that is no number.
+
+        The gradient does not know of bounds and constraints.
+        """
+        x = self.subspace.points(z)
+        plain = self.subspace.entries_only
+        with np.errstate(all="ignore"):
+            if plain:
+                cost, slope = self._slopes_of_entries(z)
+            else:
+                cost, slope = self._slopes_of_all(x)
+                slope = slope @ self.subspace.along
+        known = np.isfinite(cost) & self.allows(x)
+        fine = np.asarray(np.isfinite(slope).all(axis=1))
+        return np.where(known, -cost, -np.inf), np.where(fine[:, None], -slope, 0.0)
+
     def allows(self, x: Array) -> Mask:
         """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
         problem, there = self.problem, self.problem.stacked_constraints
@@ -68,3 +85,12 @@ class LogDensity:
     @cached_property
     def _of_all(self) -> Costs:
         return self.problem.costs(self.subspace.origin, self.fixed, None, self.way)
+
+    @cached_property
+    def _slopes_of_entries(self) -> Slopes:
+        space = self.subspace
+        return self.problem.slopes(space.origin, self.fixed, space.entries)
+
+    @cached_property
+    def _slopes_of_all(self) -> Slopes:
+        return self.problem.slopes(self.subspace.origin, self.fixed, None)

@@ -51,6 +51,7 @@ class Mixing:
         discarded: how many steps were discarded as burn-in.
         thin: how many steps lie between two draws that are kept.
         exact: whether the draws are independent by construction.
+        proposals: how many there were between two kept draws; 0 if there was one at every step.
     """
 
     labels: tuple[str, ...]
@@ -59,6 +60,7 @@ class Mixing:
     discarded: int
     thin: int = 1
     exact: bool = False
+    proposals: int = 0
 
     @property
     def steps(self) -> int:
@@ -103,8 +105,7 @@ class Mixing:
     @property
     def effective(self) -> Array:
         """Effective number of draws of each entry (k,)."""
-        E, S, W, _ = self.draws.shape
-        return np.asarray(E * S * W * self.thin / self.times)
+        return np.asarray(self.draws[..., 0].size * self.thin / self.times)
 
     @cached_property
     def scales(self) -> Array:
@@ -115,14 +116,14 @@ class Mixing:
     def chances(self) -> Array:
         """P-values (k,): how probable it is that ensembles of one distribution differ as much."""
         times = self.times / self.thin
-        return np.array([disagreement(o, t) for o, t in zip(self._each, times, strict=True)])
+        return np.array([disagreement(*each) for each in zip(self._each, times, strict=True)])
 
     @cached_property
     def stuck(self) -> int:
         """Walkers that did not move in the second half, where by their acceptance all should."""
         E, _, W, _ = self.draws.shape
         late = self.draws[:, self.draws.shape[1] // 2 :]
-        by_chance = E * W * np.exp(-self.acceptance * late.shape[1] * self.thin)
+        by_chance = E * W * np.exp(-self.acceptance * late.shape[1] * (self.proposals or self.thin))
         if self.exact or late.shape[1] < 2 or by_chance > UNLIKELY:
             return 0
         return int(np.sum((late == late[:, :1]).all(axis=(1, 3))))
@@ -141,8 +142,7 @@ class Mixing:
         """The verdict, and its reason with what to do."""
         E, S, W, k = self.draws.shape
         if self.exact:
-            count = E * S * W
-            if count < DRAWS:
+            if (count := E * S * W) < DRAWS:
                 return Usability.TOO_SHORT, f"{count} draws of {DRAWS:.0f} required; draw more"
             return Usability.USABLE, f"{count} draws"
         if S < 2:

@@ -46,15 +46,17 @@ class Posterior:
         draws: (E, S, W, k).
         log_prob: (E, S, W) log densities, up to a constant.
         mixing: whether the chains have mixed.
-        method: `emcee` or `laplace`.
+        method: `emcee`, `hamiltonian` or `laplace`.
         mode_search: the modes that least squares found.
         conditioning: what was held fixed, and how much wider intervals are without that.
         importance: how well a Gaussian stands for what was not sampled; None if there is none.
         seconds: how long the sampling took.
         interrupted: whether it was stopped early.
         unsaved: why the last checkpoint could not be written; empty if it was.
-        whole: the draws of all free numbers, where these are some of their columns; the verdict is
-            on all of them.
+        whole: the draws of all free numbers, where these are some of their columns; whether chains
+            have mixed, and whether a mode is missed, is judged on all of them.
+        all_free: (R, n) some draws of all free numbers, where these were drawn with what is named
+            and only the latter is judged.
     """
 
     problem: Problem = field(repr=False)
@@ -71,6 +73,7 @@ class Posterior:
     interrupted: bool = False
     unsaved: str = ""
     whole: "Posterior | None" = field(default=None, repr=False)
+    all_free: Array | None = field(default=None, repr=False)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -124,13 +127,12 @@ class Posterior:
         The checks: have the chains mixed; do the draws miss a mode; does Laplace's Gaussian fit;
         are intervals narrow because numbers are held fixed?
         """
-        if self.whole is not None:
-            return self.whole.judgement
-        verdict, why = self.mixing.judgement
+        of = self if self.whole is None else self.whole
+        verdict, why = of.mixing.judgement
         if verdict is not Usability.USABLE:
             return verdict, why
-        if self.missed_mode is not None:
-            return Usability.MODE_MISSED, missed_in_words(self.missed_mode, self.mixing.exact)
+        if of.missed_mode is not None:
+            return Usability.MODE_MISSED, missed_in_words(of.missed_mode, of.mixing.exact)
         if self.importance is not None and not self.importance.holds:
             return Usability.NOT_GAUSSIAN, str(self.importance)
         if not self.conditioning.holds:
@@ -210,6 +212,7 @@ class Posterior:
             mixing=replace(self.mixing, labels=there.labels, draws=draws),
             mode_search=replace(self.mode_search, modes=modes),
             conditioning=self.conditioning.of_entries(at),
+            importance=None if self.importance is None else self.importance.of_entries(at),
             whole=self if self.whole is None else self.whole,
         )
 
@@ -218,6 +221,8 @@ class Posterior:
         if self.whole is not None:
             return self.whole.points(count, seed)
         rng = np.random.default_rng(seed)
+        if self.all_free is not None:
+            return self.all_free[rng.integers(len(self.all_free), size=count)]
         z = self.flat[rng.integers(len(self.flat), size=count)]
         return self.subspace.points(z, rng.standard_normal((count, self.subspace.rest.shape[1])))
 
@@ -236,13 +241,6 @@ class Posterior:
         return self.summary()
 
     @property
-    def _how(self) -> str:
-        if self.method == "laplace":
-            E, S, _, k = self.draws.shape
-            return f"Laplace's approximation, {E * S} independent draws of {k} entries"
-        return how_sampled(self.mixing, self.seconds, self.interrupted)
-
-    @property
     def conditional(self) -> bool:
         """Whether intervals are given numbers that are held fixed."""
         return self.conditioning.count > 0
@@ -250,8 +248,8 @@ class Posterior:
     @property
     def rest(self) -> str:
         """What became of the free numbers that are no entries here, in a few words."""
-        if self.whole is not None:
-            return "sampled too" if self.method == "emcee" else "in the same Gaussian"
+        if self.whole is not None or self.all_free is not None:
+            return "in the same Gaussian" if self.method == "laplace" else "sampled too"
         if self.conditional:
             return f"held fixed: {self.conditioning.what}"
         if self.subspace.rest.shape[1]:
@@ -275,7 +273,8 @@ class Posterior:
         `truth` (k,) holds what synthetic data were made of, and is printed beside the entries. With
         the names of the residuals that are `priors`, each line has a bar of `contraction`.
         """
-        lines = [self.verdict, self._how, f"Modes: {search_in_words(self.mode_search)}."]
+        how = how_sampled(self.method, self.mixing, self.seconds, self.interrupted)
+        lines = [self.verdict, how, f"Modes: {search_in_words(self.mode_search)}."]
         if truth is not None:
             lines.append("The data are synthetic; `truth` is what they were made of")
         if len(self.modes) > 1:

@@ -10,12 +10,17 @@ from workbench.sampling.contraction import contraction_bar
 from workbench.sampling.mixing import Mixing
 
 
-def how_sampled(mixing: Mixing, seconds: float, interrupted: bool) -> str:
+def how_sampled(method: str, mixing: Mixing, seconds: float, interrupted: bool) -> str:
     """How many ensembles, walkers and steps there were, and how long they took."""
-    E, _, W, _ = mixing.draws.shape
+    E, S, W, k = mixing.draws.shape
+    if method == "laplace":
+        return f"Laplace's approximation, {E * S} independent draws of {k} entries"
+    how = f"{E} ensembles of {W} walkers"
+    if method == "hamiltonian":
+        how = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
     return (
-        f"emcee: {E} ensembles of {W} walkers, {mixing.steps} steps after {mixing.discarded} "
-        f"discarded, {mixing.acceptance:.0%} accepted, {seconds:.1f} s"
+        f"{'emcee: ' if method == 'emcee' else ''}{how}, {mixing.steps} steps after "
+        f"{mixing.discarded} discarded, {mixing.acceptance:.0%} accepted, {seconds:.1f} s"
         + (", interrupted" if interrupted else "")
     )
 
