@@ -112,8 +112,9 @@ def joint_tree(bones: Bones, rest: Array) -> JointTree:
         gaps[a, b] = max(factor * joint.gap, 1e-300)  # a zero would be no edge
     if K == 1:
         return JointTree(np.zeros(1, dtype=np.int64), (-1,), ())
-    spanning = minimum_spanning_tree(csr_array(gaps))
-    edges = csr_array(((spanning + spanning.T) != 0).astype(float))
+    spanning = minimum_spanning_tree(csr_array(gaps)).tocsr()
+    edges = csr_array(spanning + spanning.T)
+    edges.data[:] = 1.0
     root = _middle(edges, bones.weights.sum(axis=0))
     order, before = breadth_first_order(edges, root, directed=False)
     place = np.argsort(order)
