@@ -26,6 +26,7 @@ from workbench.arrays import Array
 from workbench.blocks import Points
 from workbench.bodies import SkinnedBody
 from workbench.fitting import Scan
+from workbench.geometry.solids import vertex_normals
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration import FreeVertices
 from workbench.registration.coregistration import (
@@ -39,7 +40,6 @@ from workbench.registration.free_vertices import CLOSE, MODEL_STAGES, VERTEX_STA
 from workbench.registration.scan_term import PATCH
 from workbench.residuals import Residual, geman_mcclure, model_to_scan, plane, scaled
 from workbench.synthetic import Clutter, Holes, Joining, Noise, people, scan, scanners
-from workbench.synthetic.scan_effects import vertex_normals
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate
 from workbench.training.evaluation import errors_of, evaluate_held_out
