@@ -20,6 +20,7 @@ from workbench.cli.export import export
 from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
+from workbench.cli.live import live
 from workbench.cli.motion import motion
 from workbench.cli.register import register
 from workbench.cli.rig import rig
@@ -93,6 +94,7 @@ for command in (
     export,
     basins,
     sliders,
+    live,
     blendshapes,
     triangles,
     solvers,

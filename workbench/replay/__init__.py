@@ -5,6 +5,13 @@ from workbench.replay.recording import (
     recorded_diagnosis,
     recorded_posterior,
     recorded_run,
+    recorded_start,
 )
 
-__all__ = ["Recording", "recorded_diagnosis", "recorded_posterior", "recorded_run"]
+__all__ = [
+    "Recording",
+    "recorded_diagnosis",
+    "recorded_posterior",
+    "recorded_run",
+    "recorded_start",
+]

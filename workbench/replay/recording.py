@@ -14,7 +14,7 @@ from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
-from workbench.fitting.setup import View
+from workbench.fitting.setup import Setup, View
 from workbench.problem import Problem
 from workbench.replay.arguments import Row, row_of_body
 from workbench.replay.browser_bodies import skinned_data
@@ -34,6 +34,10 @@ OF_MOVES = (
     "solution. The farther a point moves, the more orange it is, up to 5 cm. "
 )
 OF_DRAWS = "Bodies drawn from the posterior. "
+OF_LIVE = (
+    "The grey body is the start: turn its joints by the sliders, or leave it, and press a solver. "
+    "Every iterate is shown as soon as it is there. "
+)
 OF_VIEWS = (
     "Red lines lead from points of the body to the rays along which the cameras observed them."
 )
@@ -74,6 +78,14 @@ def recorded_run(outcome: Outcome) -> Recording | None:
         draws=(GAUSSIAN, draws),
         views=setup.views,
     )
+
+
+def recorded_start(setup: Setup) -> Recording | None:
+    """The body where a problem starts, for a page on which runs come in live; None as above."""
+    shown = _shown(setup.body, setup.problem, setup.start)
+    if shown is None:
+        return None
+    return _recording(shown, setup.start, OF_LIVE, views=setup.views, live=True)
 
 
 def recorded_diagnosis(
@@ -138,6 +150,7 @@ def _recording(
     directions: Sequence[dict[str, Any]] = (),
     draws: tuple[str, Sequence[Array]] = ("", ()),
     views: Sequence[View] = (),
+    live: bool = False,
 ) -> Recording:
     by, drawn = draws
     landmarks = _landmarks(shown.body, views)
@@ -152,6 +165,7 @@ def _recording(
         "landmarks": landmarks,
         "views": seen,
         "least_confidence": LEAST_CONFIDENCE,
+        "live": live,
     }
     return Recording(shown.arrays, data, caption + (OF_VIEWS if seen else ""))
 

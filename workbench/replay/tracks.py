@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Index
+from workbench.arrays import Array, Index
 from workbench.problem import Problem
 from workbench.replay.arguments import Row
 from workbench.replay.packing import packed
@@ -64,6 +64,13 @@ def _conditions(
         else:
             s = np.linalg.svd(problem.linearize(dict(start) | one.values).dense, compute_uv=False)
             yield float(s[0] / s[-1]) if s.size and s[-1] > 0 else float("nan")
+
+
+def as_numbers(array: Array) -> Any:
+    """An array as nested lists of nine digits each, with null where there is no number."""
+    if array.ndim:
+        return [as_numbers(one) for one in array]
+    return float(f"{array:.9g}") if np.isfinite(array) else None
 
 
 def _finite(numbers: Iterable[float]) -> list[float | None]:

@@ -27,8 +27,8 @@ class Curves {
   draw(runs, [low, high], value, now) {
     for (const { canvas, numbers, figure } of this.charts) {
       const all = runs.flatMap(({ run }) => numbers(run)).filter(y => y > 1e-13 && y < Infinity);
-      figure.hidden = !all.length;
-      if (!all.length) continue;
+      figure.hidden = all.length < 2 || Math.max(...all) < 1.01 * Math.min(...all); // nothing to see
+      if (figure.hidden) continue;
       const ratio = Math.min(2, devicePixelRatio || 1), g = canvas.getContext("2d");
       const w = canvas.clientWidth, h = canvas.clientHeight;
       Object.assign(canvas, { width: w * ratio, height: h * ratio });

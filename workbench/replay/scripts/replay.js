@@ -30,11 +30,10 @@ class Replay {
     Object.assign(this, data, { body });
     this.lenses = data.views.map(view => new Lens(view));
     this.lenses.forEach(lens => { lens.rays = lens.observed.map(pixel => lens.ray(pixel)); });
-    this.runs.forEach((run, i) => Object.assign(run, { on: true, colour: COLOURS[i % COLOURS.length] }));
-    this.lowest = Math.min(...this.runs.flatMap(run => run.cost));
+    this.hand = Float64Array.from(this.here); // a start that is set by hand, on a live page
     this.surfaces = new Map();
     this.whole = this.surface(this.here);
-    this.mode = this.runs.length ? "runs" : this.directions.length ? "directions" : "draws";
+    this.mode = this.runs.length || this.live ? "runs" : this.directions.length ? "directions" : "draws";
     Object.assign(this, { clock: "evaluations", share: 1, lens: null, focus: 0, rays: true, direction: 0, amount: 0, draw: 0, zoom: 1, playing: 0, milliseconds: [] });
     this.build(root);
     this.setUp();
@@ -74,7 +73,10 @@ class Replay {
 
   times(run) { return CLOCKS[this.clock][0](run); }
 
+  get lowest() { return Math.min(...this.runs.flatMap(run => run.cost)); }
+
   get axis() {
+    if (!this.runs.some(run => run.cost.length)) return [1, 2];
     const all = this.runs.flatMap(run => this.times(run)), low = Math.min(...all);
     return [low, Math.max(...all, low * 1.001)];
   }
@@ -99,12 +101,18 @@ class Replay {
     return x;
   }
 
+  get chosen() { // the runs that are shown
+    const runs = this.lens ? [this.runs[this.focus]] : this.runs.filter(run => run.on);
+    return runs.filter(run => run?.cost.length);
+  }
+
   // What is drawn.
 
   shown() { // surfaces with their paint, and the runs they belong to
     if (this.mode === "runs") {
-      const runs = this.lens ? [this.runs[this.focus]] : this.runs.filter(run => run.on);
-      return runs.map(run => ({ run, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
+      const start = { name: "start", surface: this.live ? this.surface(this.hand) : this.whole, paint: GREY };
+      const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
+      return this.live && (!this.lens || !found.length) ? [start, ...found] : found;
     }
     const surface = this.surface(this.moved()), paint = new Float32Array(surface.points.length);
     for (let i = 0; i < paint.length; i += 3) {
@@ -152,17 +160,17 @@ class Replay {
     scene.distance = this.zoom * FOCAL / 2 * Math.max(columns * wide * ratio, rows * tall);
     scene.begin(this.lens);
     const [right, up] = scene.axes(), labels = [];
-    all.forEach(({ surface, paint, run }, i) => {
+    all.forEach(({ surface, paint, name }, i) => {
       const row = Math.floor(i / columns), inRow = Math.min(columns, all.length - row * columns);
       const across = (i % columns - (inRow - 1) / 2) * wide, above = ((rows - 1) / 2 - row) * tall;
       const shift = right.map((x, d) => x * across + up[d] * above);
       scene.mesh(surface, this.body.faces, paint, shift);
       if (this.rays && !this.lens && this.lenses.length) this.paintRays(surface, shift);
-      if (run) labels.push([run, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
+      if (name) labels.push([name, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
     });
     this.paintOver(all, labels);
     if (this.mode === "runs") this.curves.draw(
-      this.runs.filter(run => run.on).map(run => ({ run, at: this.times(run), colour: run.colour })),
+      this.runs.filter(run => run.on && run.cost.length).map(run => ({ run, at: this.times(run), colour: run.colour })),
       this.axis, this.time, run => this.now(run));
     this.sentence.textContent = this.said();
     this.milliseconds.push(performance.now() - begun);
@@ -185,9 +193,9 @@ class Replay {
     const ink = style.getPropertyValue("--ink");
     Object.assign(g, { font: "12px system-ui, sans-serif", textAlign: "center", textBaseline: "top", fillStyle: ink });
     if (!lens) {
-      for (const [run, point] of labels.length > 1 ? labels : []) {
+      for (const [name, point] of labels.length > 1 ? labels : []) {
         const [x, y] = scene.place(point), [next] = scene.place(point.map((p, d) => p + this.room[0] * scene.axes()[0][d]));
-        g.fillText(run.name, x, y, 0.95 * (next - x)); // condensed to the room of a body
+        g.fillText(name, x, y, 0.95 * (next - x)); // condensed to the room of a body
       }
       return;
     }
@@ -224,8 +232,8 @@ class Replay {
       const truly = exact[i] + t * (exact[i + 1] - exact[i]);
       return `Along “${name}”, which is ${kind}: moved by ${units.toFixed(2)}, the whitened residuals change by ${short(change * Math.abs(units))} sigma altogether to first order, and truly by ${short(truly)} sigma.`;
     }
-    const runs = this.lens ? [this.runs[this.focus]] : this.runs.filter(run => run.on);
-    if (!runs.length) return "No solver is chosen.";
+    const runs = this.chosen;
+    if (!runs.length) return this.runs.length ? "No solver is chosen." : "Nothing was solved yet.";
     const costs = listed(runs.map(run => `${run.name} ${short(run.cost[this.now(run)])}`));
     const seen = this.lens ? ` In ${this.lens.name} its ${this.error[1]} keypoints are ${this.error[0].toFixed(1)} px off on average.` : "";
     const time = this.clock === "seconds" ? this.time : Math.floor(this.time * (1 + 1e-9));
@@ -286,7 +294,10 @@ class Replay {
     this.directions.forEach(({ name, kind }, i) => select.add(new Option(`${name} (${kind})`, i)));
     select.addEventListener("change", () => { this.direction = +select.value; this.paint(); });
     const solvers = row(left, "solvers");
-    this.runs.forEach((run, i) => {
+    this.chips = solvers;
+    this.add = run => { // a run, with a button that shows or hides it
+      const i = this.chips.querySelectorAll("button").length;
+      Object.assign(run, { on: true, colour: COLOURS[i % COLOURS.length] });
       const chip = button(solvers, run.name, () => {
         if (this.lens) this.focus = i;
         else run.on = !run.on;
@@ -294,8 +305,8 @@ class Replay {
       }, true);
       chip.style.setProperty("--colour", run.colour);
       chip.title = `${run.status}, ${run.iterations} iterations, cost ${short(run.cost.at(-1))}`;
-    });
-    this.chips = solvers;
+    };
+    this.runs.forEach(this.add);
     this.rows.directions.push(which);
     this.rows.runs.push(solvers);
     if (this.lenses.length) {
@@ -311,7 +322,7 @@ class Replay {
     this.sentence = make("p", left, { className: "replay-said" });
     this.sentence.setAttribute("aria-live", "polite");
     this.side = make("div", columns);
-    if (this.runs.length) {
+    if (this.runs.length || this.live) {
       choice(row(this.side, "clock"), Object.keys(CLOCKS).map(name => [name, name]), "evaluations", clock => { this.clock = clock; });
       const charts = make("div", this.side, { className: "replay-curves" });
       this.curves = new Curves(charts, [
