@@ -31,6 +31,7 @@ WORKBENCH = [
     "InMemory",
     "Ipopt",
     "Iterate",
+    "JointCandidate",
     "KnownAnswer",
     "Landmarks",
     "Layout",

@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from workbench.training.first_guess import Start
     from workbench.training.plan import Plan, Stage
     from workbench.training.registrations import Batch, InMemory, Registrations
+    from workbench.training.rigging.joints import JointCandidate
     from workbench.training.rigging.rig import Rigged, rig
     from workbench.training.training import Trained, train
 
@@ -100,6 +101,7 @@ __all__ = [
     "InMemory",
     "Ipopt",
     "Iterate",
+    "JointCandidate",
     "KnownAnswer",
     "Landmarks",
     "Layout",

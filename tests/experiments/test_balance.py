@@ -124,7 +124,7 @@ def test_one_camera_is_one_number_wherever_it_is_told(
         assert (
             f"{count} keypoints with a confidence above 0.2 lie on average {error:.1f} px" in said
         )
-        assert f"<td>{name}</td>" in text
+        assert f">{name}</td>" in text
         assert said in text
 
 

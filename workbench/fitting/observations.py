@@ -78,8 +78,8 @@ class Observations:
 
     def observed(self) -> tuple[str, ...]:
         """The names of the keypoints that at least one photograph shows."""
-        there = np.any([p.confidence > 0 for p in self.photographs], axis=0)
-        return tuple(name for name, one in zip(self.names, there, strict=True) if one)
+        seen = np.array([p.confidence > 0 for p in self.photographs]).reshape(-1, len(self.names))
+        return tuple(name for name, one in zip(self.names, seen.any(axis=0), strict=True) if one)
 
     def ordered(self, names: Sequence[str]) -> "Observations":
         """The keypoints in the order of `names`; those that were not observed have confidence 0.
