@@ -78,8 +78,8 @@ class Observations:
 
     def observed(self) -> tuple[str, ...]:
         """The names of the keypoints that at least one photograph shows."""
-        seen = np.array([p.confidence > 0 for p in self.photographs]).reshape(-1, len(self.names))
-        return tuple(name for name, one in zip(self.names, seen.any(axis=0), strict=True) if one)
+        seen = [photograph.confidence > 0 for photograph in self.photographs]
+        return tuple(name for i, name in enumerate(self.names) if any(one[i] for one in seen))
 
     def ordered(self, names: Sequence[str]) -> "Observations":
         """The keypoints in the order of `names`; those that were not observed have confidence 0.

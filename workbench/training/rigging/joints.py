@@ -41,6 +41,12 @@ class JointCandidate:
             direction, in metres (rms), ascending. It is zero along the axis of a hinge, and across
             it about the angle in radians by which the bones turn against each other.
         directions: (3, 3) in its rows the unit vectors of these directions, at rest.
+
+    >>> import numpy as np
+    >>> parting = np.array([0.0, 0.5, 0.5])
+    >>> hinge = JointCandidate((0, 1), np.zeros(3), 1e-5, parting, np.eye(3))
+    >>> hinge.free.tolist()  # it may slide along its axis
+    [[1.0, 0.0, 0.0]]
     """
 
     bones: tuple[int, int]
