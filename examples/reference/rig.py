@@ -1,4 +1,4 @@
-"""rig, Rigged: bones, weights, joints and a tree from meshes in motion."""
+"""rig, Rigged, JointCandidate: bones, weights, joints and a tree from meshes in motion."""
 
 import numpy as np
 
@@ -12,3 +12,5 @@ meshes = np.stack([bent.vertices(p) for p in pose])
 found: wb.Rigged = wb.rig(meshes, bent.faces, rest=bent.template, bones=2)
 print(found.body.n_joints, "bones,", round(1e3 * found.rms, 2), "mm from the meshes (rms)")
 print(found.notes[-1])
+joint: wb.JointCandidate = found.joints[0]
+print("directions along which the joint may slide:", len(joint.free))
