@@ -28,8 +28,9 @@ from workbench.fitting import (
     spread_frames,
 )
 from workbench.fitting.marker_information import informative_frames
-from workbench.fitting.marker_sets import matched, vertex_normals
+from workbench.fitting.marker_sets import matched
 from workbench.fitting.markers import marker_errors
+from workbench.geometry.solids import vertex_normals
 from workbench.motions import read_motion
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.solvers import TrustRegion
@@ -56,12 +57,14 @@ def test_the_default_set_is_on_the_outside_of_the_named_side() -> None:
                 assert x > 0 if label[0] == "L" else x < 0, label
         out = np.linalg.norm(worn.nominal, axis=1)
         np.testing.assert_allclose(out, 0.0095)
-        outwards = np.sum(vertex_normals(body)[worn.vertices] * worn.nominal, axis=1)
+        outwards = np.sum(
+            vertex_normals(body.template, body.faces)[worn.vertices] * worn.nominal, axis=1
+        )
         np.testing.assert_allclose(outwards, out)
 
 
 def test_normals_point_outwards() -> None:
-    outside = BODY.template + 0.001 * vertex_normals(BODY)
+    outside = BODY.template + 0.001 * vertex_normals(BODY.template, BODY.faces)
     faces = BODY.template[BODY.faces]
     moved = outside[BODY.faces]
 

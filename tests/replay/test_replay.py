@@ -4,8 +4,6 @@ import base64
 import gzip
 import json
 import re
-import shutil
-import subprocess
 from functools import cache
 from html import unescape
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.browsers import dumped, need_browser
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.experiments import find, run
@@ -23,8 +22,6 @@ from workbench.replay.packing import KINDS, packed
 from workbench.replay.tracks import kept
 from workbench.reports.report import run_page
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-BROWSER = next((found for name in BROWSERS if (found := shutil.which(name))), None)
 LARGEST = 750_000  # bytes that a replay adds to the page of a run
 
 ASKED = """
@@ -166,29 +163,22 @@ def test_a_posterior_shows_its_draws() -> None:
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """What the replay on the page of a run says when it is asked in the browser."""
-    if BROWSER is None:
-        pytest.skip(f"no browser is called {', '.join(BROWSERS)}")
+    need_browser()
     folder = tmp_path_factory.mktemp("page")
     asking = run_page(outcome(), {}).replace("</main>", ASKED + "</main>")
     (folder / "index.html").write_text(asking, encoding="utf-8")
-    options = (
-        "--headless",
-        "--no-sandbox",
+    text, complaints = dumped(
+        folder / "index.html",
         "--use-gl=angle",
         "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader",
-        "--no-first-run",
         "--window-size=500,500",
-        f"--user-data-dir={folder / 'profile'}",
         "--virtual-time-budget=20000",
-        "--dump-dom",
     )
-    address = (folder / "index.html").as_uri()
-    ran = subprocess.run([BROWSER, *options, address], capture_output=True, timeout=300)
-    found = re.search(r'<pre id="answers">(.*?)</pre>', ran.stdout.decode(), re.DOTALL)
-    assert found, ran.stderr.decode()[-1000:]
+    found = re.search(r'<pre id="answers">(.*?)</pre>', text, re.DOTALL)
+    assert found, complaints
     told = json.loads(unescape(found[1]))
-    assert "error" not in told, (told, ran.stderr.decode()[-1000:])
+    assert "error" not in told, (told, complaints)
     return told
 
 

@@ -2,8 +2,6 @@
 
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -14,6 +12,7 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
+from tests.browsers import dumped, need_browser
 from workbench.bodies.ablations import ABLATIONS, without_blend_weights, without_pose_blend_shapes
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody, scape
@@ -23,8 +22,6 @@ from workbench.geometry.solids import volume
 from workbench.geometry.triangles import edges
 from workbench.reports.sliders import sliders_page, write_sliders
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-BROWSER = next((found for name in BROWSERS if (found := shutil.which(name))), None)
 BODY = wb.load_body("small")
 RNG = np.random.default_rng(0)
 BETAS = RNG.normal(size=10)
@@ -88,8 +85,7 @@ def answers_of_triangles(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 def asked(body: wb.SkinnedBody | TriangleBody, kept: Any, folder: Path) -> Any:
-    if BROWSER is None:
-        pytest.skip(f"no browser is called {', '.join(BROWSERS)}")
+    need_browser()
     page = write_sliders(body, folder / "sliders.html")
     questions = {
         f"{where}, {which}": [pose.ravel().tolist(), BETAS.tolist(), keep]
@@ -99,18 +95,9 @@ def asked(body: wb.SkinnedBody | TriangleBody, kept: Any, folder: Path) -> Any:
     text = page.read_text(encoding="utf-8")
     asking = text.replace("</main>", ASKED % json.dumps(questions) + "</main>")
     page.write_text(asking, encoding="utf-8")
-    options = (
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--no-first-run",
-        f"--user-data-dir={folder / 'profile'}",
-        "--virtual-time-budget=5000",
-        "--dump-dom",
-    )
-    ran = subprocess.run([BROWSER, *options, page.as_uri()], capture_output=True, timeout=120)
-    found = re.search(r'<pre id="answers">(.*?)</pre>', ran.stdout.decode(), re.DOTALL)
-    assert found, ran.stderr.decode()[-1000:]
+    shown, complaints = dumped(page, "--disable-gpu", "--virtual-time-budget=5000")
+    found = re.search(r'<pre id="answers">(.*?)</pre>', shown, re.DOTALL)
+    assert found, complaints
     assert found[1], "the page's script stopped"
     return json.loads(unescape(found[1]))
 

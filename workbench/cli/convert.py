@@ -13,14 +13,13 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import say, timed_lines, warn_without_effect
+from workbench.cli.output import Up, say, timed_lines, warn_without_effect
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
 from workbench.conversion.converting import Converted
 from workbench.conversion.points_in_space import SIGMA
 from workbench.conversion.tracking import Progress
 from workbench.errors import BadArgument
 from workbench.fitting.marker_files import holds_markers, read_markers
-from workbench.geometry.upright import TURNS
 from workbench.homes import expanded
 from workbench.motions import Motion, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
@@ -58,10 +57,7 @@ def convert_motion(
     unit: Annotated[
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS | OTHERS)}).")
     ] = None,
-    up: Annotated[
-        str | None,
-        typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
-    ] = None,
+    up: Up = None,
 ) -> None:
     """Turn the motion of one body, or points in space, into the motion of another body."""
     console, path = Console(), expanded(file)

@@ -12,7 +12,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import say, warn_without_effect
+from workbench.cli.output import Up, say, warn_without_effect
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
@@ -20,7 +20,6 @@ from workbench.fitting.marker_files import (
     read_markers,
     write_markers,
 )
-from workbench.geometry.upright import TURNS
 from workbench.homes import expanded
 from workbench.motions import Motion, bones_of, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
@@ -66,10 +65,7 @@ def motion(
         str | None,
         typer.Option(help=f"Unit of a .bvh or of markers ({', '.join(UNITS | OTHERS)})."),
     ] = None,
-    up: Annotated[
-        str | None,
-        typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
-    ] = None,
+    up: Up = None,
 ) -> None:
     """Say what a file of a motion or of markers holds, draw it, and convert it."""
     console, path = Console(), expanded(file)

@@ -3,14 +3,22 @@
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
 from workbench.errors import WorkbenchError
+from workbench.geometry.upright import TURNS
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.tables import Table
+
+Up = Annotated[
+    str | None,
+    typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
+]
 
 
 def make_folder(folder: Path) -> None:

@@ -15,12 +15,18 @@ from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.bars import Bars
 from workbench.cli.cluster import cluster
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import folder_to_write, print_page, rich_table, say, warn_without_effect
+from workbench.cli.output import (
+    Up,
+    folder_to_write,
+    print_page,
+    rich_table,
+    say,
+    warn_without_effect,
+)
 from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile, listed, some_of
 from workbench.fitting.scan_contents import READERS
 from workbench.fitting.scan_units import UNITS
-from workbench.geometry.upright import TURNS
 from workbench.homes import expanded
 from workbench.interrupts import caused_by
 from workbench.registration import (
@@ -58,10 +64,7 @@ def register(
         str | None,
         typer.Option(help=f"Unit of the files ({', '.join(UNITS)}); else it is guessed."),
     ] = None,
-    up: Annotated[
-        str | None,
-        typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
-    ] = None,
+    up: Up = None,
     camera: Annotated[
         str | None,
         typer.Option(

@@ -17,6 +17,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.errors import BadArgument, BadFile, check_known, some
+from workbench.geometry.solids import vertex_normals
 from workbench.reading.facts import facts, json_in, whole
 
 OUT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
@@ -63,7 +64,7 @@ class MarkerSet:
                 f"the markers {same!r} and {names[again]!r} are on the same vertex "
                 f"{chosen[again]}; give each marker a vertex of its own"
             )
-        return MarkerSet(names, chosen, out * vertex_normals(body)[chosen])
+        return MarkerSet(names, chosen, out * vertex_normals(body.template, body.faces)[chosen])
 
     @staticmethod
     def nearest(body: SkinnedBody, places: Mapping[str, ArrayLike]) -> "MarkerSet":
@@ -93,17 +94,6 @@ class MarkerSet:
             check_known("marker", label, self.names)
         some_of = np.array([self.names.index(label) for label in labels], dtype=np.int64)
         return MarkerSet(tuple(labels), self.vertices[some_of], self.nominal[some_of])
-
-
-def vertex_normals(body: SkinnedBody) -> Array:
-    """The unit normals (N, 3) of the template, means of its faces weighted by area."""
-    a, b, c = (body.template[body.faces[:, i]] for i in range(3))
-    across = np.cross(b - a, c - a)
-    found = np.zeros_like(body.template)
-    for i in range(3):
-        np.add.at(found, body.faces[:, i], across)
-    length = np.linalg.norm(found, axis=1, keepdims=True)
-    return np.asarray(found / np.where(length > 0, length, 1.0))
 
 
 def read_marker_set(path: Path, body: SkinnedBody) -> MarkerSet:
@@ -165,7 +155,11 @@ def default_markers(body: SkinnedBody) -> MarkerSet:
         rays["L" + name] = a, b, share, towards
         c, d = (joint.replace("left", "right") for joint in (a, b))
         rays["R" + name] = c, d, share, (-towards[0], *towards[1:])
-    joints, normals, found = body.joints(), vertex_normals(body), dict[str, int]()
+    joints, normals, found = (
+        body.joints(),
+        vertex_normals(body.template, body.faces),
+        dict[str, int](),
+    )
     for name, (a, b, share, towards) in rays.items():
         for joint in (a, b):
             check_known("joint", joint, body.joint_names)

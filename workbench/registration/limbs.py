@@ -54,11 +54,11 @@ def with_limb_at_mean(body: Body, pose: Array, limb: Sequence[int]) -> Array:
 
 
 def other_limbs(body: Body, solve: Solve, values: Values) -> Values | None:
-    """Values from which the cost becomes lower, or None if no other pose of a limb does that.
+    """Values with another pose of one or more limbs at which the cost is lower; None without any.
 
-    `solve` finds the minimum near some values; it may be that of a coarser problem. Each limb is
-    put to its mean pose in turn, and the lowest end is taken if it is lower by 1 % or more; then
-    all limbs are tried again from there.
+    `solve` finds the minimum near given values; it may be that of a coarser problem. Each limb is
+    put to its mean pose in turn, and `solve` begins there. The lowest of these minima is taken if
+    its cost is lower by more than 1 %; then all limbs are tried again from there.
     """
     pose = body.blocks()[0].name
     first = best = solve(values)

@@ -188,10 +188,10 @@ def moved_by_hand(setup: Setup) -> tuple[Body, Row]:
 
 def _numbers(iterate: Iterate) -> dict[str, Any]:
     return {
-        "cost": as_numbers(np.array(iterate.cost)),
-        "optimality": as_numbers(np.array(iterate.optimality)),
-        "damping": as_numbers(np.array(iterate.damping)),
-        "seconds": as_numbers(np.array(iterate.seconds)),
+        "cost": as_numbers(iterate.cost),
+        "optimality": as_numbers(iterate.optimality),
+        "damping": as_numbers(iterate.damping),
+        "seconds": as_numbers(iterate.seconds),
         "evaluations": iterate.evaluations.total,
     }
 

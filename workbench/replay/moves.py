@@ -20,6 +20,16 @@ DRAWS = 40
 Surface = Callable[[Array], Array]
 
 
+def reach_along(direction: Direction, tolerance: float) -> float:
+    """How far a body is moved along a direction, in its units: two standard deviations, or less.
+
+    A direction whose change is at most the `tolerance` is not seen, and has no standard deviation.
+    """
+    if direction.change <= tolerance:
+        return UNSEEN
+    return min(2 / direction.change, FARTHEST)
+
+
 def moves(diagnosis: Diagnosis, row: Row, surface: Surface) -> list[dict[str, Any]]:
     """Null and weak directions of a diagnosis that move the body, the unseen ones first.
 
@@ -38,8 +48,7 @@ def _moves(
     here, found = surface(known), 0
     for one, kind in directions:
         step = row(d.free.unpack(x + one.vector, d.values)) - known
-        unseen = one.change <= d.tolerance
-        reach = UNSEEN if unseen else min(2 / one.change, FARTHEST)
+        reach = reach_along(one, d.tolerance)
         away = np.linalg.norm(surface(known + reach * step) - here, axis=1).max()
         if found == MOST or away < LEAST:
             continue

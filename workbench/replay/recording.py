@@ -81,7 +81,10 @@ def recorded_run(outcome: Outcome) -> Recording | None:
 
 
 def recorded_start(setup: Setup) -> Recording | None:
-    """The body where a problem starts, for a page on which runs come in live; None as above."""
+    """The body where a problem starts, for a page on which runs come in live.
+
+    None if no body is fitted, or one that a page cannot pose.
+    """
     shown = _shown(setup.body, setup.problem, setup.start)
     if shown is None:
         return None

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Index
 from workbench.problem import Problem
 from workbench.replay.arguments import Row
 from workbench.replay.packing import packed
@@ -47,10 +48,10 @@ def _track(
         "iterates": at.tolist(),
         "x": packed([row(one.values) for one in iterates], "f4"),
         "cost": [float(f"{one.cost:.12g}") for one in iterates],
-        "optimality": _finite(one.optimality for one in iterates),
-        "damping": _finite(one.damping for one in iterates),
-        "condition": _finite(_conditions(problem, iterates, start)),
-        "seconds": _finite(one.seconds for one in iterates),
+        "optimality": as_numbers([one.optimality for one in iterates]),
+        "damping": as_numbers([one.damping for one in iterates]),
+        "condition": as_numbers(list(_conditions(problem, iterates, start))),
+        "seconds": as_numbers([one.seconds for one in iterates]),
         "evaluations": [one.evaluations.total for one in iterates],
     }
 
@@ -66,13 +67,9 @@ def _conditions(
             yield float(s[0] / s[-1]) if s.size and s[-1] > 0 else float("nan")
 
 
-def as_numbers(array: Array) -> Any:
+def as_numbers(array: ArrayLike) -> Any:
     """An array as nested lists of nine digits each, with null where there is no number."""
-    if array.ndim:
-        return [as_numbers(one) for one in array]
-    return float(f"{array:.9g}") if np.isfinite(array) else None
-
-
-def _finite(numbers: Iterable[float]) -> list[float | None]:
-    """Seven digits each, and null where there is no number."""
-    return [float(f"{number:.7g}") if np.isfinite(number) else None for number in numbers]
+    numbers = np.asarray(array, dtype=float)
+    if numbers.ndim:
+        return [as_numbers(one) for one in numbers]
+    return float(f"{numbers:.9g}") if np.isfinite(numbers) else None

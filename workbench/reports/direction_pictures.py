@@ -11,11 +11,10 @@ from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import caption_direction, sheets
+from workbench.replay.moves import LEAST, reach_along
 from workbench.reports.figures import Shown, shown
 
 PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones
-UNSEEN_MOVE = 0.5  # units along a direction that nothing holds
-MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 
 
 def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> list[Shown]:
@@ -31,12 +30,10 @@ def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> lis
     for direction in sorted(found, key=lambda x: x.kind == "entry"):
         if len(drawn) == PICTURES:
             break
-        amount = min(2 / direction.change if direction.change > 0 else np.inf, MOST_MOVE)
-        if direction.change <= d.tolerance:
-            amount = UNSEEN_MOVE
+        amount = reach_along(direction, d.tolerance)
         moved = _moved(d, direction, body, amount)
         here = moved["here"]
-        if max(float(np.abs(s - here).max()) for s in moved.values()) < 1e-3:
+        if max(float(np.abs(s - here).max()) for s in moved.values()) < LEAST:
             continue
         if direction.kind == "entry" and direction.joints:
             if direction.joints in turned:

@@ -8,7 +8,7 @@ from workbench.reports.page import page
 from workbench.solvers import SOLVERS
 from workbench.solvers.abilities import refuse
 
-OFFERED = 12  # solvers
+OFFERED = 12  # solvers on a page at most, those that the problem compares first
 
 
 def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:

@@ -154,7 +154,8 @@ SAYS = {
         np.median(rest_off(run)) > 0.2,
     ),
     "The first two have converged, truly": lambda run: (
-        begun(run, "at rest")[-1] > 20 and begun(run, "2 m away")[-1] > 20  # the way is chaotic
+        min(begun(run, "at rest")[-1], begun(run, "2 m away")[-1])
+        > 10 * begun(run, "where Huber's ended")[-1]
     ),
     "so begin near, or in stages": lambda run: begun(run, "where Huber's ended")[-1] < 5,
     "4.78 is 22.8": lambda run: (4.78, 4.78**2),

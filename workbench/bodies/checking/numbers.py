@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from workbench.arrays import Mask
+from workbench.arrays import Array, Mask
 from workbench.bodies.checking.findings import FileFinding, counted, of_all, row_name
 from workbench.bodies.checking.model_arrays import ModelArrays
 from workbench.bodies.files.extras import MIRROR
@@ -22,12 +23,17 @@ def about_numbers(model: ModelArrays) -> Iterator[FileFinding]:
     yield from _mirror(model)
 
 
+def _row_sums(rows: Array | csr_array) -> tuple[Array, Mask]:
+    """The sum of each row, and which of them are not one."""
+    with np.errstate(over="ignore"):
+        sums = np.asarray(rows.sum(axis=1)).ravel()
+    return sums, np.asarray(~(abs(sums - 1) <= ROW_SUM_TOLERANCE))
+
+
 def _weights(model: ModelArrays) -> Iterator[FileFinding]:
     if model.weights is None:
         return
-    with np.errstate(over="ignore"):
-        sums = model.weights.sum(axis=1)
-    wrong: Mask = np.asarray(~(abs(sums - 1) <= ROW_SUM_TOLERANCE))
+    sums, wrong = _row_sums(model.weights)
     if wrong.any():
         worst = int(np.argmax(abs(sums - 1)))
         yield FileFinding(
@@ -49,9 +55,7 @@ def _weights(model: ModelArrays) -> Iterator[FileFinding]:
 def _regressor(model: ModelArrays) -> Iterator[FileFinding]:
     if model.regressor is None:
         return
-    with np.errstate(over="ignore"):
-        sums = np.asarray(model.regressor.sum(axis=1)).ravel()
-    wrong: Mask = np.asarray(~(abs(sums - 1) <= ROW_SUM_TOLERANCE))
+    sums, wrong = _row_sums(model.regressor)
     if wrong.any():
         worst = int(np.argmax(abs(sums - 1)))
         yield FileFinding(

@@ -110,9 +110,9 @@ class Replay {
 
   shown() { // surfaces with their paint, and the runs they belong to
     if (this.mode === "runs") {
-      const start = { name: "start", surface: this.live ? this.surface(this.hand) : this.whole, paint: GREY };
       const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
-      return this.live && (!this.lens || !found.length) ? [start, ...found] : found;
+      if (!this.live || (this.lens && found.length)) return found;
+      return [{ name: "start", surface: this.surface(this.hand), paint: GREY }, ...found];
     }
     const surface = this.surface(this.moved()), paint = new Float32Array(surface.points.length);
     for (let i = 0; i < paint.length; i += 3) {

@@ -47,7 +47,7 @@ class Bones:
 
     @property
     def count(self) -> int:
-        """K."""
+        """K, the number of bones."""
         return int(self.weights.shape[1])
 
     def moved(self, rest: Array, some: slice = slice(None)) -> Array:
