@@ -102,20 +102,20 @@ class World:
     others: InMemory
 
 
-def world(kind: str, seed: int) -> World:
-    """The people and scans of one set."""
+def world(kind: str, seed: int, count: int = PEOPLE, n_scans: int = SCANS) -> World:
+    """The scans of one set, `n_scans` of `count` people, and meshes that no scan shows."""
     truth, poses = (
         load_body(TRUTH),
         draw_poses(shipped_gaussian(), 400, np.random.default_rng((seed, 7))),
     )
-    made = people(truth, poses, PEOPLE + OTHERS, seed, own_shape=OWN_SHAPE)
+    made = people(truth, poses, count + OTHERS, seed, own_shape=OWN_SHAPE)
     who = [
         Person(replace(truth, template=one.template + truth.shapedirs @ one.values["betas"]))
         for one in made
     ]
     holes, clutter = SETS[kind]
     meshes, scans, seen, starts = [], [], [], []
-    subject = np.arange(SCANS) % PEOPLE
+    subject = np.arange(n_scans) % count
     for j, s in enumerate(subject):
         rng = np.random.default_rng((seed, 1, j))
         vertices, pose, trans = who[s].placed(rng, poses)
@@ -152,8 +152,8 @@ def world(kind: str, seed: int) -> World:
         ScansInMemory(tuple(scans), subject),
         np.stack(seen),
         starts,
-        unseen(who[:PEOPLE], 2),
-        unseen(who[PEOPLE:], 3),
+        unseen(who[:count], 2),
+        unseen(who[count:], 3),
     )
 
 

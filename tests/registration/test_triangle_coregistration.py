@@ -1,0 +1,199 @@
+"""Coregistration with triangles: one cost that no block raises, and steps that are exact."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from tests.registration.test_coregistration import TERM, body, made
+from workbench.arrays import Array
+from workbench.bodies.triangles import TriangleBody, blend_scape
+from workbench.errors import BadArgument
+from workbench.geometry.triangles import edges
+from workbench.registration.coregistration import ScansInMemory
+from workbench.registration.coregistration.triangle_plan import TrianglePlan
+from workbench.registration.coregistration.triangle_steps import (
+    Bends,
+    JointStep,
+    OfScan,
+    Persons,
+    Unknown,
+    learned_bends,
+)
+from workbench.registration.coregistration.triangles import (
+    TriangleCoregistration,
+    TriangleState,
+)
+
+PLAN = TrianglePlan(rounds=2, coupling=0.005, term=TERM)
+
+
+@cache
+def start() -> TriangleBody:
+    """BlendSCAPE on the test's body, with a Q for triangles before they are stitched."""
+    skinned = body()
+    poses = 0.25 * np.random.default_rng(4).standard_normal((12, skinned.n_joints, 3))
+    poses[:, 0] = 0
+    return learned_bends(blend_scape(skinned), poses, skinned.vertices(poses), 0.02)
+
+
+def apart() -> Array:
+    """Where the fitted body is on each scan."""
+    _, fits, _, _ = made()
+    return np.stack([body().vertices(f.pose, f.betas, f.trans) for f in fits])
+
+
+@cache
+def run(plan: TrianglePlan) -> TriangleState:
+    scans, fits, _, _ = made()
+    return TriangleCoregistration(start(), scans, plan).run(fits, apart())
+
+
+def away(state: TriangleState) -> float:
+    return float(np.linalg.norm(state.vertices - made()[2], axis=2).mean())
+
+
+def test_edges_before_stitching_are_those_of_the_deformations() -> None:
+    rng, b = np.random.default_rng(0), start()
+    pose, betas = 0.3 * rng.standard_normal((b.n_joints, 3)), rng.standard_normal(b.n_betas)
+    symbols = [block.symbol for block in b.blocks()[:2]]
+    found = cs.Function("edges", symbols, [b.deformed_edges(*symbols)])(pose.T, betas)
+    X = b.deformations(pose, betas)
+    wanted = np.einsum("fab,fib->fia", X, edges(b.template, b.faces)).reshape(-1, 3)
+    assert_allclose(np.asarray(found).T, wanted, atol=1e-14)
+
+
+def test_no_block_raises_the_joint_cost() -> None:
+    log = run(PLAN).log
+    assert [entry.block for entry in log] == ["persons", "bends", "registrations"] * 2
+    for entry in log:
+        assert sum(entry.after.values()) < sum(entry.before.values())
+    for before, after in pairwise(log):
+        assert sum(before.after.values()) == pytest.approx(sum(after.before.values()))
+
+
+def test_registrations_come_nearer_to_the_truth_than_with_the_model_held() -> None:
+    assert away(run(PLAN)) < 0.9 * away(run(replace(PLAN, blocks=())))
+
+
+def test_bends_are_learned_before_stitching() -> None:
+    skinned, rng, ratio = body(), np.random.default_rng(4), 0.02
+    poses = 0.25 * rng.standard_normal((12, skinned.n_joints, 3))  # those of `start`
+    poses[:, 0] = 0
+    meshes = skinned.vertices(poses)
+
+    def cost(posedirs: Array) -> float:
+        b = replace(start(), posedirs=posedirs)
+        total = ratio**2 * float((posedirs**2).sum())
+        for pose, mesh in zip(poses, meshes, strict=True):
+            at = b.arithmetic.evaluate(pose, np.zeros(b.n_betas))
+            model = np.einsum("fab,fib->fia", at.B, at.shaped)
+            total += float(((edges(mesh, b.faces) - model) ** 2).sum())
+        return total
+
+    least, aside = start().posedirs, 0.1 * rng.standard_normal(start().posedirs.shape)
+    assert cost(least) < 0.7 * cost(np.zeros_like(least))
+    up, down = cost(least + aside), cost(least - aside)
+    assert abs(up - down) < 1e-9 * (up + down)  # a minimum of a quadratic
+    assert min(up, down) > cost(least)
+    with pytest.raises(BadArgument, match="above 0 m rad"):
+        learned_bends(blend_scape(skinned), poses, meshes, 0.0)
+
+
+def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
+    each = np.eye(at.n_betas)
+    subject = made()[0].subject
+    here = [at.arithmetic.evaluate(p, each[s]) for p, s in zip(poses, subject, strict=True)]
+    own = [j for j, s in enumerate(subject) if s == 0]
+    fitted = np.eye(3) + 0.9 * at.shapedirs[..., 0]
+    return [
+        (Persons(at, [here[j] for j in own], 0.05, fitted), own),
+        (Bends(at, here, 0.1, 0.5 * at.posedirs), list(range(len(here)))),
+    ]
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_joint_step_solves_the_dense_normal_equations(which: int) -> None:
+    state, rng = run(PLAN), np.random.default_rng(1)
+    unknown, own = unknowns(state.body, state.poses)[which]
+    own = own[: 2 - which]  # Q has many numbers
+    N, n, s = state.body.n_vertices, unknown.prior.shape[0], 0.01
+    A = np.kron(state.body.stitching.A.toarray(), np.eye(3))
+    T = [np.empty((len(A), n)) for _ in own]
+    for k, unit in enumerate(np.eye(n)):
+        for j, columns in enumerate(T):
+            columns[:, k] = unknown.forth(j, unit).ravel()
+    for j, columns in enumerate(T):  # the adjoint is one, and the preconditioner's blocks are right
+        pull = rng.standard_normal((len(A) // 3, 3))
+        assert_allclose(unknown.back(j, pull), columns.T @ pull.ravel(), atol=1e-9)
+        q = unknown.grams(j).shape[1]
+        gram = columns.T @ columns
+        blocks = [gram[i : i + q, i : i + q] for i in range(0, n, q)]
+        assert_allclose(unknown.grams(j), blocks, atol=1e-9)
+    scans, gaps = [], []
+    for _ in own:
+        few = rng.standard_normal((40, 3 * N))
+        scans.append(OfScan(state.vertices[0], rng.standard_normal(3 * N), few.T @ few))
+        gaps.append(1e-3 * rng.standard_normal((len(A) // 3, 3)))
+    e = edges(state.vertices[0], state.body.faces).reshape(-1, 3)
+    step = JointStep(unknown, scans, [e - gap for gap in gaps], s, state.body, 1e-10, 2000)
+    x, moved = step.found()
+    total = n + 3 * N * len(own)
+    H, g = np.zeros((total, total)), np.zeros(total)
+    H[:n, :n], g[:n] = unknown.prior.toarray(), unknown.prior_slope
+    for j, (scan, gap) in enumerate(zip(scans, gaps, strict=True)):
+        J = np.zeros((len(A), total))
+        where = slice(n + 3 * N * j, n + 3 * N * (j + 1))
+        J[:, :n], J[:, where] = -T[j], A
+        H += J.T @ J / s**2
+        g += J.T @ gap.ravel() / s**2
+        H[where, where] += scan.normal + 1e-6 / s**2 * np.eye(3 * N)
+        g[where] += scan.slope
+    wanted = -np.linalg.solve(H, g)
+    scale = np.abs(wanted).max()
+    assert_allclose(x, wanted[:n], atol=1e-5 * scale)
+    assert_allclose(np.ravel(moved), wanted[n:], atol=1e-5 * scale)
+
+
+def test_both_forms_are_the_same_at_a_weight_of_one_and_differ_elsewhere() -> None:
+    scans, _, _, _ = made()
+    state = run(PLAN)
+
+    def costs(plan: TrianglePlan) -> dict[str, float]:
+        return TriangleCoregistration(start(), scans, plan).costs(state, start_of(scans))
+
+    alone, all_of_them = replace(PLAN, symmetric=False), PLAN
+    assert costs(alone) == costs(all_of_them)
+    four, priors = (costs(replace(plan, weight=4.0)) for plan in (alone, all_of_them))
+    one = costs(PLAN)
+    for term in one:
+        assert four[term] == pytest.approx(one[term] * (4 if term == "E_C" else 1))
+        assert priors[term] == pytest.approx(one[term] * (1 if term == "E_S" else 4))
+
+
+def start_of(scans: ScansInMemory) -> TriangleBody:
+    _, fits, _, _ = made()
+    return TriangleCoregistration(start(), scans, PLAN).first(fits, apart()).body
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"rounds": 0}, "one round or more, not 0"),
+        ({"bends": 0.0}, "bends is above zero, not 0"),
+        ({"blocks": ("templates",)}, "no block is called 'templates'; give persons and bends"),
+    ],
+)
+def test_bad_plans_are_refused(change: dict[str, object], told: str) -> None:
+    with pytest.raises(BadArgument, match=told):
+        replace(PLAN, **change)  # type: ignore[arg-type]
+
+
+def test_subjects_are_numbered_without_gaps() -> None:
+    scans, _, _, _ = made()
+    with pytest.raises(BadArgument, match="numbered 0, 1, 2"):
+        TriangleCoregistration(start(), replace(scans, subject=2 * scans.subject), PLAN)
