@@ -8,6 +8,7 @@ import casadi as cs
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.sparse import csc_array
 
 from tests.registration.test_coregistration import TERM, body, made
 from workbench.arrays import Array
@@ -117,46 +118,40 @@ def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_the_joint_step_solves_the_dense_normal_equations(which: int) -> None:
+def test_what_an_unknown_does_to_edges_has_its_adjoint_and_its_blocks(which: int) -> None:
+    state, rng = run(PLAN), np.random.default_rng(1)
+    unknown, _ = unknowns(state.body, state.poses)[which]
+    n, rows = unknown.prior.shape[0], 2 * state.body.n_faces
+    x, pull = rng.standard_normal(n), rng.standard_normal((rows, 3))
+    forth = unknown.forth(1, x)
+    assert unknown.back(1, pull) @ x == pytest.approx((pull * forth).sum(), rel=1e-12)
+    grams = unknown.grams(1)
+    faces = grams @ x.reshape(len(grams), -1, 1)
+    assert_allclose(faces.ravel(), unknown.back(1, forth), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_joint_step_solves_the_normal_equations(which: int) -> None:
     state, rng = run(PLAN), np.random.default_rng(1)
     unknown, own = unknowns(state.body, state.poses)[which]
-    own = own[: 2 - which]  # Q has many numbers
-    N, n, s = state.body.n_vertices, unknown.prior.shape[0], 0.01
-    A = np.kron(state.body.stitching.A.toarray(), np.eye(3))
-    T = [np.empty((len(A), n)) for _ in own]
-    for k, unit in enumerate(np.eye(n)):
-        for j, columns in enumerate(T):
-            columns[:, k] = unknown.forth(j, unit).ravel()
-    for j, columns in enumerate(T):  # the adjoint is one, and the preconditioner's blocks are right
-        pull = rng.standard_normal((len(A) // 3, 3))
-        assert_allclose(unknown.back(j, pull), columns.T @ pull.ravel(), atol=1e-9)
-        q = unknown.grams(j).shape[1]
-        gram = columns.T @ columns
-        blocks = [gram[i : i + q, i : i + q] for i in range(0, n, q)]
-        assert_allclose(unknown.grams(j), blocks, atol=1e-9)
+    N, s = state.body.n_vertices, 0.01
+    A, free = state.body.stitching.A, 1e-6 / s**2
     scans, gaps = [], []
     for _ in own:
         few = rng.standard_normal((40, 3 * N))
-        scans.append(OfScan(state.vertices[0], rng.standard_normal(3 * N), few.T @ few))
-        gaps.append(1e-3 * rng.standard_normal((len(A) // 3, 3)))
+        scans.append(OfScan(state.vertices[0], rng.standard_normal(3 * N), csc_array(few.T @ few)))
+        gaps.append(1e-3 * rng.standard_normal((A.shape[0], 3)))
     e = edges(state.vertices[0], state.body.faces).reshape(-1, 3)
     step = JointStep(unknown, scans, [e - gap for gap in gaps], s, state.body, 1e-10, 2000)
     x, moved = step.found()
-    total = n + 3 * N * len(own)
-    H, g = np.zeros((total, total)), np.zeros(total)
-    H[:n, :n], g[:n] = unknown.prior.toarray(), unknown.prior_slope
-    for j, (scan, gap) in enumerate(zip(scans, gaps, strict=True)):
-        J = np.zeros((len(A), total))
-        where = slice(n + 3 * N * j, n + 3 * N * (j + 1))
-        J[:, :n], J[:, where] = -T[j], A
-        H += J.T @ J / s**2
-        g += J.T @ gap.ravel() / s**2
-        H[where, where] += scan.normal + 1e-6 / s**2 * np.eye(3 * N)
-        g[where] += scan.slope
-    wanted = -np.linalg.solve(H, g)
-    scale = np.abs(wanted).max()
-    assert_allclose(x, wanted[:n], atol=1e-5 * scale)
-    assert_allclose(np.ravel(moved), wanted[n:], atol=1e-5 * scale)
+    slope = unknown.prior @ x + unknown.prior_slope
+    for j, (scan, gap, v) in enumerate(zip(scans, gaps, moved, strict=True)):
+        left = (A @ v + gap - unknown.forth(j, x)) / s**2
+        slope -= unknown.back(j, left)
+        on_vertices = scan.slope + scan.normal @ v.ravel() + (A.T @ left).ravel() + free * v.ravel()
+        assert np.abs(on_vertices).max() < 1e-7 * np.abs(scan.slope).max()
+    began = unknown.prior_slope - sum(unknown.back(j, g / s**2) for j, g in enumerate(gaps))
+    assert np.abs(slope).max() < 1e-7 * np.abs(began).max()
 
 
 def test_both_forms_are_the_same_at_a_weight_of_one_and_differ_elsewhere() -> None:
