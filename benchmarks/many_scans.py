@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.coregistration import START, World, world
+from benchmarks.coregistration import SETS
 from benchmarks.keeping import keep
 from benchmarks.machine import description
 from workbench import load_body
@@ -31,6 +31,7 @@ from workbench.registration.coregistration.folder import BODY, SCAN
 from workbench.registration.coregistration.state import FILE
 from workbench.reports.registration_folder import table_of
 from workbench.reports.registration_page import ARRAYS, points
+from workbench.studies.coregistration.scans import START, ScannedSet, scanned_set
 from workbench.training.folder import TABLE, Row
 from workbench.writing import write_arrays
 
@@ -40,7 +41,7 @@ FIRST_ROUND = 3  # blocks: registrations, model, registrations
 EVERY = 0.2  # s, between two looks at the processes
 
 
-def prepare(place: Path, given: World) -> None:
+def prepare(place: Path, given: ScannedSet) -> None:
     """A folder of registered scans, as `workbench register` writes it, of fits that are near."""
     body, rows = load_body(START), []
     place.mkdir(parents=True)
@@ -134,7 +135,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     place = parser.parse_args().folder / "scans"
     if not place.exists():
-        prepare(place, world("holes", SEED, PEOPLE, SCANS))
+        prepare(place, scanned_set(SEED, PEOPLE, SCANS, *SETS["holes"]))
     aside = place.parent / "first round.npz"
     found: dict[str, Any] = {"scans": SCANS, "people": PEOPLE, "workers": WORKERS}
     found |= undisturbed(place, place.parent / "undisturbed", aside)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.coregistration import PAGE, PEOPLE, REPORTED, START, Separate, World, off, world
+from benchmarks.coregistration import PAGE, PEOPLE, REPORTED, SETS
 from benchmarks.keeping import keep, write_between
 from benchmarks.machine import description
 from workbench import load_body
@@ -28,6 +28,7 @@ from workbench.registration.coregistration import Fitted
 from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import learned_bends
 from workbench.registration.coregistration.triangles import TriangleCoregistration
+from workbench.studies.coregistration.scans import START, Apart, ScannedSet, errors, scanned_set
 from workbench.training.executor import Execution, Executor, Processes
 
 RESULTS = Path(__file__).parent / "results" / "triangle-scans.json"
@@ -54,13 +55,13 @@ def starting_body() -> TriangleBody:
     return learned_bends(blend_scape(skinned), poses, skinned.vertices(poses), RATIO)
 
 
-def one(given: World, alone: list[dict[str, Any]], plan: TrianglePlan) -> dict[str, Any]:
+def one(given: ScannedSet, alone: list[dict[str, Any]], plan: TrianglePlan) -> dict[str, Any]:
     """Errors in mm by scan, the joint cost after each block, and seconds."""
     began = time.perf_counter()
     fits = [Fitted(each["pose"], each["betas"], each["trans"]) for each in alone]
     V = np.stack([each["vertices"] for each in alone])
     state = TriangleCoregistration(starting_body(), given.scans, plan).run(fits, V)
-    found = off(given, state.vertices)
+    found = errors(given, state.vertices)
     found["costs"] = [sum(entry.after.values()) for entry in state.log]
     return found | {"seconds": time.perf_counter() - began}
 
@@ -79,11 +80,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=2)
     executor: Executor = Processes(parser.parse_args().jobs)
-    given = world("holes", REPORTED, PEOPLE, SCANS)
+    given = scanned_set(REPORTED, PEOPLE, SCANS, *SETS["holes"])
     jobs = [(given.scans, j, start) for j, start in enumerate(given.starts)]
-    alone = list(Execution(executor).executor(Separate(0), jobs))
+    alone = list(Execution(executor).executor(Apart(0), jobs))
     methods = {
-        "separate, by the vertex model": off(given, np.stack([a["vertices"] for a in alone]))
+        "separate, by the vertex model": errors(given, np.stack([a["vertices"] for a in alone]))
     }
     each = executor(partial(one, given, alone), METHODS.values())
     for name, found in zip(METHODS, each, strict=True):
