@@ -34,6 +34,13 @@ def diagnose(
     data_alone: Annotated[
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
+    draws: Annotated[
+        int,
+        typer.Option(
+            help="Diagnose at so many draws of the priors too, and say how often each direction "
+            "is unseen."
+        ),
+    ] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
 ) -> None:
@@ -45,6 +52,8 @@ def diagnose(
     The exit code is 1 if there are warnings.
     """
     console = Console()
+    if draws < 0:
+        raise BadArgument(f"--draws takes 1 or more, or 0 for none, not {draws}")
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
     by = solver_named(solver)
@@ -53,8 +62,15 @@ def diagnose(
     folder = folder_to_write(out, f"{experiment.name}-diagnosis", experiment.source)
     solving = None if at_start else by
     first, setup = _looked_at(console, experiment, solving, data_alone)
+    if draws and not setup.priors:
+        raise BadArgument(
+            f"--draws takes its points from the priors, and {experiment.name} names no residual as "
+            "one; name them in `priors` of the file or its Setup"
+        )
     second = _looked_at(console, other, solving, data_alone)[0] if other else None
     say(console, escape(first.report()))
+    if draws:
+        say(console, escape(_over_draws(console, first, setup, draws)))
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
         first,
@@ -85,6 +101,24 @@ def _looked_at(
     if data_alone:
         problem, priors = problem.without(*priors), ()
     return diagnostics.diagnose(problem, values, priors=priors, gauges=setup.gauges), setup
+
+
+def _over_draws(
+    console: Console,
+    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
+    setup: Setup,
+    draws: int,
+) -> str:
+    """The problem of a diagnosis at draws of the setup's priors, in words."""
+    console.print(f"[dim]diagnosing at {draws} draws of the priors[/]")
+    kept = [name for name in setup.priors if name in found.problem.rows]
+    over = diagnostics.diagnose_over(
+        found.problem,
+        diagnostics.prior_draws(setup.problem, setup.start, setup.priors, draws),
+        priors=kept,
+        gauges=setup.gauges,
+    )
+    return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
 
 
 def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None:

@@ -54,7 +54,7 @@ def plot_shares(s: TogetherStudy, *, ax: Axes) -> Axes:
         )
     _numbers_of_scans(s, ax)
     ax.set(ylabel="error of hidden vertices, together / apart")
-    ax.legend(loc="upper right")
+    ax.legend(loc="lower left")
     return ax
 
 

@@ -39,9 +39,9 @@ def in_short(s: TogetherStudy) -> str:
         else "in no set"
     )
     return (
-        "Registering scans together brings hidden vertices nearer to the truth, beyond what the "
-        f"choice of people explains, {told}. It gained most with {_set(best[0])}: an error of "
-        f"{best[0].mean(TOGETHER, 'hidden'):.1f} mm instead of "
+        f"Registering scans together brings hidden vertices nearer to the truth {told}, counted "
+        "where the whole interval over people says so. It gained most with "
+        f"{_set(best[0])}: an error of {best[0].mean(TOGETHER, 'hidden'):.1f} mm instead of "
         f"{best[0].mean(CONTROL, 'hidden'):.1f}; and least with {_set(least[0])}: "
         f"{least[0].mean(TOGETHER, 'hidden'):.1f} mm instead of "
         f"{least[0].mean(CONTROL, 'hidden'):.1f}."
