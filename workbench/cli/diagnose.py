@@ -12,6 +12,7 @@ from workbench.cli.output import folder_to_write, print_page, say, warn_without_
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
+from workbench.fitting.profile_likelihood import Profile, profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_diagnosis
 from workbench.solvers import DEFAULT, SOLVERS, Solver
@@ -41,6 +42,13 @@ def diagnose(
             "is unseen."
         ),
     ] = 0,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Follow the lowest cost as this entry is held away from its value, such as "
+            "betas[0] or pose[left_knee, x]; give it again for more."
+        ),
+    ] = None,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
 ) -> None:
@@ -54,6 +62,11 @@ def diagnose(
     console = Console()
     if draws < 0:
         raise BadArgument(f"--draws takes 1 or more, or 0 for none, not {draws}")
+    if profile and (at_start or data_alone):
+        raise BadArgument(
+            "--profile follows the cost from its minimum, which --at-start and --data-alone leave; "
+            "give it without them"
+        )
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
     by = solver_named(solver)
@@ -71,6 +84,7 @@ def diagnose(
     say(console, escape(first.report()))
     if draws:
         say(console, escape(_over_draws(console, first, setup, draws)))
+    profiles = [_profile(console, first, entry, by) for entry in profile or ()]
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
         first,
@@ -80,6 +94,7 @@ def diagnose(
         body=setup.body,
         views=setup.views,
         against=second,
+        profiles=profiles,
         source=experiment.source,
     )
     print_page(console, "report", page)
@@ -119,6 +134,18 @@ def _over_draws(
         gauges=setup.gauges,
     )
     return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
+
+
+def _profile(
+    console: Console,
+    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
+    entry: str,
+    solver: Solver,
+) -> Profile:
+    console.print(f"[dim]following the lowest cost along {escape(entry)}[/]")
+    profile = profile_likelihood(found.problem, found.values, entry, solver=solver)
+    say(console, escape(str(profile)))
+    return profile
 
 
 def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None:

@@ -50,6 +50,7 @@ from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
 from workbench.fitting.pose_regressor import PoseRegressor
+from workbench.fitting.profile_likelihood import Profile, profile_likelihood
 from workbench.fitting.regressed_start import regressed_start
 from workbench.fitting.regressor_files import read_regressor, save_regressor, shipped_regressor
 from workbench.fitting.regressor_training import train_pose_regressor
@@ -81,6 +82,7 @@ __all__ = [
     "Observations",
     "Photograph",
     "PoseRegressor",
+    "Profile",
     "ReadScan",
     "RepeatedFits",
     "Scan",
@@ -116,6 +118,7 @@ __all__ = [
     "placed",
     "pose_candidates",
     "pose_prior",
+    "profile_likelihood",
     "random_frames",
     "read_calibration",
     "read_clip",
