@@ -12,6 +12,7 @@ from workbench.cli.output import folder_to_write, print_page, say, warn_without_
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
+from workbench.fitting.other_minima import other_minima
 from workbench.fitting.profile_likelihood import Profile, profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_diagnosis
@@ -49,6 +50,10 @@ def diagnose(
             "betas[0] or pose[left_knee, x]; give it again for more."
         ),
     ] = None,
+    minima: Annotated[
+        int,
+        typer.Option(help="Look for other minima along so many of the weakest directions."),
+    ] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
 ) -> None:
@@ -60,12 +65,13 @@ def diagnose(
     The exit code is 1 if there are warnings.
     """
     console = Console()
-    if draws < 0:
-        raise BadArgument(f"--draws takes 1 or more, or 0 for none, not {draws}")
-    if profile and (at_start or data_alone):
+    for option, count in (("--draws", draws), ("--minima", minima)):
+        if count < 0:
+            raise BadArgument(f"{option} takes 1 or more, or 0 for none, not {count}")
+    if (profile or minima) and (at_start or data_alone):
         raise BadArgument(
-            "--profile follows the cost from its minimum, which --at-start and --data-alone leave; "
-            "give it without them"
+            f"{'--profile' if profile else '--minima'} begins at the minimum of the whole cost, "
+            "which --at-start and --data-alone leave; give it without them"
         )
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
@@ -84,6 +90,10 @@ def diagnose(
     say(console, escape(first.report()))
     if draws:
         say(console, escape(_over_draws(console, first, setup, draws)))
+    if minima:
+        console.print("[dim]fitting from starts along the weakest directions[/]")
+        others = other_minima(first.problem, first.values, directions=minima, solver=by)
+        say(console, escape(str(others)))
     profiles = [_profile(console, first, entry, by) for entry in profile or ()]
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(

@@ -49,6 +49,7 @@ from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
+from workbench.fitting.other_minima import OtherMinima, OtherMinimum, other_minima
 from workbench.fitting.pose_regressor import PoseRegressor
 from workbench.fitting.profile_likelihood import Profile, profile_likelihood
 from workbench.fitting.regressed_start import regressed_start
@@ -80,6 +81,8 @@ __all__ = [
     "Measure",
     "Moving",
     "Observations",
+    "OtherMinima",
+    "OtherMinimum",
     "Photograph",
     "PoseRegressor",
     "Profile",
@@ -113,6 +116,7 @@ __all__ = [
     "marker_solver",
     "mesh_fit",
     "mosh",
+    "other_minima",
     "own_mesh",
     "photograph",
     "placed",

@@ -35,6 +35,6 @@ def plot_profile_likelihood(profile: Profile, *, ax: Axes) -> Axes:
 def caption_profile_likelihood(profile: Profile) -> str:
     """What `plot_profile_likelihood` shows."""
     return (
-        f"Every point is a fit of all other unknowns. The interval of {profile.level:.0%} ends "
-        f"where the cost has risen by {profile.rise:.2f}. In it, {profile}."
+        "Every point is a fit of all other unknowns. Where the lowest cost has risen by "
+        f"{profile.rise:.2f}, the interval ends: {profile}."
     )
