@@ -30,6 +30,9 @@ def test_notebooks_hold_the_lecture_and_no_solution(lecture) -> None:
     for name in lecture.exercises:
         assert f"`{name}(" in text
     assert not any(cell.get("outputs") for cell in made.cells)
+    for cell in made.cells:
+        draws = cell.cell_type == "code" and cell.source.startswith("with house_style():")
+        assert ("hide-input" in cell.metadata.get("tags", ())) is draws  # folded on the site
     assert [c.source for c in notebook(lecture).cells] == [c.source for c in made.cells]
 
 
