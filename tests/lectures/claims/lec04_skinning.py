@@ -209,3 +209,9 @@ GIVEN = (
     "outline around the joint, twisted by 0, 90 and 180 degrees",
     "nobody's wrist turns by 180 degrees",
 )
+
+GENERAL = (  # mathematics, definitions and advice
+    "the upper and the lower half of the tube",
+    "A quaternion holds the cosine and the sine of *half* of its angle, so the tangent of half of the angle",
+    "This agreement proves less than it seems to",
+)

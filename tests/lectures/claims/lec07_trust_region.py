@@ -118,3 +118,12 @@ SAYS = {
 }
 
 GIVEN = ("it is multiplied by 2, 4, 8 and so on",)
+
+GENERAL = (  # mathematics, definitions and advice
+    "Why is this better than setting $\\lambda$ directly?",
+    "only as far as the model has kept its promises",
+    "whose step is as long as the radius",
+    "far more or far less than before",
+    "only be as long as the valley is straight",
+    "half of the curvature in the place of $e$",
+)

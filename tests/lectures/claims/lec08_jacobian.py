@@ -176,3 +176,8 @@ GIVEN = (
     "because $\\omega \\times e = 0$ where",
     "between 0 and 1. The sum of all shares",
 )
+
+GENERAL = (  # mathematics, definitions and advice
+    "the pattern is worth more for what it tells than for the zeros that it saves",
+    "about as large as the largest one, times the machine's precision",
+)

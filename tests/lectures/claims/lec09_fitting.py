@@ -71,6 +71,15 @@ def unseen_turns(run: Run) -> float:
 
 
 SAYS = {
+    "With every vertex known, the fit is closer to the truth than its data": lambda run: (
+        run.line("noise 5 mm")[2] < 0.5 * 5
+    ),
+    "it is taken to be further away than it is": lambda run: all(
+        (guesses[3:] > 1).all() for guesses in run["wide"].values()
+    ),
+    "This is as good as a fit can be": lambda run: (
+        abs(run.line("noise 5 mm")[2] / run.line("5 mm times the root of")[-1] - 1) < 0.1
+    ),
     "at $v_i$, with a noise of 5 mm.": lambda run: 1e3 * run["NOISE"],
     "The unknowns are 72 numbers of the pose $\\theta$, 10 of the shape $\\beta$ and 3 of the translation": (
         lambda run: tuple(run["truth"][name].size for name in ("pose", "betas", "trans"))
@@ -171,4 +180,9 @@ GIVEN = (
     "here $c = 1$",
     "$X - a Z = 0$ and $Y - b Z = 0$",
     "Left: what camera 0 sees",
+)
+
+GENERAL = (  # mathematics, definitions and advice
+    "as near as possible to the triangulated ones",
+    "A fit that is closer to its data than their noise is a warning.",
 )

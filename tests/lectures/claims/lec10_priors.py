@@ -166,3 +166,9 @@ SAYS = {
 }
 
 GIVEN = ("With SMPLify's $\\sigma = 100$ px the two differ by $10^4$.",)
+
+GENERAL = (  # mathematics, definitions and advice
+    "a prior that does not suit its people is surer than it should be",
+    "costs half of the squared **Mahalanobis distance**",
+    "is no more than their sum, and no less than a $k$-th of it",
+)

@@ -177,3 +177,11 @@ SAYS |= {
 }
 
 GIVEN = ()
+
+GENERAL = (  # mathematics, definitions and advice
+    "further away than the elbow",
+    "minus half of the sum of squares",
+    "The cost is half of its square",
+    "At each step half of the walkers move",
+    "if the chain is much longer than its memory",
+)

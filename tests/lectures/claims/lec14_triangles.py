@@ -44,6 +44,9 @@ def girth(run: Run, name: str) -> float:
 OTHER, NOISY = "another person, exact", "the same person, 5 mm of noise"
 
 SAYS = {
+    "never explain less than any other directions": lambda run: bool(
+        (run["by_vertices"].share >= run["by_triangles"].share - 1e-12).all()
+    ),
     "We ask 12 made-up people whose poses are known.": lambda run: len(run["from_truth"]),
     "A fit to vertices also finds the translation, which edges do not have": lambda run: (
         list(run["by"]["edges"].free.names) == ["pose"],
@@ -166,3 +169,7 @@ SAYS = {
 }
 
 GIVEN = ("and along the axis it is 1",)
+
+GENERAL = (  # mathematics, definitions and advice
+    "The length of $n$ is twice the triangle's area, so the axis is as long as the root of that",
+)
