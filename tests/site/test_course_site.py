@@ -10,6 +10,7 @@ import pytest
 import workbench
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
+from workbench.course.drawing import only_imports
 from workbench.course.notebooks import exercises, notebook, tool
 from workbench.course.outline import Lecture
 from workbench.errors import BadFile
@@ -31,8 +32,10 @@ def test_notebooks_hold_the_lecture_and_no_solution(lecture) -> None:
         assert f"`{name}(" in text
     assert not any(cell.get("outputs") for cell in made.cells)
     for cell in made.cells:
-        draws = cell.cell_type == "code" and cell.source.startswith("with house_style():")
-        assert ("hide-input" in cell.metadata.get("tags", ())) is draws  # folded on the site
+        aside = cell.cell_type == "code" and (
+            cell.source.startswith("with house_style():") or only_imports(cell.source)
+        )
+        assert ("hide-input" in cell.metadata.get("tags", ())) is aside  # folded on the site
     assert [c.source for c in notebook(lecture).cells] == [c.source for c in made.cells]
 
 

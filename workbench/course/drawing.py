@@ -1,7 +1,7 @@
 """The code that draws a figure, apart from the code that computes what it shows.
 
 Whoever reads a lecture wants the second. So in notebooks and on the site the first is a cell of its
-own that is folded, and that a click opens.
+own that is folded, and that a click opens. Imports are folded too.
 """
 
 import ast
@@ -23,3 +23,8 @@ def apart(code: str) -> tuple[str, str]:
                 first -= 1
             return "\n".join(lines[:first]).rstrip(), "\n".join(lines[first:])
     return code, ""
+
+
+def only_imports(code: str) -> bool:
+    """Whether a cell does nothing but import names."""
+    return all(isinstance(one, ast.Import | ast.ImportFrom) for one in ast.parse(code).body)

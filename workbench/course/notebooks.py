@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.drawing import FOLDED, apart
+from workbench.course.drawing import FOLDED, apart, only_imports
 from workbench.course.outline import Lecture
 from workbench.course.student_process import environment
 from workbench.errors import BadFile
@@ -49,7 +49,11 @@ def notebook(lecture: Lecture) -> Any:
 
 def _parts(cell: Any) -> list[Any]:
     """A cell of code that ends in a figure as two: what it computes, and, folded, what it draws."""
-    computing, drawing = apart(cell.source) if cell.cell_type == "code" else ("", "")
+    if cell.cell_type != "code":
+        return [cell]
+    computing, drawing = apart(cell.source)
+    if only_imports(cell.source):
+        cell.metadata.update(FOLDED)
     if not drawing:
         return [cell]
     new = tool("nbformat").v4.new_code_cell
