@@ -31,7 +31,10 @@ def test_notebooks_hold_the_lecture_and_no_solution(lecture) -> None:
     for name in lecture.exercises:
         assert f"`{name}(" in text
     assert not any(cell.get("outputs") for cell in made.cells)
-    for cell in made.cells:
+    exercises_begin = next(
+        k for k, cell in enumerate(made.cells) if cell.source.startswith("## Exercises")
+    )
+    for cell in made.cells[:exercises_begin]:
         aside = cell.cell_type == "code" and (
             cell.source.startswith("with house_style():") or only_imports(cell.source)
         )

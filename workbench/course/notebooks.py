@@ -38,9 +38,9 @@ def notebook(lecture: Lecture) -> Any:
     jupytext, v4 = tool("jupytext"), tool("nbformat").v4
     script = (lecture.folder / "lecture.py").read_text(encoding="utf-8")
     made = jupytext.reads(script, fmt="py:percent")
+    made.cells = [part for cell in made.cells for part in _parts(cell)]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     made.metadata = {"kernelspec": kernel, "language_info": {"name": "python"}}
-    made.cells = [part for cell in made.cells for part in _parts(cell)]
     made.cells += [v4.new_markdown_cell(text) for text in exercises(lecture)]
     for k, cell in enumerate(made.cells):
         cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
