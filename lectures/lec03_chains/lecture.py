@@ -157,7 +157,7 @@ Picture(
 #
 # Multiplied by $(v, 1)$ it gives $(R v + t, 1)$. Then doing one motion after another is a product of matrices, in
 # which the motion that is done first stands on the right. The inverse matrix undoes a motion: from $y = R x + t$
-# follows $x = R^\top (y - t)$, so the inverse has the rotation $R^\top$ and the offset $-R^\top t$.
+# follows $x = R^\top (y - t)$.
 #
 # ## The chain
 #

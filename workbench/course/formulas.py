@@ -45,8 +45,8 @@ SYMBOLS = {
 ACCENTS = {"hat": "\u0302", "bar": "\u0304", "tilde": "\u0303", "dot": "\u0307", "vec": "\u20d7"}
 UPRIGHT = ("text", "mathrm", "operatorname", "mathcal", "mathbf", "boldsymbol")
 SUPERSCRIPTS = _named(
-    "0 1 2 3 4 5 6 7 8 9 + - = ( ) n i j k a b c d T t x p m ⊤ '",
-    "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿⁱʲᵏᵃᵇᶜᵈᵀᵗˣᵖᵐᵀ'",
+    "0 1 2 3 4 5 6 7 8 9 + - = ( ) n i j k a b c d T t x p m ⊤ ' *",
+    "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿⁱʲᵏᵃᵇᶜᵈᵀᵗˣᵖᵐᵀ'*",
 )
 SUBSCRIPTS = _named(
     "0 1 2 3 4 5 6 7 8 9 + - = ( ) a e h i j k l m n o p r s t u v x β ρ φ χ",
