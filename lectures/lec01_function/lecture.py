@@ -3,21 +3,21 @@
 #
 # **What kind of function turns pose and shape into a surface?**
 #
-# A body model takes some numbers for the pose of a person and some for the shape, and returns the
-# positions of the points of a mesh that covers the skin. That is a function. Is it linear? Is it a
-# polynomial? We fit both to examples, watch them fail, and then see what kind of function SMPL is.
-# Angles are in radians, lengths in metres.
+# A body model takes some numbers for the pose of a person and some for the shape. It returns the positions of
+# the points of a mesh that covers the skin. So it is a function, and the question is which kind of function it
+# should be. Could it be linear, or a polynomial? We fit both to examples, watch them fail, and then see what kind
+# of function SMPL is. Angles are in radians and lengths in metres.
 
 # %%
 from dataclasses import replace
 
-import casadi as cs
 import numpy as np
 
 import workbench as wb
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import rotation_elements
 from workbench.course import Picture, source
+from workbench.lectures.material.linearity import linear_in
 from workbench.plots import house_style, plot_differences, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes.training_data import PosedSurfaces, TrainingData
@@ -26,19 +26,17 @@ from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 # %% [markdown]
 # ## One input and one output
 #
-# We begin with one input and one output: an elbow bends by the angle $x$, and the tip of the middle
-# finger is then at the distance $v$ to the left of the body's middle. Ten examples are given. A
-# polynomial of degree three is
+# We begin with one input and one output. An elbow bends by the angle $x$, and the tip of the middle finger is then
+# at the distance $v$ to the left of the body's middle. Ten examples are given: ten angles, with the distance that
+# belongs to each. We look for a function that gives these distances. A polynomial of degree three is
 #
 # $$ f(x; w) = w_3 x^3 + w_2 x^2 + w_1 x + w_0 . $$
 #
-# The number $x$ is the **input**. The $w$ are the **parameters**: they say *which* polynomial it is.
-# They are learned once, from examples. Here this is a linear least-squares problem, because $f$ is
-# linear in $w$. What is chosen before anything is learned, such as the degree of the polynomial, is
-# called a **hyper-parameter**. (This course follows the lecture *Body Models II* by Pons-Moll and
-# Swoboda (2018), which calls the $w$ themselves hyper-parameters, because they are as fixed as the
-# degree for whoever uses a finished model. Elsewhere the word means what is chosen and not learned, and
-# so it does here.)
+# The number $x$ is the **input**. The numbers $w$ are the **parameters**: they say *which* polynomial it is. They
+# are learned once, from examples. To learn them is a linear least-squares problem, because $f$ is linear in $w$.
+# What somebody chooses before anything is learned, such as the degree of the polynomial, is called a
+# **hyper-parameter**. (This course follows the lecture *Body Models II* by Pons-Moll and Swoboda (2018), which uses
+# this word for the learned numbers $w$ of a body model. We use it for what is chosen and not learned.)
 
 # %%
 body = wb.load_body("small")
@@ -80,10 +78,12 @@ Picture(
 )
 
 # %% [markdown]
-# A polynomial does not know that an angle and the same angle plus a full turn are the same rotation.
-# *Body Models II* prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. This looks
-# like a detail, but then one number has to serve as two coefficients, and the largest error of the best
-# fit is six times as large:
+# A polynomial does not know that an angle and the same angle plus a full turn are the same rotation. It follows the
+# examples and knows nothing about elbows.
+#
+# A note on the source: *Body Models II* prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. The
+# first one has to be $w_3$. With a single number for both coefficients, the largest error of the best fit is six
+# times as large:
 
 # %%
 for name, columns in (
@@ -97,19 +97,20 @@ for name, columns in (
 # %% [markdown]
 # ## The whole body
 #
-# Now we take the whole body: 72 numbers in, 369 vertices out. The examples are poses drawn from a
-# statistical model of recorded poses, and the surface that belongs to each pose. The surfaces come from
-# a synthetic teacher, which is another body, whose skin follows fixed rules. (In the teacher a twist
-# spreads gradually along the limb. SMPL cannot do this exactly, so SMPL makes errors as well.) The root
-# joint stays at rest, because functions without bones could not cope with turns of the whole body. By
-# ridge regression, which is least squares with a penalty on large parameters, we learn
+# Now we take the whole body: 72 numbers in, 369 vertices out. The examples are poses drawn from a statistical model
+# of recorded poses, and for each pose the surface that belongs to it. The surfaces come from a *teacher*, which is
+# another synthetic body, whose skin follows fixed rules. (In the teacher a twist spreads gradually along the limb.
+# SMPL cannot do this exactly, so SMPL makes errors as well.) The root joint stays at rest, because functions without
+# bones could not cope with turns of the whole body. We learn
 #
 # - a linear function of the 72 numbers, and
 # - a polynomial that also has the square and the cube of each number.
 #
-# We compare both with two models that have bones, which the skin follows. The first is SMPL without its
-# pose blend shapes, which learns nothing from the poses. The second is SMPL with pose blend shapes
-# (lecture 5), which are learned from the same four hundred examples.
+# The polynomial has 217 parameters for every coordinate, and four hundred examples determine them only roughly. So we
+# use *ridge regression*, which is least squares with a penalty on large parameters. We compare both functions with two models that have bones, which
+# the skin follows. The first is SMPL without its pose blend shapes, which learns nothing from the poses. The second is
+# SMPL with pose blend shapes (lecture 5), which are learned from the same four hundred examples. All of them are tried
+# on sixty other poses:
 
 # %%
 rng = np.random.default_rng(0)
@@ -168,13 +169,20 @@ Picture(
 
 # %% [markdown]
 # Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres
-# on average, and SMPL by less than a millimetre. A few more terms would not help. A full cubic in 72
-# numbers has $\binom{75}{3}$ = 67,525 coefficients for every coordinate, and none of them knows that
-# **bones keep their length**. For the pose halfway between two others, a linear function predicts the
-# mean of the two surfaces. If the forearm turns by the angle $\alpha$ from one pose to the other, this
-# mean makes it shorter:
+# on average, and SMPL by less than a millimetre. More terms would need more examples. (A full cubic in 72 numbers has
+# $\binom{75}{3}$ = 67,525 coefficients for every coordinate.) And no number of terms tells the function that **bones
+# keep their length**.
 #
-# $$ \left\| \tfrac12 (v_1 + v_2) \right\| = \|v\| \cos \tfrac{\alpha}{2}. $$
+# This can be worked out for the linear function. For the pose halfway between two others, it predicts the mean of the
+# two surfaces. Let the forearm point along $v_1$ in one pose and along $v_2$ in the other, with the angle $\alpha$
+# between them and the same length $\|v\|$. The squared length of their mean is
+#
+# $$
+# \tfrac14 \|v_1 + v_2\|^2 = \tfrac14 \left( \|v_1\|^2 + \|v_2\|^2 + 2\, v_1^\top v_2 \right)
+# = \tfrac12 \|v\|^2 (1 + \cos \alpha) = \|v\|^2 \cos^2 \tfrac{\alpha}{2} ,
+# $$
+#
+# so this mean makes it shorter, by the factor $\cos \tfrac{\alpha}{2}$:
 
 # %%
 for alpha in (0.5, 1.0, 2.0, 3.0):
@@ -191,15 +199,24 @@ for alpha in (0.5, 1.0, 2.0, 3.0):
 #
 # $$ M(\theta, \beta; w), \qquad w = \{ \bar T, S, P, W, \mathcal J \} $$
 #
-# of two inputs, pose $\theta$ (24 rotation vectors) and shape $\beta$ (a few numbers). That bones turn
-# and keep their length is built into the function. What is not known, and has to be learned once from
-# scans, are its parameters: the template $\bar T$, the directions $S$ in which people differ, the
-# directions $P$ in which pose deforms them, the weights $W$ that say which bones a vertex follows, and
-# the regressor $\mathcal J$ that computes joints from a surface. The library first computes the person
-# at rest, and then the posed surface:
+# of two inputs, the pose $\theta$ (24 rotation vectors) and the shape $\beta$ (a few numbers). That bones turn
+# and keep their length is built into the function. Its parameters are what is not known, and has to be learned
+# once from scans:
+#
+# - the template $\bar T$, which is the surface of the average person at rest,
+# - the directions $S$ in which people differ,
+# - the directions $P$ in which the pose deforms them,
+# - the weights $W$, which say which bones a vertex follows, and
+# - the regressor $\mathcal J$, which computes the joints from a surface.
+#
+# The library first computes the person at rest, which is the template plus what the shape adds, and the joints of
+# that person:
 
 # %%
 source(surface.rest)
+
+# %% [markdown]
+# Then it adds what the pose deforms, and turns the bones:
 
 # %%
 source(surface.posed)
@@ -222,37 +239,19 @@ for name, n in counts.items():
 print(f"{'together':12}{sum(counts.values()):>10,}")
 
 # %% [markdown]
-# (The table in *Body Models II* adds up to 6,014,970. Two of its rows differ from what a model file
+# (The table in *Body Models II* adds up to 6,014,970. Two of its rows count something else than a model file
 # holds: it counts the regressor as a map from all coordinates of the vertices to all coordinates of the
 # joints, and the four weights of a vertex as twelve.)
 #
 # ## In which arguments is it linear?
 #
-# So SMPL is neither linear nor a polynomial. But let us look at one argument at a time: in which of them
+# So SMPL is neither linear nor a polynomial of its pose. But we may look at one argument at a time: in which of them
 # is SMPL linear (up to a constant) while the others are held fixed? CasADi, the library in which the
-# workbench writes its formulas, keeps the whole expression and can tell.
+# workbench writes its formulas, keeps the whole expression and can tell:
 
 
 # %%
-def linear_in(*names):
-    """Whether the vertices are a linear function of these arguments together."""
-    freed = body.freed(*(name for name in names if name not in ("pose", "betas", "trans")))
-    arguments = [block.symbol for block in freed.blocks()]
-    some = freed.points(*arguments, vertices=[10, 200, finger]).source.expression
-    symbols = {s.name(): s for s in cs.symvar(some)}
-    f = cs.Function(
-        "f",
-        [symbols[name] for name in names] + [s for name, s in symbols.items() if name not in names],
-        [cs.vec(some)],
-    )
-    f = f.expand()
-    x = cs.SX.sym("x", sum(symbols[name].numel() for name in names))
-    parts = cs.vertsplit(x, np.cumsum([0, *(symbols[name].numel() for name in names)]).tolist())
-    inputs = [cs.reshape(p, symbols[n].shape) for p, n in zip(parts, names, strict=True)]
-    others = [cs.SX.sym("o", *s.shape) for name, s in symbols.items() if name not in names]
-    return cs.is_linear(f(*inputs, *others), x)
-
-
+some = (10, 200, finger)  # vertices
 for names in (
     ("template",),
     ("shapedirs",),
@@ -265,15 +264,15 @@ for names in (
     ("shapedirs", "betas"),
     ("pose",),
 ):
-    print(f"{' and '.join(names):24}{'linear' if linear_in(*names) else 'not linear'}")
+    print(f"{' and '.join(names):24}{'linear' if linear_in(body, names, some) else 'not linear'}")
 
 # %% [markdown]
 # SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two
 # arguments together that are multiplied with each other, such as the shape directions and the betas.
-# This is worth more than it seems. When the poses are known, the template and the pose directions are
+# This helps a great deal when a model is trained. When the poses are known, the template and the pose directions are
 # the solution of *one* linear least-squares problem; when these are known, the weights are the solution
-# of another. This is how such models are trained (lecture 13). With a finished model, only the pose
-# needs a nonlinear solver, and most of this course is about that.
+# of another (lecture 13). With a finished model, only the pose needs a nonlinear solver, and most of this course is
+# about that.
 #
 # ## What to remember
 #

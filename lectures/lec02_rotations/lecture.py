@@ -44,10 +44,10 @@ print("lengths of the columns of M:", np.linalg.norm(M, axis=0).round(3))
 print(f"det M = {np.linalg.det(M):.3f}")
 
 # %% [markdown]
-# The noise is 5 mm in each coordinate, and the markers are met to less than that. (This is no merit:
+# The noise is 5 mm in each coordinate, and the markers are met to less than that. (This is no merit, because
 # the nine numbers have fitted a part of the noise.) But the columns of a rotation have length 1, and
-# its determinant is 1, which is not so here: this matrix stretches. Along the forearm, where the
-# markers are far apart, that hardly shows. Look at what it does to the hand, which is at the end of the
+# its determinant is 1. Neither is so here: this matrix stretches. Along the forearm, where the
+# markers are far apart, that hardly shows. It shows at the hand, which is at the end of the
 # same forearm and carries no marker:
 
 # %%
@@ -109,12 +109,12 @@ Picture(
 )
 
 # %% [markdown]
-# A bone does not stretch. Nine numbers are too many: a matrix is a rotation if
+# A bone does not stretch, so nine free numbers are too many. A matrix is a rotation if
 #
 # $$R^\top R = I, \qquad \det R = 1,$$
 #
 # and since $R^\top R$ is symmetric the first of these is **six equations**. The second only chooses a
-# sign: from $R^\top R = I$ follows $\det R = \pm 1$. Nine minus six leaves three. A rotation is three
+# sign: from $R^\top R = I$ follows $\det R = \pm 1$. Nine minus six leaves three, so a rotation is described by three
 # numbers.
 #
 # ## Back to a rotation
@@ -159,11 +159,15 @@ print(
 # three numbers $w$ give a rotation, by the angle $t = \|w\|$ about the axis $w / t$. In the pose of
 # SMPL there are 24 of these **rotation vectors**.
 #
-# One sometimes sees $[w]_\times$ itself called a rotation matrix. It is not: it gives the velocity of a
-# rotation. It takes its own axis to zero, so its determinant is zero; its exponential keeps that axis.
+# The matrix $[w]_\times$ itself is not a rotation matrix: it gives the velocity of a rotation. It takes its own axis to
+# zero, so its determinant is zero, whereas its exponential keeps that axis.
 #
-# Nobody sums the series. With the unit axis $n = w/t$ one finds $[n]_\times^3 = -[n]_\times$: powers
-# repeat, and the terms gather to a sine and a cosine. This is **Rodrigues' formula**:
+# The series need not be summed term by term. Let $n = w/t$ be the unit axis. For any vector $v$, the vector
+# $n \times (n \times v)$ is $-v$ without the part along $n$, and a third product with $n$ turns that into
+# $-\,n \times v$. So $[n]_\times^3 = -[n]_\times$, and from then on the powers repeat with alternating signs. The
+# odd ones in the series for $\exp(t\, [n]_\times)$ gather to $(t - t^3/6 + \dots)\, [n]_\times$, which is
+# $\sin t\; [n]_\times$, and the even ones to $(t^2/2 - t^4/24 + \dots)\, [n]_\times^2$, which is
+# $(1 - \cos t)\; [n]_\times^2$. This is **Rodrigues' formula**:
 #
 # $$ R = I + \sin t\; [n]_\times + (1 - \cos t)\; [n]_\times^2 . $$
 #
@@ -197,11 +201,10 @@ for name, matrix in (("skew matrix", hat(w)), ("exponential", scipy.linalg.expm(
 # %% [markdown]
 # ## Two misprints
 #
-# The formula is easily misprinted. Among the sources of this course, the notes *SMPL and SMPLify* print
-# $+\,[n]_\times^2 \cos t$ where the factor must be $1 - \cos t$. *Body Models II* (Pons-Moll and Swoboda, 2018)
-# has the cosine right, but writes $[w]_\times$ where the matrix of the *unit* axis belongs,
-# $[n]_\times$. Both look plausible. One property shows both errors without
-# the right answer at hand: a rotation satisfies $R^\top R = I$.
+# The formula is easily misprinted. The course notes *SMPL and SMPLify* print $+\,[n]_\times^2 \cos t$ where the factor
+# must be $1 - \cos t$. *Body Models II* (Pons-Moll and Swoboda, 2018) has the cosine right, but writes $[w]_\times$
+# where the matrix of the *unit* axis belongs, $[n]_\times$. Both forms look plausible. One property shows both errors
+# without the right answer at hand: a rotation satisfies $R^\top R = I$.
 
 
 # %%
@@ -306,9 +309,9 @@ for name, R in ways.items():
 # %% [markdown]
 # The textbook's form has no derivative at rest: NaN. Near rest it has one that is finite and wrong: at
 # $t = 10^{-8}$ the number $\cos t$ is rounded to 1, so $1 - \cos t$ and all that follows from it is
-# lost, and second derivatives are off by 1, their own size. The usual cure, a small number added before
-# the norm is taken (a well-known implementation of SMPL adds $10^{-8}$), makes the NaN go away, and
-# leaves a matrix that is orthogonal to 5e-9 only and whose second derivative near zero is
+# lost, and second derivatives are off by 1, their own size. The usual cure is to add a small number before
+# the norm is taken (the function `batch_rodrigues` of the package smplx adds $10^{-8}$). It makes the NaN go away, but
+# it leaves a matrix that is orthogonal to 5e-9 only and whose second derivative near zero is
 # wrong. The right cure costs nothing: near zero, take the functions
 #
 # $$

@@ -146,7 +146,8 @@ Picture(
 
 # %% [markdown]
 # Fewer numbers, and a better answer: what the forearm's markers say about the elbow now helps to place
-# the upper arm as well. A model that excludes what no body can do needs fewer data.
+# the upper arm as well. A model that excludes what no body can do needs fewer data, because none of them is
+# spent on learning that arms hang on shoulders.
 #
 # ## Rigid motions
 #
@@ -154,9 +155,9 @@ Picture(
 #
 # $$ G = \begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix} . $$
 #
-# Then doing one motion after another is a product of matrices, in which the motion that is done first
-# stands on the right. The inverse matrix undoes a motion: from $y = R x + t$ follows
-# $x = R^\top (y - t)$.
+# Multiplied by $(v, 1)$ it gives $(R v + t, 1)$. Then doing one motion after another is a product of matrices, in
+# which the motion that is done first stands on the right. The inverse matrix undoes a motion: from $y = R x + t$
+# follows $x = R^\top (y - t)$.
 #
 # ## The chain
 #
@@ -351,7 +352,7 @@ print(
 # J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) .
 # $$
 #
-# The sources of this course also use the name $G'_k$, that of the binding matrix, for the posed joint. The
+# Two offsets are easily confused here, that of $G_k$ and that of the binding matrix $G'_k$. The
 # offset of $G'_k$ is not the posed joint. It is the point to which $G'_k$ moves the *origin*,
 # $J'_k - R^{\text{world}}_k j_k$. At rest this is the origin itself, for every joint. In every pose its
 # distance from the posed joint is the distance of $j_k$ from the origin. The posed joint is the offset of

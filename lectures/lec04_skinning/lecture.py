@@ -3,10 +3,12 @@
 #
 # **What does the skin do between two bones?**
 #
-# Lecture 3 ends with a matrix $G'_k$ for each bone, which takes points from where they are at rest to
-# where that bone carries them. Between two bones a vertex has to follow both. We begin with one bone
-# for each vertex, see the skin torn, blend, and find out what blending costs. Most of this happens on a
-# tube, where everything can be computed by hand. Lengths are in metres.
+# Lecture 3 ended with a matrix $G'_k$ for each bone, which takes a point from its place at rest to the
+# place to which that bone carries it. A vertex in the middle of the forearm follows one bone, and that
+# matrix is all it needs. A vertex at the elbow lies between two bones and has to follow both of them
+# somehow. We first let every vertex follow a single bone and see the skin tear. Then we blend the bones,
+# which mends the tear, and find out what blending costs. Most of this happens on a tube, because there
+# we can work everything out by hand. Lengths are in metres.
 
 # %%
 from dataclasses import replace
@@ -36,8 +38,8 @@ from workbench.training.first_guess import Start
 # %% [markdown]
 # ## One bone for each vertex
 #
-# A tube of 60 cm lies along $x$, with a bone in each half and a joint in the middle. Each vertex
-# follows the bone that is nearer. We bend it by 90 degrees.
+# A tube of 60 cm lies along $x$, with a bone in each half and a joint in the middle. The simplest rule is
+# that each vertex follows the bone that is nearer to it. We bend it by 90 degrees.
 
 # %%
 pipe = tube()  # radius 5 cm; weights blend over a zone of 10 cm around the joint
@@ -71,24 +73,30 @@ Picture(
 )
 
 # %% [markdown]
-# Every part keeps its form, and all of the stretch is in the one edge between them.
+# Each half keeps its form exactly, so all of the stretch has to happen in the one row of edges between
+# the halves. A better rule lets the vertices near the joint share the stretch.
 #
 # ## Linear blend skinning
 #
-# The picture on the right is made in this way: each vertex $i$ has **weights** $w_{ik}$, one for each
-# bone, and goes to the weighted mean of where the bones would take it:
+# The picture on the right was made with such a rule. Each vertex $i$ has **weights** $w_{ik}$, one for
+# each bone. We ask where each bone would take the vertex, and put it at the weighted mean of these places:
 #
 # $$ t'_i = \sum_k w_{ik}\, G'_k\, t_i, \qquad w_{ik} \ge 0, \quad \sum_k w_{ik} = 1 . $$
 #
-# This is **linear blend skinning**; SMPL does it, with at most four weights for each vertex. Since
-# $t_i$ is the same in all terms, one may also blend the matrices first, as the library does:
+# Here $t_i$ is the vertex at rest and $t'_i$ the same vertex in the pose. The rule is called **linear
+# blend skinning**, and it is the one that SMPL uses, with at most four weights for each vertex that are
+# not zero. Since $t_i$ is the same in all terms, it can be taken out of the sum: it makes no difference
+# whether we blend the places or first blend the matrices and then move the vertex once. The library
+# blends the matrices:
 
 # %%
 source(linear_blend)
 
 # %% [markdown]
-# Why must weights sum to one? If all bones move by the same offset $d$, the vertex moves by
-# $d \sum_k w_{ik}$. With a sum of 0.98 it lags behind, and is drawn to the origin even at rest:
+# Why must the weights sum to one? Suppose that all bones move by the same offset $d$ and do not turn.
+# Each bone takes the vertex to $t_i + d$, so the blend takes it to $(t_i + d) \sum_k w_{ik}$. If the sum
+# is one, that is $t_i + d$, as it should be. With a sum of 0.98 the vertex lags behind the body by 2 % of
+# the way that the body has gone, and even at rest it is drawn towards the origin:
 
 # %%
 short = 0.98 * pipe.weights
@@ -108,15 +116,27 @@ except wb.WorkbenchError as error:
 # %% [markdown]
 # ## Twist it
 #
-# Now turn the second bone about the tube, as a hand turns at the wrist. Take a ring of vertices whose
-# weight for the second bone is $w$, and write its points as complex numbers $z$ in the plane across the
-# tube. The first bone leaves a point at $z$, the second one takes it to $z e^{i \alpha}$, and linear
-# blending to
+# Now we turn the second bone about the tube's own axis by the angle $\alpha$, as a hand turns at the wrist.
+# Take a ring of vertices whose weight for the second bone is $w$, so that its weight for the first one is
+# $1 - w$. In the plane across the tube we write points as complex numbers $z$, because then a turn by
+# $\alpha$ is a multiplication by $e^{i \alpha}$. The first bone leaves the point at $z$, and the second one
+# takes it to $z e^{i \alpha}$. Linear blending takes it to the mean,
 #
-# $$ c\, z, \qquad c = 1 - w + w e^{i\alpha}, \qquad |c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2 . $$
+# $$ (1 - w)\, z + w\, z e^{i \alpha} = c\, z, \qquad c = 1 - w + w e^{i\alpha} . $$
 #
-# The mean of two points of a circle lies *inside* the circle. In the middle, where $w = \tfrac12$, the share
-# $|\cos \tfrac\alpha2|$ of the radius is left, and at half a turn nothing:
+# So the radius of the ring is multiplied by $|c|$. The real part of $c$ is $1 - w + w \cos \alpha$ and the
+# imaginary part is $w \sin \alpha$. We add their squares and use $\cos^2 \alpha + \sin^2 \alpha = 1$:
+#
+# $$ |c|^2 = (1 - w)^2 + w^2 + 2 w (1 - w) \cos \alpha = 1 - 2 w (1 - w) (1 - \cos \alpha) . $$
+#
+# (In the last step, $(1 - w)^2 + w^2 = 1 - 2 w (1 - w)$.) Finally $1 - \cos \alpha = 2 \sin^2 \tfrac\alpha2$,
+# so that
+#
+# $$ |c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2 . $$
+#
+# This is never more than 1. One can see why without a formula: the mean of two points on a circle lies on
+# the chord between them, which is *inside* the circle. In the middle of the zone, where $w = \tfrac12$, the
+# share $|\cos \tfrac\alpha2|$ of the radius is left, and at half a turn nothing:
 
 # %%
 angles = np.radians(np.arange(0, 181, 10))
@@ -166,17 +186,57 @@ Picture(
 # %% [markdown]
 # ## Bend it
 #
-# In a bend the same $c$ multiplies points of the plane of the bend, written as complex numbers whose origin is
-# the joint. It pulls the middle of the elbow towards the inside. Over a zone of length $l$ in which the weight
-# goes from 0 to 1, a tube of cross-section $A$ loses the volume
+# Now we bend the tube, as an elbow bends. In the plane of the bend we again write points as complex numbers,
+# with the joint as the origin: a point at the distance $s$ along the tube and at the height $y$ above its axis
+# is $s + i y$. The second bone turns it by $\alpha$ about the joint, so linear blending takes it to
+# $c\,(s + i y)$, with the same $c$ as before. The skin near the joint is therefore pulled towards the joint.
+
+# %%
+two_bends = np.radians([90, 150])
+lines = [profile(pipe, bend) for bend in two_bends]
+with house_style():
+    figure, axes = sheet(9.5, 3.8, columns=2)
+    for ax, bend, (upper, lower) in zip(axes, two_bends, lines, strict=True):
+        for line in (upper, lower):
+            ax.plot(*(1e2 * line).T, "-", color="C0", lw=1.5)
+        ring = len(upper) // 2
+        ax.plot(*(1e2 * np.array([upper[ring], lower[ring]])).T, "o-", color="C1", ms=4)
+        ax.set(title=f"bent by {np.degrees(bend):.0f} degrees", aspect="equal")
+        ax.set(xlabel="x (cm)", ylabel="y (cm)", xlim=(-18, 16), ylim=(-8, 18))
+Picture(
+    figure,
+    "The collapsing elbow: the tube bent by 90 and by 150 degrees with linear blending, cut along its "
+    "middle. The orange line joins the upper and the lower vertex of the ring at the joint. At rest it is "
+    "10 cm long; the further the tube is bent, the shorter the line is.",
+)
+
+# %% [markdown]
+# How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length
+# $l$, from $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. The volume of the bent
+# zone is the volume at rest, with each small piece $ds\, dy$ of the plane multiplied by the factor by which the
+# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. With a dash for the derivative by $s$, a small step along
+# the tube is taken to $c + c' (s + i y)$ times the step, and one across it to $i c$ times the step. The area
+# between these two directions is
+#
+# $$ |c|^2 + \tfrac12 s\, (|c|^2)' + y\, (\dots) . $$
+#
+# The last term is in proportion to $y$, and cancels between the upper and the lower half of the tube. What is
+# left depends on $s$ alone. We multiply it by $A$ and integrate it over the zone. The term with the derivative
+# is integrated by parts, and at both ends of the zone $|c|^2 = 1$:
 #
 # $$
-# \text{bent: } \tfrac13 A\, l \sin^2 \tfrac\alpha2, \qquad
-# \text{twisted: } \int_0^l A\, (1 - |c|^2)\, ds .
+# \int \tfrac12 s\, (|c|^2)'\, ds = \tfrac12 l - \tfrac12 \int |c|^2\, ds, \qquad
+# \text{so the volume is } \tfrac12 A \left( l + \int |c|^2\, ds \right) .
 # $$
 #
-# Here $s$ runs along the zone, over which $w (1 - w)$ integrates to $l/6$. (To work out the second integral is
-# an exercise.)
+# At rest it was $A\, l$. So $\tfrac12 A \int (1 - |c|^2)\, ds$ is lost, where
+# $1 - |c|^2 = 4 w (1 - w) \sin^2 \tfrac\alpha2$, and $w (1 - w)$ integrates to $l/6$ over the zone. Together:
+#
+# $$ \text{lost in a bend: } \tfrac13 A\, l \sin^2 \tfrac\alpha2 . $$
+#
+# In a twist things are simpler. Every cross-section stays where it is and shrinks by the factor $|c|$ in both of
+# its directions, so that the tube loses $\int A\, (1 - |c|^2)\, ds$. To work this out is an exercise. We compare
+# both laws with volumes that are measured on a mesh with finer rings:
 
 # %%
 area = 16 * 0.05**2 * np.sin(2 * np.pi / 32)  # m^2, of the tube's 32-gon
@@ -197,17 +257,21 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 # %% [markdown]
 # ## The idea: blend motions instead of points
 #
-# The mean of two rotation matrices is no rotation; it shrinks. Lecture 2 would take the nearest
-# rotation. There is a cheaper way. A rotation by $\alpha$ about the unit axis $n$ is also the unit
-# **quaternion** $q = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2)$. Average the four numbers, divide by
-# the length of the mean, and the result is a rotation again:
+# Both failures have the same cause: the mean of two rotation matrices is not a rotation, because it shrinks.
+# We could replace it by the nearest rotation, as in lecture 2, but that needs a singular value decomposition
+# for every vertex. There is a cheaper way. A rotation by $\alpha$ about the unit axis $n$ can also be written
+# as four numbers, the **quaternion** $q = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2)$, whose length is one.
+# Every quaternion of length one is a rotation. So we average the quaternions of the bones and divide the mean
+# by its length, and what we get is a rotation again:
 #
 # $$ q = \frac{\sum_k w_k\, s_k\, q_k}{\left\| \sum_k w_k\, s_k\, q_k \right\|} . $$
 #
-# What are the signs $s_k$? $q$ and $-q$ are the same rotation, and their mean would be zero. So before
-# quaternions are added, each is given the sign with which it is nearer to the one that has the largest
-# weight. A rigid motion has an offset, too. With four more numbers for it, a **dual quaternion**, the
-# same average gives a rigid motion for every vertex. The library:
+# The signs $s_k$ are needed because $q$ and $-q$ are the same rotation: their mean would be zero although
+# nothing has turned. Before the quaternions are added, each one is therefore given the sign with which it is
+# nearer to the one that has the largest weight. Bones also move from place to place, and four more numbers
+# hold the offset. The eight numbers together are a **dual quaternion**, and their average in the same way
+# gives a rigid motion for every vertex (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with
+# Approximate Dual Quaternion Blending*, 2008). In the library this takes two short functions:
 
 # %%
 source(dual_quaternion_blend)
@@ -227,12 +291,17 @@ print(f"with one bone for each vertex it is linear blending: off by {gap.max():.
 # %% [markdown]
 # ## What it costs
 #
-# **The angle is not in proportion.** One would wish a vertex with weight $w$ to turn by $w \alpha$. The
-# mean quaternion turns it by
+# Dual quaternions keep every ring round. They have four disadvantages.
 #
-# $$ 2 \arctan \frac{w \sin (\alpha/2)}{1 - w + w \cos (\alpha/2)} , $$
+# **The angle is not in proportion.** We would like a vertex with the weight $w$ to turn by $w \alpha$. Let
+# one bone stay, with the quaternion $(1, 0)$, and let the other one turn by $\alpha$ about $n$. The mean is
+# $(1 - w + w \cos \tfrac\alpha2,\; w\, n \sin \tfrac\alpha2)$. A quaternion holds the cosine and the sine of
+# *half* of its angle, so the tangent of half of the angle is the second part over the first, and the vertex
+# turns by
 #
-# which is equal to $w \alpha$ at $w = 0, \tfrac12, 1$, and close to it elsewhere:
+# $$ 2 \arctan \frac{w \sin (\alpha/2)}{1 - w + w \cos (\alpha/2)} . $$
+#
+# This is equal to $w \alpha$ at $w = 0, \tfrac12, 1$, and close to it elsewhere:
 
 # %%
 w = np.linspace(0, 1, 100001)
@@ -245,10 +314,11 @@ print(
 # %% [markdown]
 # (Kavan and others, who proposed the method, give 8.15 degrees.)
 #
-# **The outside bulges.** A ring at the joint is turned rigidly about the joint, so on the outside of a
-# bend it stays at its full distance, and the skin there must become longer. **At half a turn it
-# jumps.** There the two ways round are equally long, and the sign $s_k$ decides between them. Just
-# before and just after half a turn, the vertex is on opposite sides:
+# **The outside bulges.** A ring near the joint is turned rigidly about the joint. On the outside of a bend it
+# therefore stays at its full distance from the joint, and the skin there has to become longer.
+#
+# **At half a turn it jumps.** There the two ways round are equally long, and the sign $s_k$ decides between
+# them. Just before and just after half a turn, the vertex is on opposite sides:
 
 # %%
 pose = np.zeros((2, 2, 3))
@@ -262,6 +332,39 @@ before, after = pipe.vertices(pose)
 print(f"with linear blending by {1e2 * np.linalg.norm(after - before, axis=1).max():.3f} cm")
 
 ways = {"linear blending": pipe, "dual quaternions": dual}
+thirds = np.flatnonzero(np.abs(pipe.weights[:, 1] - 0.3) < 0.01)  # a ring with the weight 0.3
+round_it = np.radians(np.arange(0, 360, 5))
+
+
+def ring_turned(body):
+    """By how much that ring is turned, by angle of the twist, degrees from -180 to 180."""
+    posed = Limb(body, "joint").posed(TWIST, round_it)[:, thirds[0], 1:] @ [1, 1j]
+    return np.degrees(np.angle(posed / (pipe.template[thirds[0], 1:] @ [1, 1j])))
+
+
+turned_by = {name: ring_turned(body) for name, body in ways.items()}
+with house_style():
+    figure, (left, right) = sheet(10, 4.0, columns=2)
+    for (name, body), dash in zip(ways.items(), ("-", "--"), strict=True):
+        for k, line in enumerate(profile(body, np.radians(120))):
+            label = name if k == 0 else None
+            left.plot(*(1e2 * line).T, dash, label=label, color=f"C{list(ways).index(name)}")
+        right.plot(np.degrees(round_it), turned_by[name], ".", ms=4, label=name)
+    left.set(xlabel="x (cm)", ylabel="y (cm)", aspect="equal", xlim=(-18, 12), ylim=(-12, 14))
+    left.legend(loc="lower left", fontsize=8)
+    right.set(xlabel="twist of the second bone (degrees)", ylabel="turn of the ring (degrees)")
+    right.legend(fontsize=8)
+Picture(
+    figure,
+    "Left: the tube bent by 120 degrees, cut along its middle. With linear blending the elbow collapses, "
+    "and with dual quaternions its outside bulges. Right: how far a ring with the weight 0.3 is turned "
+    "when the second bone is twisted. At half a turn dual quaternions jump from one side to the other.",
+)
+
+# %% [markdown]
+# The next figure measures both methods at all angles.
+
+# %%
 lost = {
     name: 1e6
     * np.array([volume(v, body.faces) - full for v in Limb(body, "joint").posed(BEND, angles)])
@@ -284,8 +387,8 @@ Picture(
 
 # %% [markdown]
 # **It is not linear in the weights.** With linear blending, the posed vertices are linear in the weights, so
-# that weights can be learned by linear least squares (lecture 13). With dual quaternions they are not. CasADi
-# can prove both:
+# that weights can be learned by linear least squares (lecture 13). With dual quaternions they are not, because
+# of the division by the length. CasADi keeps the expression of the posed vertices and can prove both:
 
 # %%
 for name, body in ways.items():
@@ -297,9 +400,10 @@ for name, body in ways.items():
 # %% [markdown]
 # ## On the body
 #
-# The wrist and the elbow of a real template are no tubes, but they behave in the same way. SMPL keeps
-# linear blending, and repairs it in another way, with the *pose blend shapes* of the next lecture. They add
-# to the rest surface what blending is going to lose.
+# The wrist and the elbow of a real template are no tubes, but they behave in the same way. SMPL keeps linear
+# blending in spite of what it loses, and repairs the loss in another way, with the *pose blend shapes* of the
+# next lecture: they add to the surface at rest what blending is going to take away. First we look at the
+# weights of such a template.
 
 # %%
 whole = wb.load_body("default")
@@ -359,9 +463,10 @@ Picture(
 # %% [markdown]
 # ## Without blend weights
 #
-# A script of the lecture *Body Models II* draws SMPL with "no blend weights". That cannot be meant
-# literally, for in $\sum_k w_{ik} G'_k t_i$ something has to stand for $w_{ik}$. Here are four ways to read
-# it, at rest and in a pose, beside the weights as they are:
+# What would SMPL look like without its blend weights? The lecture *Body Models II* by Pons-Moll and Swoboda
+# (2018) shows a body with "no blend weights". Something has to stand for $w_{ik}$ in
+# $\sum_k w_{ik} G'_k t_i$, so we try four ways to read this, at rest and in a pose, and compare them with the
+# weights as they are:
 
 # %%
 dance = np.zeros((24, 3))
@@ -412,9 +517,9 @@ Picture(
 )
 
 # %% [markdown]
-# With weights of 0 the body is a point, and with 1 it is 24 times as tall. The last of the four must be meant:
-# the largest weight of each vertex becomes one, and its other weights become zero. The library's function
-# does this:
+# With weights of 0 the body is a point, and with 1 it is 24 times as tall. Neither is a body, and with equal
+# weights no limb moves. So the last of the four is what is meant: the largest weight of each vertex becomes
+# one, and its other weights become zero. The library's function does this:
 
 # %%
 source(without_blend_weights)
@@ -422,9 +527,9 @@ source(without_blend_weights)
 # %% [markdown]
 # ## Where the first weights come from
 #
-# Weights are learned (lecture 13), but learning has to begin somewhere. It begins with a
-# **segmentation**: for each vertex, somebody says to which part of the body it belongs. That is one bone
-# for each vertex again, and two things are made of it.
+# Weights are learned from scans (lecture 13), but learning has to begin somewhere. It begins with a
+# **segmentation**: for each vertex, somebody says to which part of the body it belongs. That is again one
+# bone for each vertex, which tears the skin. Two things are made of it.
 #
 # - **Rings.** Take the edges that lead from the segment of joint $k$ to the segment of its parent. The
 #   vertices at their ends lie in a ring around the limb, and their mean is the first guess of joint $k$.
@@ -440,26 +545,30 @@ source(without_blend_weights)
 # L_{ii} = \sum_{j \ne i} \frac{1}{\|e_{ij}\|^2} .
 # $$
 #
-# One number says how far heat flows: the **border** $b$, a length. (With many explicit steps one would have to
-# choose their number too.) On a line of vertices that are close together, $L$ is $-d^2/dx^2$. So at the
-# distance $d$ beyond the seam between two segments the weight is $\tfrac12 e^{-\sqrt 2\, d / b}$. Three
-# properties hold for every $b$. Rows of $L$ sum to zero, so the weights of a vertex still sum to one. $L$ is
-# symmetric, so no heat is lost. And no entry of $L$ off the diagonal is positive, so no weight becomes
+# Here $e_{ij}$ is the edge from vertex $i$ to vertex $j$. One number says how far heat flows: the **border**
+# $b$, a length. (With many explicit steps one would have to choose their number too.)
+#
+# What does such a step make of a sharp seam? On a line of vertices that are close together, $L$ is the second
+# derivative with the opposite sign, and the equation becomes $w - \tfrac12 b^2 w'' = w_0$, where $w_0$ is 1 on
+# one side of the seam and 0 on the other. Beyond the seam it says $w'' = 2 w / b^2$. The solution that fades
+# is in proportion to $e^{-\sqrt 2\, d / b}$, with $d$ the distance from the seam. At the seam both sides are
+# alike, so the weight is $\tfrac12$ there, and $\tfrac12 e^{-\sqrt 2\, d / b}$ beyond it.
+#
+# Three properties hold for every $b$. The rows of $L$ sum to zero, so the weights of a vertex still sum to one.
+# $L$ is symmetric, so no heat is lost. And no entry of $L$ off the diagonal is positive, so no weight becomes
 # negative. In the end each vertex keeps its four largest weights.
 
 # %%
 source(heat)
 
 # %%
-source(Start.weights)
-
-# %%
 source(Start.rings)
 
 # %% [markdown]
 # We need a mesh whose triangles are smaller than the border, so we take the finest of the embedded bodies.
-# Its segmentation is read off its own trained weights: the segment of a vertex is that of its largest
-# weight. So this shows how the steps work. It does not show that they would find weights that are unknown.
+# Nobody has drawn a segmentation on it, so we read one off its own trained weights: the segment of a vertex
+# is the bone of its largest weight. This shows how the two steps work. It does not show that they would find
+# weights that are unknown.
 
 # %%
 fine = wb.load_body("full")
@@ -497,44 +606,50 @@ Picture(
 )
 
 # %% [markdown]
-# How wide should the border be? On the tube the law for a line can be checked. The tube's mesh has diagonals
-# as well, along which heat flows too, so the weight falls somewhat more slowly than on a line.
+# How wide should the border be? On the tube we can check the law for a line. The tube's mesh has diagonals
+# as well, along which heat flows too, so the weight falls somewhat more slowly than on a line. On the body we
+# try a row of borders, and measure how far the first weights are from the trained ones.
 
 # %%
 apart = rigid.weights.argmax(axis=1)
 painted_tube = Start(pipe.template, pipe.faces, pipe.parents, pipe.joint_names, apart)
 along_x = pipe.template[:-2].reshape(-1, 32, 3)[:, 0, 0]  # m, of the rings of vertices
 borders = (0.01, 0.03, 0.1)  # m
+spreads = {b: painted_tube.weights(b)[:-2, 1].reshape(-1, 32).mean(axis=1) for b in borders}
+for border, spread in spreads.items():
+    tail = (along_x < -0.02) & (spread > 1e-3)
+    slope = np.polyfit(along_x[tail], np.log(spread[tail]), 1)[0]
+    print(
+        f"border {1e2 * border:3.0f} cm: on the tube a weight falls to 1/e in "
+        f"{1e2 / slope:4.1f} cm; on a line the law says {1e2 * border / np.sqrt(2):4.1f} cm"
+    )
+
+
+def elsewhere(weights):
+    """Which share of its weight a vertex has at other joints than after training: a mean, %."""
+    return 50 * np.abs(weights - fine.weights).sum(axis=1).mean()
+
+
+widths = np.geomspace(0.005, 0.2, 9)  # m
+away = [elsewhere(begun.weights(border)) for border in widths]
+nearest = widths[np.argmin(away)]
+print(
+    f"weight at other joints than after training: {elsewhere(np.eye(24)[begun.segmentation]):.1f} % "
+    f"before diffusion, {min(away):.1f} % with a border of {1e2 * nearest:.1f} cm"
+)
+print(f"lambda_W = {Sigmas().lambdas['weights']:.1e} m^2: (2 mm / 0.3)^2")
 with house_style():
     figure, (left, right) = sheet(10, 3.8, columns=2)
-    for border in borders:
-        spread = painted_tube.weights(border)[:-2, 1].reshape(-1, 32).mean(axis=1)
+    for border, spread in spreads.items():
         left.plot(1e2 * along_x, spread, label=f"b = {1e2 * border:.0f} cm")
-        tail = (along_x < -0.02) & (spread > 1e-3)
-        slope = np.polyfit(along_x[tail], np.log(spread[tail]), 1)[0]
-        print(
-            f"border {1e2 * border:3.0f} cm: on the tube a weight falls to 1/e in {1e2 / slope:4.1f} cm; "
-            f"on a line the law says {1e2 * border / np.sqrt(2):4.1f} cm"
-        )
     left.plot(1e2 * along_x, np.clip(0.5 + along_x / 0.1, 0, 1), "k:", label="of this lecture")
     left.set(xlabel="x (cm)", ylabel="weight of the second bone", xlim=(-25, 25))
     left.legend()
-    widths = np.geomspace(0.005, 0.2, 9)
-    away = [
-        50 * np.abs(begun.weights(border) - fine.weights).sum(axis=1).mean() for border in widths
-    ]
     right.semilogx(1e2 * widths, away, "o-")
     right.axvline(3, color="0.6", ls=":")
     right.set_xticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
     right.minorticks_off()
     right.set(xlabel="border b (cm)", ylabel="weight at other joints (%)", ylim=(0, None))
-nearest = widths[np.argmin(away)]
-hard_start = 50 * np.abs(np.eye(24)[begun.segmentation] - fine.weights).sum(axis=1).mean()
-print(
-    f"share of a vertex's weight at other joints than after training: {hard_start:.1f} % before diffusion, "
-    f"{min(away):.1f} % with a border of {1e2 * nearest:.1f} cm"
-)
-print(f"lambda_W = {Sigmas().lambdas['weights']:.1e} m^2: (2 mm / 0.3)^2")
 Picture(
     figure,
     "Left: weights along the tube for three borders, and the straight ramp that this lecture uses. "
@@ -543,19 +658,20 @@ Picture(
 )
 
 # %% [markdown]
-# This agreement proves less than it seems to, for training began with such weights and holds on to them: the
-# term $E_W = \| \mathcal W - W_I \|^2$ pulls the weights $\mathcal W$ back to the diffused ones. Its
-# factor $\lambda_W$ is the square of a ratio of two standard deviations: a registration may be off by 2 mm,
-# and a weight by 0.3. With a large $\lambda_W$ training would end where it began.
+# This agreement proves less than it seems to, because training began with such weights and was held near
+# them. What training minimises has a term $\lambda_W \| \mathcal W - W_I \|^2$, which pulls the weights
+# $\mathcal W$ back to the diffused ones. Its factor $\lambda_W$ is the square of a ratio of two standard
+# deviations: a registration may be off by 2 mm, and a weight by 0.3. With a large $\lambda_W$ training would
+# end where it began.
 
 # %% [markdown]
 # ## What to remember
 #
 # - One bone for each vertex tears the skin; blend weights keep it together. They have to sum to one, or the
 #   body lags behind.
-# - Linear blending shrinks: $|c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2$. A twisted limb becomes a candy
-#   wrapper, and a bent elbow collapses.
-# - Blended quaternions, brought to length one, keep every ring rigid; mind the signs. They bulge, jump
-#   at half a turn, and are not linear in the weights.
-# - SMPL blends linearly and repairs the rest surface.
-# - First weights are a segmentation that is diffused; rings of vertices give first joints.
+# - Linear blending shrinks a ring by the factor $|c|$, with $|c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2$. A
+#   twisted limb becomes a candy wrapper, and a bent elbow collapses.
+# - Blended quaternions that are brought to length one keep every ring rigid, provided that their signs agree.
+#   They bulge, jump at half a turn, and are not linear in the weights.
+# - SMPL blends linearly and repairs the surface at rest.
+# - First weights are made from a segmentation that is diffused, and first joints from rings of vertices.

@@ -3,10 +3,9 @@
 #
 # **How does a surface learn from examples what skinning gets wrong?**
 #
-# Lecture 4 ends with skin that collapses at an elbow. An artist would take the bad poses, one by one,
-# and push vertices to where they belong. We begin with such examples, find out how to use them in other
-# poses, and arrive at the two kinds of blend shapes of SMPL: for poses, and for people. Lengths are in
-# metres, angles in radians.
+# Lecture 4 ended with skin that collapses at an elbow. An artist would take the bad poses, one by one, and push the
+# vertices to where they belong. We begin with such examples, and find out how to use them in other poses. This leads
+# to the two kinds of blend shapes of SMPL: for poses, and for people. Lengths are in metres and angles in radians.
 
 # %%
 from dataclasses import replace
@@ -38,12 +37,13 @@ from workbench.training.locality import MaskedCholesky, local_features
 # %% [markdown]
 # ## What an artist would do
 #
-# The arm is the tube of lecture 4, blended linearly. So that there is a truth, we take what dual
-# quaternions make of it. In pose $\theta$ linear blending moves vertex $i$ by a matrix and an offset,
-# $v \mapsto M_i v + m_i$. To end where it should, at $v_i^*$, the vertex has to start at rest not from its
-# place $t_i$ in the template but from
+# The arm is the tube of lecture 4, blended linearly. We need to know how it ought to look, so we call the truth what
+# dual quaternions make of it. In the pose $\theta$ linear blending moves vertex $i$ by a matrix and an offset,
+# $v \mapsto M_i v + m_i$. We want the vertex to end at its true place $v_i^*$. If it starts at rest from its place
+# $t_i$ in the template, it does not. Suppose that it starts from $t_i + P_i$ instead. Then it ends at
+# $M_i (t_i + P_i) + m_i$, and we solve for the $P_i$ with which this is $v_i^*$:
 #
-# $$ t_i + P_i, \qquad P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
+# $$ P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
 #
 # All $P_i$ together are a **blend shape**: a displacement of the *rest* surface, $3 N$ numbers. Here is
 # one for an elbow bent by 90 degrees:
@@ -97,8 +97,9 @@ print(
 #
 # ## Between the examples
 #
-# Make some examples $\theta^i, P_i$, and in a pose $\theta$ let each of them contribute according to
-# how near it is (*scattered data interpolation*; Lewis and others, 2000):
+# We make several examples, each with a pose $\theta^i$ and a blend shape $P_i$. In another pose $\theta$ we let each of
+# them contribute the more, the nearer its pose is. This is called *scattered data interpolation* (Lewis, Cordner and
+# Fong, *Pose Space Deformation*, 2000):
 #
 # $$
 # B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
@@ -159,13 +160,15 @@ Picture(
 #
 # ## The idea: a function of the pose that is linear in what is learned
 #
-# Do not keep the examples; learn from them once. Choose some **features** $f_n(\theta)$ of the pose, few
-# and cheap, and give each of them a blend shape:
+# Instead of keeping the examples, we learn from them once. We choose some **features** $f_n(\theta)$ of the pose,
+# which are few and cheap to compute, and give each of them a blend shape:
 #
 # $$ B_P(\theta) = \sum_n f_n(\theta)\, P_n . $$
 #
-# That is linear in the $P_n$, so they are found by linear least squares (lecture 6): with the features of
-# all example poses as rows of $F$ and the needed displacements as rows of $D$,
+# This is linear in the $P_n$, so they are found by linear least squares (lecture 6). We write the features of each
+# example pose into a row of a matrix $F$, the displacements that it needs into a row of $D$, and the blend shapes
+# $P_n$ into the rows of $P$. Then $F P$ should be near $D$, and setting the derivative to zero gives the equation on
+# the right:
 #
 # $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2, \qquad (F^\top F + \lambda I)\, P = F^\top D . $$
 #
@@ -527,8 +530,8 @@ Picture(
 # %% [markdown]
 # ## All together
 #
-# That is SMPL: the mean person gets the shape of somebody else, then what skinning is going to lose is added,
-# and the result is skinned by the joints of that person:
+# Now we have all parts of SMPL. The mean person gets the shape of somebody else. Then what skinning is going to lose
+# is added, and the result is skinned by the joints of that person:
 #
 # $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
 #

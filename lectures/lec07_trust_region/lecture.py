@@ -3,11 +3,11 @@
 #
 # **What if the linear model promises too much?**
 #
-# Gauss and Newton's step of lecture 6 asks where the *linear model* of the residual would be least,
-# and goes there, however far that is. We send an arm after a point that it cannot reach, watch those
-# steps grow without end, and then teach the method to believe its model only as far as it keeps its
-# promises. Angles are in radians, lengths in metres; the cost is $\tfrac12 e^\top e$, so its gradient
-# is $J^\top e$ with no factor.
+# Gauss and Newton's step of lecture 6 replaces the residual $e$ by its *linear model* $e + J p$, asks where
+# the model is least, and goes there, however far that is. In this lecture we send an arm after a point that
+# it cannot reach, and watch those steps grow without end. Then we teach the method to believe its model only
+# as far as the model has kept its promises. Angles are in radians and lengths in metres. The cost is
+# $\tfrac12 e^\top e$, so its gradient is $J^\top e$ with no factor.
 
 # %%
 import casadi as cs
@@ -17,17 +17,20 @@ from scipy.optimize import brentq
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.plots import house_style, sheet
+from workbench.problem.steps import Step
 from workbench.solvers.damped_length import step_within
+from workbench.solvers.damping import eased
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
-from workbench.solvers.trust_region import bend
+from workbench.solvers.trust_region import next_radius
 
 # %% [markdown]
 # ## An arm and its wrist
 #
-# The arm of lecture 6 has an upper arm of 0.30 m, a forearm of 0.25 m, and the angles $a$ and $b$ of
-# shoulder and elbow. Now only the wrist is seen: two numbers for two unknowns. The
-# Jacobian has the determinant $u\,l \sin b$, with $u$ and $l$ the lengths of the bones. So where the arm
-# is straight ($b = 0$) it is singular: whatever the angles do, the wrist cannot move outwards.
+# We take the arm of lecture 6. It has an upper arm of 0.30 m and a forearm of 0.25 m, and its unknowns are
+# the angles $a$ of the shoulder and $b$ of the elbow. This time only the wrist is seen, which gives two
+# numbers for two unknowns. The Jacobian has the determinant $u\,l \sin b$, with $u$ and $l$ the lengths of
+# the bones. So where the arm is straight ($b = 0$) the Jacobian is singular: however the angles begin to
+# change, the wrist does not begin to move outwards.
 
 # %%
 UPPER, LOWER = 0.30, 0.25  # m
@@ -61,7 +64,7 @@ print(f"in reach: {np.linalg.norm(in_reach):.2f} m away; beyond: {np.linalg.norm
 # %% [markdown]
 # For the workbench this is a problem of one block and one residual. We try Gauss-Newton from thirty
 # starts, once with full steps, and once with steps that are halved until the cost falls enough, which
-# is where lecture 6 ended:
+# is where lecture 6 ended. For each we count how many of the starts lead to a minimum:
 
 # %%
 angles, target = wb.Block("angles", (2,), "rad"), wb.Block("target", (2,), "m")
@@ -91,8 +94,10 @@ for name in ("gauss-newton-full", "gauss-newton"):
 
 # %% [markdown]
 # Within reach, halving mends what full steps break. Beyond reach nothing helps: not one of thirty
-# starts ends. Yet the answer is plain: stretch the arm and point. For one of the starts, let us compare
-# what the linear model promised with what happened.
+# starts ends at a minimum. Yet the answer is plain, for the arm only has to stretch and point. To see what goes
+# wrong, we follow one of the runs and compare what the linear model promised at each step with what happened.
+# With two equations for two unknowns the model can always be made zero, so it always promises to leave
+# nothing of the cost.
 
 
 # %%
@@ -139,28 +144,36 @@ Picture(
 )
 
 # %% [markdown]
-# The straighter the arm, the smaller the smallest singular value of $J$, and a residual that will not
-# go away is divided by it. The step grows in the one direction that does nearly nothing, and halving
-# makes *all* of it short, also the part that was useful. A shorter step should also go in another
-# direction.
+# The straighter the arm is, the smaller is the smallest singular value of $J$. Gauss-Newton divides by it a
+# residual that will never go away, because the point is out of reach. So the step becomes very long in the one
+# direction that does almost nothing. Halving makes *all* of the step short, also the part that was useful.
+# What we need is a shorter step that also goes in a better direction.
 #
 # ## The idea: pay for length
 #
-# Levenberg (1944) adds a price for length to the model:
+# Levenberg (*A Method for the Solution of Certain Non-Linear Problems in Least Squares*, 1944) adds a price
+# for length to the model. The price $\lambda$ is called the **damping**:
 #
 # $$ \min_p\; \|e + J p\|^2 + \lambda \|p\|^2
 #    \qquad\Longleftrightarrow\qquad (J^\top J + \lambda I)\, p = -J^\top e . $$
 #
-# (In *Body Models II* the $e$ on the right is not bold, although it is a vector, that of the residuals.
-# The shapes tell what is meant: $-J^\top$ alone would be a matrix, and $-J^\top e$ has one entry for
-# each unknown, as a step must.) With $J = U \Sigma V^\top$ the step is
+# The equation on the right says that the derivative of the expression on the left is zero: it is
+# $2 J^\top (e + J p) + 2 \lambda p$. (In *Body Models II* by Pons-Moll and Swoboda (2018) the $e$ on the right
+# is not printed in bold, although it is the vector of the residuals. The shapes tell what is meant, because
+# $-J^\top e$ has one entry for each unknown, as a step must.)
 #
-# $$ p = -\sum_i \frac{s_i}{s_i^2 + \lambda}\, (u_i^\top e)\, v_i , $$
+# What does $\lambda$ do? Write the Jacobian by its singular value decomposition, $J = U S V^\top$, and the step
+# by its coordinates $q_i$ along the columns $v_i$ of $V$, so that $p = \sum_i q_i v_i$. Then
+# $J^\top J\, v_i = s_i^2 v_i$, and $J^\top e = \sum_i s_i (u_i^\top e)\, v_i$. The equation falls apart into one
+# for each direction, $(s_i^2 + \lambda)\, q_i = -s_i\, (u_i^\top e)$, so that
 #
-# and one sees what $\lambda$ does. Where $s_i^2 \gg \lambda$ it changes nothing; where
-# $s_i^2 \ll \lambda$ the factor is $s_i / \lambda$ in the place of $1 / s_i$. Every direction is
-# shortened by its own share, the doubtful ones most. At $\lambda \to 0$ this is Gauss-Newton's step, at
-# $\lambda \to \infty$ it is $-J^\top e / \lambda$: short, and straight downhill.
+# $$ p = -\sum_i \frac{s_i}{s_i^2 + \lambda}\, (u_i^\top e)\, v_i . $$
+#
+# Where $s_i^2 \gg \lambda$, the factor is nearly $1 / s_i$, as it is in Gauss-Newton's step. Where
+# $s_i^2 \ll \lambda$, it is nearly $s_i / \lambda$, which is small. Every direction is shortened by its own
+# share, and those that do little are shortened most. As $\lambda \to 0$, the step becomes Gauss-Newton's. As
+# $\lambda \to \infty$, it becomes $-J^\top e / \lambda$, which is short and goes straight downhill. At an arm
+# that is nearly straight:
 
 # %%
 straight = np.array([0.2, 0.05])
@@ -173,15 +186,13 @@ for damping in (0, 1e-5, 1e-3, 1e-1, 10):
 # %% [markdown]
 # ## Who sets lambda? The gain
 #
-# After a step we know what it was worth. The model promised a fall of
+# Which $\lambda$ is right? After a step we know what it was worth. Before it, the model promised that the cost
+# would fall by
 #
-# $$ \text{promise} = \tfrac12 \|e\|^2 - \tfrac12 \|e + J p\|^2 = -(J^\top e)^\top p - \tfrac12 \|J p\|^2 , $$
+# $$ \text{promise} = \tfrac12 \|e\|^2 - \tfrac12 \|e + J p\|^2 = -(J^\top e)^\top p - \tfrac12 \|J p\|^2 . $$
 #
-# and the cost fell by something. The **gain ratio**, or gain for short, is the actual fall over the
-# promised one:
-
-# %%
-source(wb.Linearization.predicted_decrease)
+# (The second form is the first one multiplied out.) The **gain ratio**, or gain for short, is the actual fall
+# of the cost over the promised one. In the library the promise is `predicted_decrease`:
 
 # %%
 for damping in (1e-5, 1e-3, 1e-2, 1e-1):
@@ -193,40 +204,111 @@ for damping in (1e-5, 1e-3, 1e-2, 1e-1):
     )
 
 # %% [markdown]
-# A gain near 1: the model can be trusted further, lower $\lambda$. A gain below 0: the step goes uphill;
-# do not take it, and raise $\lambda$. That is the whole of Levenberg-Marquardt. Between the two the
-# workbench follows Nielsen (1999): $\lambda$ is multiplied by $1 - (2\,\text{gain} - 1)^3$, but not by less
-# than a bound, and after each failure by 2, 4, 8, ... Look for these in the loop:
+# If the gain is near 1, the model was right, can be trusted further, and $\lambda$ may become smaller. If the
+# gain is below 0, the step went uphill: we do not take it, and try again with a larger $\lambda$. That is the
+# whole of the **Levenberg-Marquardt** method. The details differ between programs. The workbench takes those
+# of Nielsen (*Damping Parameter in Marquardt's Method*, 1999): after a step that is taken, $\lambda$ is
+# multiplied by a factor that depends smoothly on the gain,
 
 # %%
-source(wb.LevenbergMarquardt.solve)
+source(eased)
+
+# %% [markdown]
+# and after steps that are refused one after the other, it is multiplied by 2, 4, 8 and so on. The method fits
+# on one screen:
+
 
 # %%
-solution = wb.solve(problem, {"angles": start, "target": beyond}, wb.LevenbergMarquardt())
-for k, iterate in enumerate(solution.trace):
+def levenberg_marquardt(x, seen):
+    """The points (n, 2) rad on the way to a minimum, and the damping with which each was left."""
+    here = wb.Linearization(wrist(x) - seen, jacobian(x))
+    damping, growth = 1e-3 * np.max(here.column_norms**2), 2
+    rows = [(x, damping)]
+    while np.linalg.norm(here.gradient) > 1e-8:
+        p = here.step(damping)
+        gain = (here.cost - cost(x + p, seen)) / here.predicted_decrease(p)
+        if gain > 0:
+            x = x + p
+            here = wb.Linearization(wrist(x) - seen, jacobian(x))
+            damping *= eased(gain)
+            growth = 2
+            rows.append((x, damping))
+        else:
+            damping *= growth
+            growth *= 2
+    return rows
+
+
+way = levenberg_marquardt(start, beyond)
+for k, (x, damping) in enumerate(way):
     if k < 4 or k % 4 == 0:
         print(
-            f"{k:2}: elbow {iterate.values['angles'][1]:+.4f} rad, cost above the least "
-            f"{iterate.cost - best:.1e} m^2, lambda {iterate.damping:.1e}"
+            f"{k:2}: elbow {x[1]:+.4f} rad, cost above the least "
+            f"{cost(x, beyond) - best:.1e} m^2, lambda {damping:.1e}"
         )
-print(solution.status.name, "after", solution.iterations, "iterations")
+solution = wb.solve(problem, {"angles": start, "target": beyond}, wb.LevenbergMarquardt())
+apart = np.abs(solution.values["angles"] - way[-1][0]).max()
+print(
+    f"the library: {solution.status.name} after {solution.iterations} iterations, "
+    f"{apart:.0e} rad away from where ours ended after {len(way) - 1}"
+)
+
+
+# %%
+def beside(x):
+    """The angle between the directions of the wrist and of the point, rad."""
+    at = wrist(x)
+    return np.arccos(at @ beyond / np.linalg.norm(at) / np.linalg.norm(beyond))
+
+
+stuck = np.array([x for x, _, _ in rows])
+for k in (7, 11):
+    print(
+        f"after {k:2} steps Gauss-Newton points {beside(stuck[k]):.4f} rad beside the star, "
+        f"and Levenberg-Marquardt {beside(way[k][0]):.4f} rad"
+    )
+
+with house_style():
+    figure, (left, right) = sheet(10, 4.2, columns=2)
+    for ax, points, title in (
+        (left, stuck, "Gauss-Newton with halving"),
+        (right, np.array([x for x, _ in way]), "Levenberg-Marquardt"),
+    ):
+        for k, (a_k, b_k) in enumerate(points[:12]):
+            shade = str(0.8 - 0.8 * k / 11)
+            at = UPPER * np.array([np.cos(a_k), np.sin(a_k)])
+            ax.plot(*np.transpose([[0, 0], at, wrist((a_k, b_k))]), "o-", color=shade, ms=3, lw=1)
+        ax.plot(*beyond, "C1*", ms=12)
+        ax.set(title=title, xlabel="x (m)", ylabel="y (m)", aspect="equal")
+        ax.set(xlim=(-0.1, 0.6), ylim=(-0.05, 0.75))
+Picture(
+    figure,
+    "The arm on its way to a point that it cannot reach (the star), during the first 11 steps; later ones are "
+    "darker. Left: the arm is straight before it points exactly at the star, and from then on it hardly moves "
+    "any more. Right: it comes to point at the star.",
+)
 
 # %% [markdown]
 # ## The same by a radius
 #
-# Let $p(\lambda)$ be that step, and $r = \|p(\lambda)\|$ its length. Then no step of at most that
-# length is better *for the model*: a better one would also lower the sum that $p(\lambda)$ minimises.
-# So to choose $\lambda$ is to choose a radius: the **trust region**, the ball in which the model is
-# believed. This is easier to think about, because a radius is in radians and says how far the model is
-# believed.
+# Let $p(\lambda)$ be the step with the damping $\lambda$, and $r = \|p(\lambda)\|$ its length. Then no step $p$
+# of at most that length is better *for the model*. For if $\|e + J p\|^2$ were smaller, and $\|p\|^2$ not
+# larger, then $\|e + J p\|^2 + \lambda \|p\|^2$ would be smaller too, but $p(\lambda)$ has the smallest value of
+# that sum. So to choose $\lambda$ is to choose a radius $r$. The ball with this radius is the **trust region**,
+# in which the model is believed. A radius is easier to think about than $\lambda$, because it is in radians and
+# says how far we trust the model.
 #
-# But the $p(\lambda)$ of a given radius has to be searched for, with one factorization for each
-# $\lambda$. Powell (1970) replaces the curve by two straight legs that need a single factorization:
-# first down the gradient to where the model is least along it, the **Cauchy point**
+# There is a price. For a given radius we have to search for the $\lambda$ whose step is as long as the radius,
+# and each trial needs another factorization of a matrix. Powell (*A Hybrid Method for Nonlinear Equations*,
+# 1970) replaces the curve of all $p(\lambda)$ by two straight legs that need a single factorization. The first
+# leg goes down the gradient $g = J^\top e$ to the point at which the model is least along it. With $p = -t g$ the
+# model is $\tfrac12 \|e - t J g\|^2$, and its derivative by $t$, which is $-\|g\|^2 + t\, \|J g\|^2$, is zero at the
+# **Cauchy point**
 #
-# $$ p_C = -\frac{\|g\|^2}{\|J g\|^2}\, g, \qquad g = J^\top e , $$
+# $$ p_C = -\frac{\|g\|^2}{\|J g\|^2}\, g . $$
 #
-# then over to the Gauss-Newton point; and where this **dogleg** leaves the ball, there is the step.
+# The second leg leads from there to the Gauss-Newton point. The two together are called the **dogleg**, and
+# the step ends where the dogleg leaves the ball.
 
 # %%
 source(cauchy_point)
@@ -287,61 +369,102 @@ Picture(
 # %% [markdown]
 # ## What the workbench does unless told otherwise
 #
-# `wb.solve` without a named solver takes Levenberg's step *and* a radius. It searches for the $\lambda$
-# of that radius after all: beside the Jacobian of a body another factorization costs little, and it is
-# enough if the length is right to a tenth, as Hebden (1973) and Moré (1978) found. Because $\lambda$ may
-# have any order of magnitude, the search draws a straight line through two trials in *logarithms*:
+# If we name no solver, `wb.solve` takes Levenberg's step *and* a radius. It does search for the $\lambda$ that
+# belongs to the radius, because another factorization costs little beside the Jacobian of a body. It is also
+# enough if the length is right to a tenth, as Hebden and Moré found (Moré, *The Levenberg-Marquardt Algorithm:
+# Implementation and Theory*, 1978). How does one search for a number whose order of magnitude is unknown? In
+# *logarithms*, the length falls with $\lambda$ along a curve that is nearly straight over long pieces. So the
+# search draws a straight line through the last two trials and tries where that line meets the radius:
 
 # %%
-source(step_within)
+here = wb.Linearization(wrist(straight) - beyond, jacobian(straight))
+trials = []
 
-# %% [markdown]
-# The gain ratio now sets the radius. After a poor step it is halved; after a good one, or a Gauss-Newton
-# step that was not poor, it is twice the length of the step. Why is this better than setting $\lambda$
-# directly? A radius keeps its meaning from one point to the next. Where the singular values of $J$
-# change much, as on the way out of a flat region, the same $\lambda$ shortens steps far more or far less
-# than before, whereas a radius is still the same length in radians.
+
+def damped(damping):
+    """The step with a damping; each trial is noted."""
+    p = here.step(damping)
+    trials.append((damping, np.linalg.norm(p)))
+    return Step(p, "dense")
+
+
+RADIUS = 3.0  # rad
+step_within(RADIUS, damped, np.linalg.norm(here.gradient), 1e-7)
+for damping, length in trials:
+    print(f"lambda = {damping:.1e}: |p| = {length:6.2f} rad; wanted: {RADIUS} rad")
 
 # %%
-source(wb.TrustRegion.solve)
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.8)
+    many = np.logspace(-8, 1, 200)
+    ax.loglog(many, [np.linalg.norm(here.step(d)) for d in many], label="length of p(λ)")
+    ax.axhspan(0.9 * RADIUS, 1.1 * RADIUS, color="0.85", label="the radius, to a tenth")
+    ax.loglog(*np.transpose(trials), "C1o", ms=6, label="trials")
+    for k, (damping, length) in enumerate(trials, 1):
+        ax.annotate(str(k), (damping, length), xytext=(5, 5), textcoords="offset points")
+    ax.set(xlabel="damping λ (m²/rad²)", ylabel="length of the step (rad)")
+    ax.legend()
+Picture(
+    figure,
+    "The search for the damping that belongs to a radius, at the arm that is nearly straight. The numbers "
+    "are the order of the trials; the search ends as soon as a step is within the grey band.",
+)
 
 # %% [markdown]
-# One thing in the loop is new: `bend`. A narrow valley that curves allows straight steps only as long as
-# the valley is straight, and the cost falls by a little each time. Once a step lowers the cost by less
-# than a tenth, the loop therefore looks a tenth of the next step ahead, measures by how much the
-# residual $e$ bends along $p$, and adds the correction $a$ that the linear model has for that. Transtrum
-# and Sethna (2012) derive it from a geodesic, the straightest way on the surface of all residuals:
+# Now the gain ratio sets the radius, by a rule that is as simple as the one for $\lambda$. After a poor step
+# the radius is halved. After a good one, or a Gauss-Newton step that was not poor, it is twice the length of
+# the step:
+
+# %%
+source(next_radius)
+
+# %% [markdown]
+# Why is this better than setting $\lambda$ directly? A radius keeps its meaning from one point to the next.
+# Where the singular values of $J$ change much, as on the way out of a flat region, the same $\lambda$ shortens
+# steps far more or far less than before, whereas a radius is still the same length in radians.
+#
+# One more thing helps in narrow valleys that curve. There a straight step can only be as long as the valley is
+# straight, so the cost falls by a little each time. Once a step lowers the cost by less than a tenth, the
+# workbench therefore looks a tenth of the next step ahead and measures how the residual $e$ curves along $p$.
+# From that it computes a correction $a$, which bends the step. Transtrum and Sethna (*Improvements to the
+# Levenberg-Marquardt Algorithm for Nonlinear Least-Squares Minimization*, 2012) derive it from a geodesic,
+# which is the straightest way on the surface of all residuals that the model can produce:
 #
 # $$ (J^\top J + \lambda I)\, a = -\tfrac12 J^\top e_{pp}, \qquad
 #    e_{pp} = \frac{d^2}{dt^2}\, e(x + t p) \Big|_{t=0} . $$
-
-# %%
-source(bend)
+#
+# This is the equation of a damped step once more, with half of the curvature in the place of $e$.
 
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})
 for k, iterate in enumerate(solution.trace):
-    print(
-        f"{k:2}: elbow {iterate.values['angles'][1]:+.4f} rad, cost above the least "
-        f"{iterate.cost - best:.1e} m^2, step {iterate.step_norm:.3f} rad, lambda {iterate.damping:.1e}"
-    )
+    if k < 8 or k % 4 == 0:
+        print(
+            f"{k:2}: elbow {iterate.values['angles'][1]:+.4f} rad, cost above the least "
+            f"{iterate.cost - best:.1e} m^2, step {iterate.step_norm:.3f} rad"
+        )
 print(solution.status.name, "after", solution.iterations, "iterations")
 
 # %% [markdown]
-# Does it matter which? The same thirty starts, by all three:
+# Does it matter which method we take? We try the same thirty starts with all three:
 
 # %%
+
+
 for name in ("levenberg-marquardt", "dogleg", "trust-region"):
     tried(name)
 
 # %% [markdown]
-# With each of these ways to a shorter step, all runs end. Lecture 11 is about which solver is quicker.
+# With each of these ways to a shorter step, all runs end at a minimum. Which solver is quicker is the subject of
+# lecture 11.
 #
 # ## What is long?
 #
-# $\|p\|$ adds radians to radians here. Had we counted the elbow in degrees, its steps would look 57 times
-# longer and be damped as if they were. Marquardt (1963) measures with the Jacobian itself,
-# $\lambda \|D p\|^2$ with $D = \mathrm{diag}\,\|J_i\|$, the lengths of the columns: then units cancel.
+# The length $\|p\|$ adds radians to radians here. Had we counted the elbow in degrees, its steps would look 57
+# times longer and be damped as if they were. Marquardt (*An Algorithm for Least-Squares Estimation of Nonlinear
+# Parameters*, 1963) measures length with the Jacobian itself. He takes $\lambda \|D p\|^2$ as the price, where
+# $D$ is diagonal and holds the lengths $\|J_i\|$ of the columns of $J$. A column is a change of the residual
+# *per unit* of its unknown, so in the product $\|J_i\|\, p_i$ the unit cancels:
 
 # %%
 unit = np.array([1.0, 180 / np.pi])  # the elbow in degrees
@@ -355,16 +478,17 @@ for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|",
     )
 
 # %% [markdown]
-# For the coefficients of a regression, which have all kinds of units, this is what one wants. For a
-# body it is not: the columns of unknowns that hardly change the residuals are short, Marquardt's $D$
-# makes motion along them cheap, and the fit wanders. All joints of a body are in radians; the
-# workbench's default is $D = I$, and `levenberg-marquardt-columns` is the other.
+# With Marquardt's $D$ the step is the same in both units. That is what we want for the coefficients of a
+# regression, which have all kinds of units. For a body it is not. An unknown that hardly changes the residuals
+# has a short column, so Marquardt's $D$ makes it cheap to change this unknown very much. All joints of a body
+# are in radians already. So the workbench's default is $D = I$, and `levenberg-marquardt-columns` is the other.
 #
 # ## What to remember
 #
-# - A linear model is good nearby. How near, the **gain** tells: the actual fall over the promised one.
-# - Halving a bad step leaves its direction bad. Damping shortens each direction by its own share,
-#   $s_i^2 / (s_i^2 + \lambda)$ of Gauss-Newton's.
-# - $\lambda$ and a radius are two names of one thing; the dogleg goes there with one factorization, the
-#   workbench's default with two or three.
+# - A linear model is good nearby. The **gain** tells how near: it is the actual fall of the cost over the
+#   promised one.
+# - Halving a bad step leaves its direction bad. Damping leaves each direction its own share of Gauss-Newton's
+#   step, $s_i^2 / (s_i^2 + \lambda)$.
+# - To choose a damping $\lambda$ is to choose a radius. The dogleg needs one factorization for it, and the
+#   workbench's default a few.
 # - A length needs a unit: $D$ says what a unit of each entry costs.

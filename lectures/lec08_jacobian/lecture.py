@@ -4,8 +4,8 @@
 # **All 24 joints are known exactly. Is the pose?**
 #
 # The pose of a body is 24 rotation vectors, 72 numbers. Motion capture gives us the places of the 24
-# joints, again 72 numbers. As many equations as unknowns: let us solve them. Angles are in radians,
-# lengths in metres; the body is made up, so that the truth is known.
+# joints, again 72 numbers. There are as many equations as unknowns, so it seems that we only have to solve
+# them. Angles are in radians and lengths in metres. The person is synthetic, so that the truth is known.
 
 # %%
 import numpy as np
@@ -21,6 +21,7 @@ from workbench.plots import (
     plot_sparsity,
     sheet,
 )
+from workbench.problem.covariance import covariance_of
 
 body = wb.load_body("small")
 pose, betas, trans = (block.symbol for block in body.blocks())
@@ -36,9 +37,9 @@ given = body.start() | {"observed": body.joints(truth)}
 # %% [markdown]
 # ## Solve, and look
 #
-# The residual is the joints of the body minus those that were seen, divided by 1 cm. (A residual
-# divided by its sigma, the size that it usually has, is called **whitened**. It has no unit.) We solve
-# twice, from two starts.
+# The residual is the joints of the body minus those that were seen, divided by 1 cm. (A residual that is
+# divided by its standard deviation sigma is called **whitened**. It has no unit.) We solve twice, once from
+# the body at rest, and once from a pose that differs from the truth at random.
 
 # %%
 answers = {}
@@ -56,7 +57,7 @@ for name, start in (
     )
 
 # %% [markdown]
-# Both converged, both meet every joint, and both poses are wrong. So is the skin:
+# Both fits converged, and both meet every joint. Yet both poses are wrong, and so is the skin:
 
 # %%
 off = {
@@ -74,15 +75,17 @@ Picture(
 )
 
 # %% [markdown]
-# No solver is to blame: there are many poses with these joints, and it found one. Counting equations
-# did not show this. What does?
+# The solver is not to blame. There are many poses with these joints, and it found one of them. To count the
+# equations was not enough to see this. What is?
 #
 # ## A direction that nobody notices
 #
-# Take a step $p$ from the truth. To first order the residual changes by $J p$. If $J p = 0$, no
-# equation notices. Such $p$ form the **null space** of the Jacobian, and the number of directions
-# that *are* noticed is its **rank**. Singular values tell: $J = U S V^\top$, and a unit step along
-# column $v_i$ of $V$ changes the residual by $s_i$.
+# Take a step $p$ from the truth. To first order the residual changes by $J p$. If $J p = 0$, no equation
+# notices the step. The steps with this property form the **null space** of the Jacobian, and the number of
+# independent directions that *are* noticed is its **rank**. The singular value decomposition
+# $J = U S V^\top$ shows both: a step of length one along the column $v_i$ of $V$ changes the residual by
+# $J v_i = s_i u_i$, whose length is $s_i$. So the null space is spanned by the columns whose singular value is
+# zero.
 
 # %%
 there = given | {"pose": truth}
@@ -106,29 +109,36 @@ Picture(
 )
 
 # %% [markdown]
-# Forty, and then a cliff of more than twelve decades. Which singular values count as zero, when numbers
-# are rounded? The library asks how large rounding can make a singular value that ought to be zero:
-# about as large as the largest one times the machine's precision times the size of the matrix. It first
-# scales every column to the length 1, so that the unit of an unknown does not matter.
+# There are forty singular values, and then a cliff of more than twelve decades. The others would be zero if
+# computers did not round. Which singular values should count as zero, then? The library asks how large rounding
+# can make a singular value that ought to be zero: about as large as the largest one, times the machine's
+# precision, times the size of the matrix. It first scales every column to the length 1, so that the unit of an
+# unknown does not matter. Whatever is below this **tolerance** counts as zero:
 
 # %%
-source(wb.Linearization.tolerance)
+columns = here.jacobian / np.where(here.column_norms > 0, here.column_norms, 1)
+scaled = np.linalg.svd(columns, compute_uv=False)
+tolerance = np.finfo(float).eps * max(columns.shape) * scaled[0]
+print(f"of columns with length 1: the largest singular value is {scaled[0]:.1f},")
+print(f"the tolerance {tolerance:.0e}, and {np.sum(scaled > tolerance)} are above it")
 
 # %% [markdown]
 # ## Why forty
 #
-# No computer is needed for that number. Turn joint $k$ by a small $\omega$: each joint $c$ that hangs
-# on it moves by $\omega \times (x_c - x_k)$. Walk the tree from the leaves:
+# We need no computer for that number. Let joint $k$ turn by a small rotation vector $\omega$. Then each joint
+# $c$ below it moves by $\omega \times (x_c - x_k)$, where $x_c$ and $x_k$ are the places of the two joints. Now
+# we go through the tree, beginning at the ends of the limbs, and count for each joint how many of the three
+# numbers of $\omega$ are seen:
 #
-# - A **leaf** (a hand, a foot, the head) has nothing hanging on it. Its rotation moves no joint:
-#   $0$ of $3$ are seen.
-# - A joint with **one child** can turn about the bone $e$ to it, for $\omega \times e = 0$ where
-#   $\omega \parallel e$. That turns the rest of the limb too; but the child can turn back. So $2$ are
-#   seen.
-# - A joint with **several children** has no axis that leaves all of them in place, unless the bones to
-#   them lie on one line: $3$.
+# - A **leaf** (a hand, a foot, the head) has no joint below it. Its rotation moves no joint, so $0$ of the $3$
+#   numbers are seen.
+# - A joint with **one child** can turn about the bone $e$ that leads to the child, because
+#   $\omega \times e = 0$ where $\omega$ is parallel to $e$. This also turns everything beyond the child about
+#   the same line, but the child can turn back by the same angle. So $2$ numbers are seen.
+# - A joint with **several children** has several bones to them. No axis is parallel to all of these bones, unless
+#   they lie on one line. So all $3$ numbers are seen.
 #
-# If the body may move as a whole, $3$ more are seen.
+# If the body may also move as a whole, $3$ more numbers are seen.
 
 # %%
 print(law_in_words(body.parents, translation=False))
@@ -141,15 +151,19 @@ print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} 
 
 # %% [markdown]
 # (In the last line three points are seen, and each can be moved alone in all three directions by the
-# joints above it: three times three.) The workbench does not stop at the number: it says which
-# directions these are. The singular vectors are a basis of the null space that mixes all of them. The
-# workbench looks in small named subspaces, the smallest first, so that each twist is found by itself.
+# joints above it: three times three.)
+#
+# The number says that something is not seen, but not what. The singular vectors do not say it either, because
+# each of them mixes several null directions. So the workbench looks for null directions in small subspaces that
+# have names, such as the numbers of one joint or of two neighbours. It begins with the smallest subspaces, so
+# that it finds each twist by itself:
 
 # %%
 print(diagnosis)
 
 # %% [markdown]
-# Try one. A twist of the left elbow, undone at the wrist, moves no joint and yet the forearm's skin:
+# We try one of them. A twist of the left elbow that is undone at the left wrist should move no joint, and yet
+# move the skin of the forearm:
 
 # %%
 twist = next(d for d in diagnosis.null_directions if d.joints == ("left_elbow", "left_wrist"))
@@ -160,14 +174,14 @@ for angle in (1e-3, 1e-2, 1e-1):
     print(f"{angle:5} rad: joints by {1e3 * moved:.1e} mm, skin by {1e3 * skin:.1e} mm")
 
 # %% [markdown]
-# A step that is ten times as long moves the skin ten times as far, and the joints a hundred times: to
-# first order they do not move. (The exact path on which they stay is curved; the null space is its
-# tangent.)
+# A step that is ten times as long moves the skin ten times as far, and the joints a hundred times: to first
+# order they do not move. (They would not move at all on a path that is slightly curved. The null space is the
+# tangent of that path.)
 #
 # ## Dense or sparse?
 #
-# A joint depends on the rotations above it and on no others. So most entries of this Jacobian are
-# zero whatever the pose, and that pattern is known before anything is computed:
+# The place of a joint depends on the rotations of the joints above it and on no others. So most entries of this
+# Jacobian are zero whatever the pose is. We know the pattern of these zeros before we compute anything:
 
 # %%
 with house_style():
@@ -191,24 +205,27 @@ print(
 )
 
 # %% [markdown]
-# The pattern knows of the leaves: 15 columns are empty, so the rank is at most 57. It does not know
-# of the twists, which are a matter of numbers. That is why both are looked at. The pattern
-# alone shows columns of zeros, a warning worth having before any solver is started.
+# The pattern shows the leaves: 15 columns are empty, so the rank is at most 57. It does not show the twists,
+# because they depend on the numbers. That is why the workbench looks at both. The pattern costs nothing, and a
+# column of zeros is a warning worth having before any solver is started.
 #
-# So, dense or sparse? The Jacobian of joints is sparse by nature. That of SMPL's vertices is not: its
-# pose blend shapes (lecture 5) let every vertex depend on 23 rotations. But it has only 82 columns, and its 14 MB
-# are easily kept as a dense matrix. With so few unknowns the pattern is worth more for what it tells
-# than for the zeros that it saves; with thousands of them it is the other way round.
+# Should such a Jacobian be stored as a dense or as a sparse matrix? That of the joints is sparse by nature. That
+# of SMPL's vertices is not: its pose blend shapes (lecture 5) let every vertex depend on 23 rotations. But it has
+# only 82 columns, and its 14 MB are easily kept as a dense matrix. With so few unknowns, the pattern is worth
+# more for what it tells than for the zeros that it saves. With thousands of unknowns, as in a video, it is the
+# other way round.
 #
 # ## Hardly seen
 #
-# Rank is a matter of yes or no. In practice much is seen, but only just. With noise of one sigma in
-# every residual, the covariance of the answer is, to first order,
+# Rank is a matter of yes or no. In practice much is seen, but only just. How uncertain is a fit? Let every
+# whitened residual have noise with a standard deviation of one, and collect the noise in a vector $n$. To first
+# order the fit goes where $\|J p - n\|^2$ is least, which is $p = (J^\top J)^{-1} J^\top n$. The covariance of $n$
+# is the identity, so the covariance of $p$ is that matrix times its transpose. With $J = U S V^\top$ it becomes
 #
-# $$ C = (J^\top J)^{-1} = V S^{-2} V^\top : $$
+# $$ C = (J^\top J)^{-1} = V S^{-2} V^\top . $$
 #
-# a direction with singular value $s_i$ is known to $1/s_i$. Here we look at vertices instead of
-# joints, every one to 1 cm. Now all is seen:
+# In words: a direction with the singular value $s_i$ is known up to a standard deviation of $1/s_i$. Now we
+# observe vertices instead of joints, every one to 1 cm. With them everything is seen:
 
 # %%
 seen = wb.Block("seen", (body.n_vertices, 3), "m")
@@ -228,14 +245,18 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
     )
 
 # %% [markdown]
-# (Of the three numbers of a joint, the least well known is given.) With this centimetre the pelvis is
-# known to less than 1 degree, because a turn of the pelvis moves the whole body. The feet are known to
+# (A joint has three numbers, and the table gives the one that is known least well.) With this centimetre the
+# pelvis is known to less than 1 degree, because a turn of the pelvis moves the whole body. The feet are known to
 # no better than 10 degrees: only 6 of the 369 vertices hang on a foot, and all of them are so near to
 # its joint that they hardly move when it turns.
 #
-# This covariance must not be believed where the rank is not full. A pseudo-inverse gives a number for
-# everything there, and the smallest number of all for what is not seen at all. With the 24 joints
-# alone:
+# What if the rank is not full? Then $J^\top J$ has no inverse. It is tempting to take the pseudo-inverse, which
+# replaces $1/s_i$ by zero wherever $s_i$ is zero. But this says of a direction that is not seen at all that it is
+# known exactly. With the 24 joints alone it gives the smallest standard deviation to the joints that nobody sees.
+# The library gives them an infinite one, as the following lines show:
+
+# %%
+source(covariance_of)
 
 # %%
 J_plus = np.linalg.pinv(here.jacobian)
@@ -245,12 +266,34 @@ for name in ("left_hand", "left_elbow", "left_hip"):
     k = body.joint_names.index(name)
     print(f"{name:11} by pinv {naive[k].round(4)}, by the library {honest[k].round(4)} rad")
 
+# %%
+worst_naive = np.degrees(naive.max(axis=1))
+leaves = [k for k in range(24) if k not in body.parents]
+order = np.argsort(sigma)
+with house_style():
+    figure, (left, right) = sheet(10, 5.2, columns=2)
+    left.barh(range(24), np.degrees(sigma[order]))
+    right.barh(range(24), worst_naive[order], color=["C1" if k in leaves else "C0" for k in order])
+    for ax, title in (
+        (left, "every vertex is seen to 1 cm"),
+        (right, "joints alone, by the pseudo-inverse"),
+    ):
+        ax.set_yticks(range(24), [body.joint_names[k].replace("_", " ") for k in order], fontsize=7)
+        ax.set(title=title, xlabel="standard deviation (degrees)")
+Picture(
+    figure,
+    "How well each joint's rotation is known (the least known of its three numbers). Left: from vertices; "
+    "the feet are known least. Right: what the pseudo-inverse says if only joints are seen. The five leaves, "
+    "of which nothing is seen, get a standard deviation of zero, and so have no bar.",
+)
+
 # %% [markdown]
 # ## What to do about it
 #
-# Three things help. The diagnosis says where help is needed, and the choice is ours: see more (a marker
-# off the bone's axis ends a twist), free less (leave the leaves fixed), or believe something. A prior is
-# further residuals, which here say that each number of the pose is about 0.3 rad from zero:
+# Three things help, and the diagnosis says where help is needed. We can see more: a marker that is not on the
+# axis of a bone ends its twist. We can free less, and leave the leaves fixed. Or we can say what we believed
+# before we saw anything. Such a **prior** is a set of further residuals. Here they say that each number of the
+# pose is usually about 0.3 rad from zero:
 
 # %%
 prior = wb.residuals.gaussian(pose, mean=0.0, covariance=0.3**2)
@@ -269,22 +312,23 @@ solution = wb.solve(with_prior, given | {"pose": np.zeros((24, 3))})
 print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} rad")
 
 # %% [markdown]
-# Now every solver is content, the rank is full, and the answer is unique. A direction with singular
-# value $s$ is known from the data to $1/s$ and from the prior to $\sigma = 0.3$ rad, and information,
-# one over the variance, adds up. So the data's share in what is known of it is
-# $s^2 / (s^2 + \sigma^{-2})$, between 0 and 1. The sum of all shares counts the directions that the
-# data decide. It is 35 and not 40, since some are seen so little that the prior has its share in them.
+# Now the rank is full, and the answer is unique. Which part of it comes from the data? A direction with the
+# singular value $s$ is known from the data up to $1/s$, and from the prior up to $\sigma = 0.3$ rad. The
+# information about it, which is one over the variance, is $s^2$ from the data and $\sigma^{-2}$ from the prior,
+# and the two add up. So the share of the data is $s^2 / (s^2 + \sigma^{-2})$, between 0 and 1. The sum of all
+# shares counts the directions that the data decide. It is 35 and not 40, because some directions are seen so
+# little that the prior has its share in them.
 #
-# And the answer is not right: the prior has put zero where nothing was known. (It is off by as much as
-# the answer from rest was, for the same reason: the number that is furthest off is one that no joint
-# depends on, and both leave it at zero.) That may be just what one wants, provided that one knows which
-# numbers came from the data and which from the prior.
+# The answer is unique, but it is not right: the prior has put zero where nothing was known. (It is off by as much
+# as the answer from rest was, for the same reason: the number that is furthest off is one that no joint depends
+# on, and both leave it at zero.) That may be just what one wants, provided that one knows which numbers came from
+# the data and which from the prior.
 #
 # ## What to remember
 #
 # - Count ranks, not equations. 24 joints tell 40 of 72 numbers: $3$, $2$ or $0$ for each joint with
 #   several children, one, or none.
-# - The pattern bounds the rank and costs nothing; singular values give the rank; named directions say
-#   what to do.
-# - $1/s$ is how well a direction is known. A pseudo-inverse hides what is not.
-# - A prior makes the rank full, and answers for what the data do not say.
+# - The pattern of zeros bounds the rank and costs nothing. Singular values give the rank, and named null
+#   directions say what to do.
+# - A direction is known up to $1/s$. A pseudo-inverse hides that a direction is not known at all.
+# - A prior makes the rank full, and it decides what the data leave open.

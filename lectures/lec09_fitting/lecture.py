@@ -4,9 +4,9 @@
 # **Which pose and shape explain what we saw?**
 #
 # We begin with the best data that one could wish for: every vertex is seen, and we know which vertex it
-# is. Then we take information away, step by step: first only the joints are seen, then only the images
-# of joints in some cameras. At each step we ask what the data still determine. Lengths are in metres,
-# angles in radians, images in pixels. The person is synthetic, so that the truth is known.
+# is. Then we take information away, step by step. First only the joints are seen, and then only images of
+# the joints in some cameras. At each step we ask what the data still determine. Lengths are in metres,
+# angles in radians, and images in pixels. The person is synthetic, so that the truth is known.
 
 # %%
 import numpy as np
@@ -17,6 +17,7 @@ from workbench.geometry.camera import project, triangulate
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import house_style, sheet
+from workbench.plots.body import Figurine, front, line_up
 
 NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of this lecture
 
@@ -38,15 +39,16 @@ def distances(values):
 # %% [markdown]
 # ## Every vertex known
 #
-# Vertex $i$ of the model is at $M_i(\theta, \beta) + t$, and we saw it at $v_i$, with a noise of 5 mm.
-# We know the number $i$ that belongs to each observed point; such pairs are called **correspondences**.
-# The residual is the model minus the observation, divided by the standard deviation sigma. The unknowns
-# are 72 numbers of the pose $\theta$, 10 of the shape $\beta$ and 3 of the translation $t$.
+# Vertex $i$ of the model is at $M_i(\theta, \beta) + t$, and we saw it at $v_i$, with a noise of 5 mm. For
+# each observed point we know the number $i$ of its vertex. Such pairs are called **correspondences**. The
+# residual is the model minus the observation, $M_i(\theta, \beta) + t - v_i$, divided by the standard deviation
+# $\sigma$ of the noise. The unknowns are 72 numbers of the pose $\theta$, 10 of the shape $\beta$ and 3 of the
+# translation $t$.
 #
-# In the workbench a fit takes four lines. A *block* is a named array with a symbol: the body has three
-# (`pose`, `betas`, `trans`), and the observations get a block of their own. A *residual* is made from
-# symbols. A *problem* consists of residuals and of the names of the blocks that are free, which means
-# unknown. `solve` takes a start that has a value for each block.
+# In the workbench a fit takes four steps. A *block* is a named array with a symbol: the body has three of them
+# (`pose`, `betas`, `trans`), and the observations get a block of their own. A *residual* is made from these
+# symbols. A *problem* consists of residuals and of the names of the blocks that are free, which means that they
+# are unknown. Finally `solve` takes a start that has a value for each block, free or not.
 
 # %%
 pose, betas, trans = (block.symbol for block in body.blocks())
@@ -68,14 +70,15 @@ print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
 # This is as good as a fit can be: it takes six or seven iterations, and the fit is *closer to the truth*
-# than its data. It has $m = 1107$ equations for $p = 85$ unknowns, and it can follow the noise only in
-# the 85 directions in which the model can move. Of the expected squared length of the noise,
-# $\sigma^2 m$, the share $p / m$ remains in the fit. So the error per coordinate is $\sigma \sqrt{p/m}$,
-# to first order.
+# than its data. Why closer? It has $m = 1107$ equations for $p = 85$ unknowns. The noise points in a random
+# direction among $m$, and its expected squared length is $\sigma^2 m$, equally much in each direction. The fit can
+# follow the noise only in the 85 directions in which the model can move, so that $\sigma^2 p$ of the squared
+# length remains in it. Divided by the $m$ coordinates, this is $\sigma^2 p / m$. So the error per coordinate is
+# $\sigma \sqrt{p/m}$, to first order.
 #
 # ## Only the joints
 #
-# In practice nobody sees all vertices. Take the 24 joints, seen with the same noise, and do the same:
+# In practice nobody sees all vertices. So we take only the 24 joints, seen with the same noise, and do the same:
 
 # %%
 seen_joints = wb.Block("seen_joints", (24, 3), "m")
@@ -87,9 +90,11 @@ priors = [
     wb.residuals.gaussian(betas, covariance=BETAS**2),
 ]
 given = start | {"seen_joints": joints + NOISE * rng.standard_normal((24, 3))}
+fitted_to_joints = {}
 for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at_joints, *priors])):
     problem = wb.Problem(residuals, ["pose", "betas", "trans"], blocks=[seen_joints])
     solution = wb.solve(problem, given)
+    fitted_to_joints[name] = solution.values
     off = 1e3 * (body.joints(**solution.values) - given["seen_joints"])
     rank = problem.linearize(given | solution.values).rank
     print(
@@ -99,31 +104,56 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
     )
 
 # %% [markdown]
-# Without priors, the joints are fitted to *less* than their noise, which is a bad sign: there are 72
+# Without priors, the joints are fitted to *less* than their noise. This is a bad sign: there are 72
 # equations for 85 unknowns, and the unknowns follow the noise. As in lecture 8, the data determine only
 # some of the directions: the rank is 53 of 85. The shape follows the noise as well, and one beta is off
 # by 1.3 standard deviations.
 #
-# Knowledge other than the data can be written as residuals too. Among people each beta is 0 on average,
+# What we know apart from the data can be written as residuals too. Among people each beta is 0 on average,
 # with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard deviation
 # of 0.25 rad. This gives the residuals $\theta / 0.25$ and $\beta / 1$, which are called **priors**. The
-# function `gaussian` makes them; it takes a variance, hence the squares in the code. With priors, every
+# function `gaussian` makes them. (It takes a variance, so the code has the squares.) With priors, every
 # direction is determined to some degree, and the rank is full. The worst beta is now off by half a
 # standard deviation. The surface is hardly closer, 18 mm in place of 19 mm: nearly half of this error
-# comes from turns of bones that move no joint (lecture 8), about which the prior says only that they are
+# comes from turns of bones that move no joint (lecture 8), and of these the prior says only that they are
 # probably small. Lecture 10 is about priors.
+
+# %%
+shown, coloured = [("truth", truth)], [np.full((len(body.faces), 3), 0.87)]
+for name, values in fitted_to_joints.items():
+    shown.append((name, {key: values[key] for key in truth}))
+    share = np.minimum(distances(values)[body.faces].mean(axis=1) / 40, 1)[:, None]  # full at 40 mm
+    coloured.append(0.87 + share * (np.array([0.75, 0.1, 0.1]) - 0.87))
+with house_style():
+    figure, (ax,) = sheet(9, 4.4)
+    line_up(
+        [
+            Figurine(name, body.vertices(**values), front, colours)
+            for (name, values), colours in zip(shown, coloured, strict=True)
+        ],
+        body.faces,
+        ax=ax,
+    )
+Picture(
+    figure,
+    "The true person, and the fits to the joints without and with priors. Grey faces are where they ought to be; "
+    "full red ones are 40 mm away or more.",
+)
+
+# %% [markdown]
 #
 # ## A camera
 #
-# A camera measures pixels and not metres. A point $x$ in the world is first written in the coordinates
-# of the camera, $R x + t = (X, Y, Z)$, which point to the right, down and forward. Then it is divided by
-# its depth $Z$ and scaled to pixels by the focal length $f$, where $(c_x, c_y)$ is the centre of the
-# image:
+# A camera measures pixels and not metres. How does a point $x$ in the world get its pixel? First we write it in
+# the coordinates of the camera, $R x + t = (X, Y, Z)$, which point to the right, down and forward. A pinhole
+# camera sees only the direction of the point, so we divide by the depth $Z$. Finally the focal length $f$ turns
+# this into pixels, which are counted from the corner of the image. With $(c_x, c_y)$ the centre of the image:
 #
 # $$ u = f \frac{X}{Z} + c_x, \qquad v = f \frac{Y}{Z} + c_y . $$
 #
-# Note that $t$ is not where the camera stands; it is the world's origin in the coordinates of the
-# camera. The library's function also handles lens distortion, which is zero here:
+# (Note that $t$ is not the place at which the camera stands. It is the world's origin in the coordinates of the
+# camera.) The library's function has the same two divisions. It also bends the image as real lenses do, with five
+# coefficients that are zero here:
 
 # %%
 source(project)
@@ -165,10 +195,11 @@ def by_cameras(which):
 
 
 # %% [markdown]
-# `keypoints` is the residual: model minus observation in pixels, divided by sigma and multiplied by the
-# square root of a weight, which comes from the detector's confidence (here 1). We take only the camera
-# in front of the person and fit twice: once from the same start as before, and once from a start that
-# faces away from the camera:
+# Images of joints are called **keypoints**. Their residual is the model minus the observation in pixels, divided
+# by $\sigma$. A detector also says how confident it is of each keypoint. With a confidence $c$ the residual is
+# divided by $\sigma / c$, so that doubtful keypoints count less; here $c = 1$. We take only the camera in front of
+# the person and fit twice: once from the same start as before, and once from a start that faces away from the
+# camera:
 
 # %%
 one, numbers = by_cameras([0])
@@ -187,21 +218,47 @@ for name, angle in (("facing the camera", 0.0), ("facing away", np.pi)):
     )
 
 # %% [markdown]
-# Both fits converged, and both reproduce the image to within the noise of the detector. But the one that
-# began turned away had to twist the body to do so: it ended in another minimum, at nearly five times the cost.
-# This is no error of the solver, which only goes downhill. A fit to one image needs a good start. If in
-# doubt, try several starts, and keep the fit with the lowest cost.
+# Both fits converged, and both reproduce the image to within the noise of the detector. How do they look?
+
+# %%
+with house_style():
+    figure, (ax,) = sheet(9, 4.4)
+    line_up(
+        [
+            Figurine(name, body.vertices(**{key: values[key] for key in truth}), front)
+            for name, values in {
+                "truth": truth,
+                "begun facing the camera": ends["facing the camera"].values,
+                "begun facing away": ends["facing away"].values,
+            }.items()
+        ],
+        body.faces,
+        ax=ax,
+    )
+Picture(
+    figure,
+    "The true person and both fits, seen from the camera. In the image the joints of all three agree. The fit that "
+    "began facing away has turned its trunk towards the camera, but its lower legs still face away from it.",
+)
+
+# %% [markdown]
+# The fit that began facing away had to twist the body: hips, knees and ankles are turned so that the legs meet a
+# trunk that faces the other way. It ended in another minimum, at nearly five times the cost. This is no error of
+# the solver, which only goes downhill. A fit to one image needs a good start. If we do not know which way the
+# person faces, we try several starts, and keep the fit with the lowest cost.
 #
 # ## Where to begin: similar triangles
 #
-# How far away is the person? If something is $H$ metres long, lies across the line of sight and appears
-# $h$ pixels long in the image, it is at the depth
+# A good start also needs the distance of the person. Suppose that something is $H$ metres long, lies across the
+# line of sight at the depth $Z$, and appears $h$ pixels long in the image. By the equations of the camera both of
+# its ends are divided by the same $Z$, so that $h = f H / Z$, and hence
 #
 # $$ Z = f\, \frac{H}{h} . $$
 #
-# SMPLify (Bogo et al., 2016) finds its start in this way, from the trunk: it divides the mean length $H$
-# of two distances, from each shoulder to the hip, by the mean of their $h$. For a trunk across the line
-# of sight this is exact. How good is it when the person leans towards the camera?
+# SMPLify (Bogo and others, *Keep It SMPL: Automatic Estimation of 3D Human Pose and Shape from a Single Image*,
+# 2016) finds its start in this way, from the trunk. It takes the mean length $H$ of two distances, from the
+# shoulder to the hip on each side, and the mean of their $h$. For a trunk across the line of sight this is exact.
+# How good is it when the person leans towards the camera?
 
 # %%
 names = body.joint_names
@@ -248,13 +305,14 @@ Picture(
 )
 
 # %% [markdown]
-# This is good enough for a start, with a depth that is 11 to 19 % too large at 30 degrees, but it is not
-# good enough for an answer.
+# At 30 degrees the depth is 11 to 19 % too large. This is good enough for a start, but it is not good enough for
+# an answer.
 #
 # ## What one camera does not determine
 #
-# Now we look at the fit that began facing the camera. In the image it agrees with the data to within the
-# noise. How does it look from the side?
+# Now we look again at the fit that began facing the camera. In the image it agrees with the data to within the
+# noise. How does it look from the side? We compare it with fits to two and to four cameras, which stand around
+# the person:
 
 # %%
 results = {}
@@ -300,11 +358,11 @@ Picture(
 )
 
 # %% [markdown]
-# The Jacobian predicts this, without the truth: with one camera, the standard deviation of the
-# translation is 8 mm across the image, and 230 mm in depth. There is a reason for this that no better
-# data from one camera can remove. Make a person larger, and move the person away by the same factor, as
-# seen from the camera: $X / Z$ stays the same, and so does every pixel. One camera sees only the ratio
-# of size and depth; the shape prior alone tells the two apart.
+# The Jacobian predicts this without knowing the truth: with one camera, the standard deviation of the
+# translation is 8 mm across the image, and 230 mm in depth. Better data from one camera would not help much,
+# for the following reason. Make a person larger, and move the person away from the camera by the same factor.
+# Then $X$, $Y$ and $Z$ are all multiplied by it, so $X / Z$ stays the same, and so does every pixel. One camera
+# sees only the ratio of size and depth. Only the prior on the shape tells the two apart.
 
 # %%
 camera, numbers = cameras[0]
@@ -321,13 +379,14 @@ for share in (1.05, 1.5):
 # ## A start for several cameras
 #
 # With two cameras or more there is a closed form for the start. Let $(a, b) = (X / Z, Y / Z)$ be the
-# position in the image in units of the focal length, from the image's centre. Then $a Z = X$ and
-# $b Z = Y$ are linear equations for the point in the world: each camera gives two, and there are three
-# unknowns. With the homogeneous coordinates of the point, they are solved by the singular vector that
-# belongs to the smallest singular value. This is **triangulation**:
-
-# %%
-source(triangulate)
+# position in the image in units of the focal length, from the image's centre. Then $X - a Z = 0$ and
+# $Y - b Z = 0$. These equations are linear in the point $x$ of the world, because $(X, Y, Z) = R x + t$ is. Each
+# camera gives two of them, and there are three unknowns. To treat $t$ like the rest, we append a one to the point,
+# so that $(X, Y, Z) = P\, (x, 1)$ with the matrix $P = [R\;\, t]$ of four columns. All equations together say that
+# a matrix with two rows for each camera, multiplied by $(x, 1)$, is zero. With noise it cannot be quite zero. The
+# vector of length one for which it is smallest is the last column of $V$ in the singular value decomposition of
+# that matrix, and dividing this vector by its fourth entry gives $(x, 1)$. This is **triangulation** (Hartley and
+# Zisserman, *Multiple View Geometry in Computer Vision*, section 12.2):
 
 # %%
 numbers = {key: value for _, values in cameras for key, value in values.items()}
@@ -339,21 +398,20 @@ begun = np.sqrt(np.mean((motion(rest) - joints) ** 2))
 print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 
 # %% [markdown]
-# The last line comes from Procrustes' problem: find the rigid motion that brings the joints at rest as
-# near as possible to the triangulated ones. Subtract the mean from each set of joints, find the rotation
-# nearest to $\sum_i y_i x_i^\top$ (lecture 2), where $x_i$ are the joints at rest and $y_i$ the
-# triangulated ones, and choose the translation that takes one mean to the other.
-
-# %%
-source(procrustes)
-
-# %% [markdown]
+# The last line solves *Procrustes' problem*: it finds the rigid motion $x \mapsto R x + t$ that brings the joints
+# $x_i$ at rest as near as possible to the triangulated ones $y_i$, so that $\sum_i \| R x_i + t - y_i \|^2$ is
+# least. Whatever $R$ is, the best $t$ takes the mean of the $x_i$ to the mean of the $y_i$. So we subtract the mean
+# from each set of joints, and only $R$ is left. The square of $\| R x_i - y_i \|$ is
+# $\|x_i\|^2 + \|y_i\|^2 - 2\, y_i^\top R\, x_i$, and only its last term depends on $R$. The sum of these terms is
+# largest for the rotation that is nearest to the matrix $\sum_i y_i x_i^\top$, and lecture 2 has shown how to find
+# that.
+#
 # ## What to remember
 #
 # - With every vertex known, the fit is closer to the truth than its data: the error is
 #   $\sigma \sqrt{p/m}$ per coordinate.
 # - A few landmarks leave some directions undetermined. A fit that is closer to its data than their noise
-#   is a warning. Priors decide what the data leave open, and pull on the rest.
+#   is a warning. Priors decide what the data leave open, and also pull a little on the rest.
 # - With one camera, begin at the depth $Z = f H / h$, try a body that faces the camera and one that
 #   faces away, and keep the fit with the lower cost. Size and depth cannot be told apart without a
 #   prior.

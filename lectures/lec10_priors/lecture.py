@@ -3,10 +3,10 @@
 #
 # **What if the data are few, or wrong?**
 #
-# Few data leave directions of the pose open, and something else has to say what people do. Wrong data
-# (a marker taken for another, a detector's confusion) must not be believed. What to do in either case
-# is a matter of what a residual costs. Lengths are in metres, angles in radians. People and data are
-# made up; the priors of poses were learned from motion capture.
+# If the data are few, they leave directions of the pose open, and something else has to say what people do. If some
+# of the data are wrong (a marker is taken for another, or a detector is confused), they must not be believed. In both
+# cases the question is what a residual ought to cost. Lengths are in metres and angles in radians. People and data
+# are synthetic; the priors of poses were learned from motion capture.
 
 # %%
 import numpy as np
@@ -26,10 +26,10 @@ pose, betas, trans = (block.symbol for block in body.blocks())
 # ## Few data
 #
 # We see wrists, ankles, the head and the pelvis, to 1 cm: 18 numbers for a pose of 72. Lecture 9 added
-# a naive prior, that each angle is about zero, to 0.25 rad, whatever the others are. Beside it we put
-# one that was learned from recorded poses: their mean and their covariance. We look for the poses of
-# five people with a bent knee, which are drawn from a model of such recordings (we shall see which
-# one).
+# a naive prior: each angle is zero on average, with a standard deviation of 0.25 rad, whatever the others are. We
+# compare it with a prior that was learned from recorded poses, and consists of their mean and their covariance. We
+# look for the poses of five people with a bent knee, which are drawn from a model of such recordings. (Below we shall
+# see which model.)
 
 # %%
 seen_names = ("pelvis", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
@@ -168,11 +168,16 @@ Picture(
 #
 # (The lecture *Training a Body Model and Fitting SMPL to Scans* of the course *Virtual Humans* writes
 # vectors as rows; there the transposed vector stands on the right.) Solvers want a residual whose
-# square this is. With $C = L L^\top$ (Cholesky) it is $L^{-1} (x - \mu)$, which is called *whitening*:
-# 69 numbers that are correlated become 69 that are not, each with a standard deviation of one.
+# sum of squares this is. We write $C = L L^\top$ with a triangular matrix $L$ (Cholesky's factorization). Then
+# $C^{-1} = (L^{-1})^\top L^{-1}$, so the expression is $\| L^{-1} (x - \mu) \|^2$, and the residual is
+# $L^{-1} (x - \mu)$. This is *whitening* once more: its covariance is $L^{-1} C\, (L^{-1})^\top = I$, so 69 numbers
+# that are correlated become 69 that are not, each with a standard deviation of one. The library's `gaussian` makes
+# this residual.
 #
-# Does the prior suit its poses? If it does, squared distances follow a $\chi^2$ law with 69 degrees of
-# freedom, whose mean is 69.
+# Does the prior suit its poses? If it does, each squared distance is the sum of the squares of 69 independent numbers
+# with a standard deviation of one. Such sums follow a $\chi^2$ law with 69 degrees of freedom, whose mean is 69. We
+# look at poses that are drawn from the prior, and at poses from the model of eight Gaussians that made our five
+# people:
 
 # %%
 flat = drawn[:, 1:].reshape(len(drawn), -1)
@@ -187,15 +192,12 @@ for name, poses in (("drawn from it", own), ("drawn from eight Gaussians", flat)
         f"expected 90"
     )
 
-# %%
-source(wb.residuals.gaussian)
-
 # %% [markdown]
 # ## One Gaussian is not enough
 #
-# The second line says that poses are not Gaussian. People walk, sit, reach. Nobody does what lies
-# half-way between, but a single Gaussian has its mean there. And it does not know that knees stop when
-# they are straight.
+# The second line says that poses are not Gaussian. People walk, sit and reach. Nobody does what lies
+# half-way between these, but a single Gaussian has its mean there. Nor does it know that knees stop when
+# they are straight:
 
 # %%
 for name, poses in (("one Gaussian", own), ("eight of them", flat)):

@@ -3,10 +3,10 @@
 #
 # **Which solver should we take, and how would we know?**
 #
-# The workbench has more than twenty solvers, and each is the best one in some paper. We let four of them run
-# on sixteen classical problems, fall for all the usual ways of comparing them, and end with ways
-# that hold: targets common to all, effort in one currency, failures counted, and intervals around what
-# was counted. Costs here are pure numbers, and so is effort: it is counted in residuals.
+# The workbench has more than twenty solvers, and for each of them there is a paper in which it is the best. We let
+# four of them run on sixteen classical problems, and try the usual ways of comparing them, which all mislead us. We end
+# with ways that hold: the same targets for all, effort in one currency, failures that count, and intervals around
+# what was counted. Costs in this lecture are pure numbers, and so is effort: it is counted in residuals.
 
 # %%
 from math import comb
@@ -73,11 +73,11 @@ for name in ("rosenbrock", "helical-valley"):
     table(name)
 
 # %% [markdown]
-# On the first Gauss-Newton has the fewest iterations, on the second Levenberg-Marquardt. And an iteration
-# is not the same thing for everybody: one of Gauss-Newton may try many steps, one of L-BFGS (a method
-# that knows gradients only, and builds a picture of the second derivatives from them) takes no Jacobian
-# at all. Nor does what solvers report of themselves mean the same: L-BFGS has come down to a cost of
-# $10^{-17}$, and says that it stalled. The other way round is worse:
+# On the first Gauss-Newton has the fewest iterations, on the second Levenberg-Marquardt. So the answer depends on
+# the problem. Moreover, an iteration is not the same thing for every solver: one of Gauss-Newton may try many steps,
+# and one of L-BFGS (a method that knows gradients only, and builds a picture of the second derivatives from them)
+# takes no Jacobian at all. Nor do solvers mean the same when they report how they ended: L-BFGS has come down to a
+# cost of $10^{-17}$, and says that it stalled. The opposite is worse:
 
 # %%
 for name in ("bard-far", "freudenstein-roth"):
@@ -195,13 +195,15 @@ for tau in TAUS:
 # %% [markdown]
 # ## Performance profiles
 #
-# Problems differ in size, so Dolan and Moré (2002) divide by the best on each: $r_{ps} = t_{ps} / \min_s
-# t_{ps}$. Then
+# Problems differ in size. So Dolan and Moré (*Benchmarking Optimization Software with Performance Profiles*, 2002)
+# divide the effort $t_{ps}$ of solver $s$ on problem $p$ by that of the best solver on the same problem,
+# $r_{ps} = t_{ps} / \min_s t_{ps}$. Then
 #
 # $$ \rho_s(\alpha) = \text{share of all problems on which } r_{ps} \le \alpha $$
 #
-# says how often $s$ is within a factor $\alpha$ of the best. At $\alpha = 1$: how often it *is* the best. Far
-# to the right: how often it arrives at all.
+# says how often $s$ is within a factor $\alpha$ of the best. As a function of $\alpha$ it is called the
+# **performance profile** of $s$. At $\alpha = 1$ it says how often $s$ *is* the best. Far to the right it says how
+# often $s$ meets the target at all.
 
 # %%
 source(ratios)
@@ -238,8 +240,8 @@ Picture(
 #
 # The ratio is taken to the best *of those present*. Take one solver out, and on each problem on which
 # it alone was the best, another one becomes the best. So the order of two solvers can turn because a
-# third one has left (Gould and Scott, 2016): a profile of many solvers is no
-# ranking. To learn which of two is better, compare these two alone.
+# third one has left (Gould and Scott, *A Note on Performance Profiles for Benchmarking Software*, 2016): a profile
+# of many solvers is no ranking. To learn which of two is better, compare these two alone.
 
 # %%
 for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
@@ -275,14 +277,21 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
 #
 # ## Chance
 #
-# Sixteen problems are a sample. Had we drawn others, the counts would be others. For $k$ successes in $n$
-# trials, with $\hat p = k / n$ and $z = 1.96$, Wilson's interval (1927) is
+# Sixteen problems are a sample. Had we drawn others, the counts would be others. How sure can we be of a share that
+# was counted? Let $p$ be the true share of successes, and $\hat p = k / n$ the share that we found, with $k$ successes
+# in $n$ trials. The standard deviation of $\hat p$ is $\sqrt{p (1 - p) / n}$. So with a probability of about 95 % it is
+# no further than $z = 1.96$ times that from $p$. Wilson (*Probable Inference, the Law of Succession, and Statistical
+# Inference*, 1927) takes the interval of all $p$ for which this is so,
+#
+# $$ (\hat p - p)^2 \le z^2\, \frac{p (1 - p)}{n} . $$
+#
+# This is a quadratic inequality in $p$, and its ends are
 #
 # $$ \frac{\hat p + \frac{z^2}{2n} \pm z \sqrt{\frac{\hat p (1 - \hat p)}{n} + \frac{z^2}{4 n^2}}}
-#         {1 + \frac{z^2}{n}} , $$
+#         {1 + \frac{z^2}{n}} . $$
 #
-# and it stays honest where the usual $\hat p \pm z \sqrt{\hat p (1 - \hat p) / n}$ shrinks to a point: at 0
-# and at $n$ successes.
+# The interval that is usually taken, $\hat p \pm z \sqrt{\hat p (1 - \hat p) / n}$, puts $\hat p$ in the place of $p$
+# in the standard deviation, and so it shrinks to a point: at 0 and at $n$ successes.
 
 # %%
 source(wilson)

@@ -3,10 +3,10 @@
 #
 # **How well do we know what we found?**
 #
-# A fit answers with one pose. It also answers if the data say next to nothing. This lecture asks for
-# everything that the data leave possible. One camera looks at a forearm; we find the angle, give it an
-# error bar in the usual way, find that the bar is wrong, and learn what is right: to draw from the
-# posterior. Angles are in radians, lengths in metres, image coordinates in pixels.
+# A fit answers with one pose, and it does so even if the data say next to nothing about the pose. In this
+# lecture we ask for everything that the data leave possible. One camera looks at a forearm. We find its angle,
+# give the angle an error bar in the usual way, and find that the bar is wrong. Then we learn what to do instead,
+# which is to draw from the posterior. Angles are in radians, lengths in metres, and image coordinates in pixels.
 
 # %%
 import casadi as cs
@@ -17,8 +17,7 @@ from workbench.course import Picture, source
 from workbench.experiments import find
 from workbench.plots import house_style, sheet
 from workbench.sampling import laplace, sample
-from workbench.sampling.log_density import LogDensity
-from workbench.sampling.moves import propose_together
+from workbench.sampling.mixing import integrated_time
 
 # %% [markdown]
 # ## A bone in one image
@@ -29,7 +28,8 @@ from workbench.sampling.moves import propose_together
 #
 # $$ u(\varphi) = \frac{F\, l \cos \varphi}{D + l \sin \varphi} $$
 #
-# to the right of the elbow. A detector finds it with an error of $\sigma = 3$ px. Beforehand we know that
+# to the right of the elbow: the wrist is $l \cos \varphi$ to the right of the elbow and $l \sin \varphi$ further
+# away than the elbow. A detector finds it with an error of $\sigma = 3$ px. Before we see the image, we know that
 # $\varphi$ is 0 on average, with a standard deviation of $\sigma_0 = 0.6$ rad.
 
 # %%
@@ -57,30 +57,31 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 # %% [markdown]
 # ## What a cost means
 #
-# Say that the error of the detector is Gaussian, and so is what we knew. Then Bayes' rule says how probable
-# each angle is, given what was seen:
+# Suppose that the error of the detector is Gaussian, and that what we knew before is Gaussian too. Bayes' rule
+# says that an angle is the more probable, the better it explains what was seen, and the more probable it was
+# before. The probability density after the image was seen is called the **posterior**. Up to a constant factor it
+# is the product of the two:
 #
 # $$ p(\varphi \mid u) \propto e^{-(u(\varphi) - u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
 #
-# That is why the workbench divides each residual by its sigma: the cost *is* minus the logarithm of the
-# **posterior**, up to a constant. Least squares finds its highest point.
-
-# %%
-source(LogDensity._density)
-
-# %% [markdown]
+# On the right, the two exponents are added, and their sum is minus half of the sum of squares of the residuals,
+# each divided by its sigma. That is why the workbench divides each residual by its sigma: the cost *is* minus the
+# logarithm of the posterior, up to a constant. The least cost is the highest point of the posterior.
+#
 # ## An error bar, the usual way
 #
-# Near the minimum the residual is nearly linear, so the cost is nearly a parabola, so the posterior is nearly
-# Gaussian, with the covariance
+# Let $\hat \varphi$ be the angle with the least cost. Near it, the vector of whitened residuals is nearly linear,
+# $r(\hat \varphi) + J\, (\varphi - \hat \varphi)$. The cost is half of its square. At the minimum the linear term
+# vanishes, so that
 #
-# $$ C = (J^\top J)^{-1}, $$
+# $$ \text{cost} \approx \text{const} + \tfrac12 (\varphi - \hat \varphi)^\top J^\top J\, (\varphi - \hat \varphi) . $$
 #
-# $J$ being the Jacobian of the whitened residuals. This is **Laplace's approximation**; it costs nothing,
-# for the solver has $J$ already.
-
-# %%
-source(wb.Linearization.covariance)
+# Minus this is the logarithm of a Gaussian with the mean $\hat \varphi$ and the covariance
+#
+# $$ C = (J^\top J)^{-1} . $$
+#
+# To use this Gaussian in place of the posterior is called **Laplace's approximation**. It costs nothing, because
+# the solver has computed $J$ already. For our forearm:
 
 
 # %%
@@ -99,9 +100,9 @@ def bar(phi):
 print(f"{best:.2f} +- {bar(best):.2f} rad")
 
 # %% [markdown]
-# Is it true? A 90 % interval should hold the truth nine times out of ten. We can try: draw an angle
-# from what was known beforehand, make an observation of it, fit, and see whether the interval holds the
-# angle. We do so a thousand times.
+# Is this error bar right? A 90 % interval should hold the truth nine times out of ten. We can try this. We draw an
+# angle from what was known beforehand, make an image of it with the detector's error, fit, and see whether the
+# interval holds the angle. We do so a thousand times.
 
 # %%
 angles = PRIOR * rng.standard_normal(1000)
@@ -136,16 +137,17 @@ Picture(
 )
 
 # %% [markdown]
-# One camera hardly tells whether a bone points towards it or away: the images differ by perspective
-# alone, less than the detector's error. There are two **modes**. Least squares finds one of them, and
-# Laplace's bar is the width of that one. Nothing in the Jacobian warns of the other one, because it is
-# computed at a single point.
+# One camera hardly tells whether a bone points towards it or away from it: the images differ by perspective
+# alone, less than the detector's error. So the posterior has two peaks, which are called **modes**. Least squares
+# finds one of them, and Laplace's bar is the width of that one. Nothing in the Jacobian warns of the other one,
+# because the Jacobian is computed at a single point.
 #
 # ## The truth, for two unknowns
 #
-# In one dimension we could compute the posterior on a grid. In two this is still possible. Take an arm,
-# whose upper arm of 0.30 m and forearm of 0.25 m are each turned out of the image plane. Elbow and
-# wrist are seen by one camera from the front; later also by one from the side, which sees depth.
+# For one angle we could compute the posterior on a grid. For two angles this is still possible, so that we still
+# know the truth. Take an arm, whose upper arm of 0.30 m and forearm of 0.25 m are each turned out of the image
+# plane. Elbow and wrist are seen by one camera from the front, and later also by one from the side, which sees
+# depth.
 
 # %%
 arm = wb.Block("angles", (2,), "rad", ("upper arm", "forearm"))
@@ -195,11 +197,16 @@ print("those of the grid    ", exact_sd.round(2), "rad")
 #
 # ## Draws
 #
-# With 121 points to an axis, a grid for the 82 numbers of a body's pose and shape has $121^{82}$ points. What
-# is feasible is to *draw* from the posterior: a list of poses, each of them possible, the more probable ones more often.
-# Every question is then a count. Metropolis (1953) needs nothing but the density up to a constant: propose
-# a step; take it if it goes up; if it goes down, take it with the probability $p(\text{new}) / p(\text{old})$;
-# if it is not taken, *count the old point again*.
+# With 121 points to an axis, a grid for the 82 numbers of a body's pose and shape has $121^{82}$ points. No
+# computer can do that. What can be done is to *draw* from the posterior: to make a list of poses, in which each
+# pose appears the more often, the more probable it is. Every question then becomes a count. (How probable is it
+# that the arm points away? Count the poses in which it does.)
+#
+# The oldest method to make such a list is that of Metropolis and others (*Equation of State Calculations by Fast
+# Computing Machines*, 1953). It needs the density only up to a constant factor. At each point of the list, it
+# proposes a random step. If the density is higher there, the step is taken. If it is lower, the step is taken with
+# the probability $p(\text{new}) / p(\text{old})$. If the step is not taken, *the old point is counted again*. Such a
+# list is called a **chain**.
 
 
 # %%
@@ -220,8 +227,10 @@ def log_p(x):
     return -cost(x[0], pixel(0.9))
 
 
+chains = {}
 for size in (0.05, 1.5):
     chain = metropolis(log_p, np.array([0.9]), 4000, size, np.random.default_rng(0))[:, 0]
+    chains[size] = chain
     values = np.exp(-cost(grid, pixel(0.9)))
     right = values[grid > 0].sum() / values.sum()
     print(
@@ -231,13 +240,33 @@ for size in (0.05, 1.5):
 
 # %% [markdown]
 # With short steps the chain has not left the mode in which it began: none of its 4000 draws is in the
-# other one. How large should a step be, and in which direction, in 82 dimensions?
+# other one.
+
+# %%
+with house_style():
+    figure, axes = sheet(10, 3.2, columns=2)
+    for ax, (size, chain) in zip(axes, chains.items(), strict=True):
+        ax.plot(chain[:1000], lw=0.6)
+        ax.axhline(0, color="0.6", ls=":")
+        ax.set(
+            title=f"steps of {size} rad", xlabel="step", ylabel="angle φ (rad)", ylim=(-1.6, 1.6)
+        )
+Picture(
+    figure,
+    "The first thousand steps of both chains. Above the dotted line the forearm points away from the camera, and "
+    "below it towards the camera. The chain with short steps never crosses the line, and nothing in it shows that "
+    "there is anything to find below. The other one crosses it many times.",
+)
+
+# %% [markdown]
+# How large should a step be, and in which direction, in 82 dimensions? Nobody wants to find this out by hand.
 #
 # ## Walkers that learn from each other
 #
-# emcee (Foreman-Mackey and others, 2013) lets many walkers go at once, and takes the size of steps from the
-# distances between them. In Goodman and Weare's **stretch move** a walker $x$ picks another one, $x_j$, and
-# proposes
+# The library emcee (Foreman-Mackey and others, *emcee: The MCMC Hammer*, 2013) lets many **walkers** go at once,
+# and takes the size and the direction of steps from the distances between them. In the **stretch move** (Goodman
+# and Weare, *Ensemble Samplers with Affine Invariance*, 2010) a walker $x$ picks another one, $x_j$, and proposes
+# a point on the line through both,
 #
 # $$ y = x_j + z\,(x - x_j), \qquad \text{taken with } \min\left(1,\; z^{k-1}\, \frac{p(y)}{p(x)}\right) $$
 #
@@ -245,17 +274,29 @@ for size in (0.05, 1.5):
 #
 # $$ g(z) \propto \frac{1}{\sqrt z} . $$
 #
-# Why this density, and why $z^{k-1}$? The draws follow $p$ if the walker goes from $x$ to $y$ as often as from
-# $y$ to $x$. The way back has $1/z$ in the place of $z$. Stretching by $z$ about a point makes volumes $z^k$
-# times as large, and near $1/z$ the values of $z$ lie $z^2$ times as close together. So the factor that makes up
-# for both is $z^{k-2}\, g(1/z) / g(z)$. The density above has $g(1/z) = z\, g(z)$, which makes it $z^{k-1}$. Whoever
-# draws $z$ uniformly needs $z^{k-2}$, and with $z^{k-1}$ gets draws from something else. We try both ways of
-# drawing $z$, with the factor $z^{k-1}$, on a Gaussian in two dimensions whose standard deviation is 1:
+# Why this density, and why the factor $z^{k-1}$? The draws follow $p$ if, in the long run, walkers go from $x$ to
+# $y$ as often as they go from $y$ to $x$. We measure where a walker is by its direction from $x_j$, which does not
+# change, and its distance $r$ from $x_j$. In $k$ dimensions the walkers with distances from $r$ to $r + dr$ fill a
+# volume in proportion to $r^{k-1} dr$. So those that want to go from there to $z$ times the distance are in
+# proportion to
+#
+# $$ p(x)\; r^{k-1}\; g(z)\; dr\, dz . $$
+#
+# On the way back a walker begins at the distance $r' = z\, r$, and has to draw $z' = 1/z$. The same expression for
+# the way back is $p(y)\, r'^{k-1} g(z')\, dr'\, dz'$. Now $dz'$ is $dz / z^2$ and $dr'$ is $z\, dr$, so that it is
+#
+# $$ p(y)\; z^{k-1} r^{k-1}\; g(1/z)\; \frac{1}{z}\; dr\, dz . $$
+#
+# To make both ways equally frequent, a proposal has to be taken with the ratio of the second to the first, which is
+# $z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
+# becomes $z^{k-1}$. If $z$ is drawn uniformly instead, $g(1/z) = g(z)$, and the right factor is $z^{k-2}$. What
+# happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$? We try both on a Gaussian in two dimensions whose
+# standard deviation is 1:
 
 
 # %%
-def deviation(drawn, k=2, walkers=100, steps=1000):
-    """The standard deviation of draws by the stretch move; `drawn` makes z of numbers from 0 to 1."""
+def stretched(drawn, k=2, walkers=100, steps=1000):
+    """Draws (n, k) by the stretch move with the factor z^(k-1); `drawn` makes z of numbers from 0 to 1."""
     rng = np.random.default_rng(0)
     half = walkers // 2
     x = rng.standard_normal((2, half, k))
@@ -269,24 +310,36 @@ def deviation(drawn, k=2, walkers=100, steps=1000):
             taken = np.log(rng.uniform(size=half)) < log_ratio
             x[moving][taken] = y[taken]
         kept.append(x.copy())
-    return np.std(kept)
+    return np.reshape(kept, (-1, k))
 
 
-print(
-    f"z with a density of 1 / sqrt z: standard deviation {deviation(lambda u: (1 + u) ** 2 / 2):.2f}"
-)
-print(
-    f"z uniform, the same factor:     standard deviation {deviation(lambda u: 0.5 + 1.5 * u):.2f}"
+right_z, wrong_z = stretched(lambda u: (1 + u) ** 2 / 2), stretched(lambda u: 0.5 + 1.5 * u)
+print(f"z with a density of 1 / sqrt z: standard deviation {right_z.std():.2f}")
+print(f"z uniform, the same factor:     standard deviation {wrong_z.std():.2f}")
+
+# %%
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.4)
+    edges, bell = np.linspace(-4.5, 4.5, 61), np.linspace(-4.5, 4.5, 200)
+    for some, name in ((right_z, "z with the density 1 / √z"), (wrong_z, "z uniform")):
+        ax.hist(some[:, 0], edges, density=True, histtype="step", lw=1.5, label=name)
+    ax.plot(bell, np.exp(-0.5 * bell**2) / np.sqrt(2 * np.pi), "k:", lw=1, label="the Gaussian")
+    ax.set(xlabel="first entry of a draw", ylabel="density")
+    ax.legend()
+Picture(
+    figure,
+    "Draws from a Gaussian (dotted) by the stretch move. With the right density of z the draws follow it; with a "
+    "uniform z and the same factor they are too wide.",
 )
 
 # %% [markdown]
-# With the wrong density the draws are too wide, and nothing warns. The move does not depend on units:
-# if the space is scaled or sheared, so are the walkers and their steps. The workbench's default takes
-# the difference of two other walkers as the step (differential evolution), which also jumps from mode
-# to mode. Half of the walkers move while the other half stands still:
-
-# %%
-source(propose_together)
+# With the wrong density the draws are too wide, and nothing warns. With the right one the move has a valuable
+# property: it does not depend on units, for if the space is scaled or sheared, so are the walkers and their steps.
+#
+# The workbench has the stretch move, but its default is another one with the same property, called differential
+# evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in
+# different modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half,
+# from which they take their steps, stands still. We let walkers go for our two angles, and compare with the grid:
 
 # %%
 draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
@@ -354,18 +407,28 @@ Picture(
 # %% [markdown]
 # ## What draws are worth
 #
-# Draws of a chain resemble the ones before. Let $\rho_t$ be the correlation between draws that are $t$ steps
-# apart. The **autocorrelation time** is
+# The draws of a chain are not independent, because each one resembles the ones before it. How many independent draws
+# are they worth? Let $\rho_t$ be the correlation between draws that are $t$ steps apart, and let each draw have the
+# variance $s^2$. The variance of the mean of $N$ draws is the mean of the covariances of all pairs of them. A draw has
+# a covariance of $s^2$ with itself, and of $s^2 \rho_t$ with the two draws that are $t$ steps before and after it. So
+# the variance of the mean is
 #
-# $$ \tau = 1 + 2 \sum_{t = 1}^{\infty} \rho_t , $$
+# $$ \frac{s^2}{N} \left( 1 + 2 \rho_1 + 2 \rho_2 + \dots \right) = \frac{s^2}{N}\, \tau,
+#    \qquad \tau = 1 + 2 \sum_{t = 1}^{\infty} \rho_t , $$
 #
-# counted in steps. The mean of $N$ draws is known as well as that of $N / \tau$ independent ones, so
-# that is what the $N$ draws are worth. But $\tau$ itself has to be estimated from the chain, and such
-# an estimate can be believed only if the chain is long enough: at least 50 $\tau$, or, with several
-# ensembles, 20 $\tau$ if the estimate no longer grows. Besides, several ensembles that began apart must
-# agree. Until both hold, no number should be read from the draws. The workbench puts the verdict before
-# the numbers, and refuses an interval if it is bad. We ask a chain of 100 steps for one, and then the
-# 3000 steps from above:
+# if the chain is much longer than its memory. For $N$ independent draws it would be $s^2 / N$. So $N$ draws are worth
+# $N / \tau$ independent ones. The number $\tau$, which is counted in steps, is called the **autocorrelation time**.
+#
+# Now $\tau$ itself has to be estimated from the chain, and a chain that is too short makes its own memory look short.
+# The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods in Statistical
+# Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows. Besides, several
+# ensembles that began apart must agree. Until both hold, no number should be read from the draws. So the workbench
+# puts its verdict before the numbers, and refuses an interval if the verdict is bad. We ask a chain of 100 steps for
+# an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count. Of
+# a short chain that is half of the steps.)
+
+# %%
+source(integrated_time)
 
 # %%
 short = sample(one, found.values, walkers=16, steps=100, seed=1)
@@ -377,14 +440,14 @@ for steps, ensembles in ((100, short), (3000, draws)):
         print(f"{steps} steps: {error}")
 
 # %% [markdown]
-# And an interval is a poor summary of two modes: it spans the middle, where there is little. Look at
-# the draws.
+# Even when it is granted, an interval is a poor summary of two modes: it spans the middle, where there is little. It
+# is better to look at the draws themselves, as in the last figure.
 #
 # ## On a body
 #
 # Nothing changes when the bone belongs to a body. A synthetic person stands in front of one camera, or among
-# four. Free are the first two shape coefficients, the place and the left elbow: eight numbers of $\\theta$,
-# $\\beta$ and the translation. All others are held at the truth, which nobody knows of a real person.
+# four. Free are the first two shape coefficients, the place and the left elbow: eight numbers of $\theta$,
+# $\beta$ and the translation. All others are held at the truth, which nobody knows of a real person.
 
 # %%
 free = ("betas[0:2]", "trans", "pose[left_elbow]")
@@ -426,14 +489,15 @@ Picture(
 # %% [markdown]
 # One camera leaves the distance open by a standard deviation of 16 cm, and with it the height; four know it to
 # 2 mm. Here the posterior has one mode and the model is nearly straight over its width, so Laplace's numbers
-# agree with the draws. It is the draws that have told us. `examples/15_how_well_a_person_is_known.py` asks the same of a real person, with
-# all of the pose free.
+# agree with the draws. But only the draws could tell us that they do. The example
+# `examples/15_how_well_a_person_is_known.py` asks the same of a real person, with all of the pose free.
 #
 # ## What to remember
 #
-# - With residuals over their sigmas the cost is minus the log posterior.
-# - Laplace: $(J^\top J)^{-1}$, from one point. Cheap, right if the posterior has one mode and the model bends
-#   little over its width. It cannot say that it is wrong.
+# - If each residual is divided by its sigma, the cost is minus the logarithm of the posterior.
+# - Laplace's approximation is the Gaussian with the covariance $(J^\top J)^{-1}$. It costs nothing, and it is right if
+#   the posterior has one mode and the model bends little over its width. It cannot say that it is wrong.
 # - One camera does not tell whether a bone points towards it or away. The lowest cost may belong to the
 #   wrong answer.
-# - Draws answer every question, once they have mixed. Ask what they are worth first.
+# - Draws answer every question, once they have mixed. So first ask what they are worth: their number divided by the
+#   autocorrelation time.

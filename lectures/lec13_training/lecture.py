@@ -3,10 +3,10 @@
 #
 # **Where do the model's own numbers come from?**
 #
-# Until now template, blend shapes, weights and joint regressor were given. Somebody found them, from
-# scans. We begin with principal components of the scans as they are, see them learn the wrong thing,
-# and then train a whole model, a tiny one: 66 vertices, 6 joints, seconds. All people are made up, so
-# that the answer is known. Lengths are in metres, angles in radians.
+# Until now the template, the blend shapes, the weights and the joint regressor were given. Somebody has learned them
+# from scans. We begin with principal components of the scans as they are, and see them learn the wrong thing. Then we
+# train a whole model. It is a tiny one, with 66 vertices and 6 joints, so that training takes seconds. All people are
+# synthetic, so that the answer is known. Lengths are in metres and angles in radians.
 
 # %%
 from dataclasses import replace
@@ -39,9 +39,9 @@ from workbench.training.symbolic_form import SymbolicTraining
 # %% [markdown]
 # ## Registrations
 #
-# Scans have no vertices in common. So first a template is brought onto each of them, and the result,
-# a mesh that has the template's vertices and the scan's form, is a **registration** (lecture 15 makes
-# them). SMPL was trained from two sets of them:
+# Scans have no vertices in common: vertex 100 of one scan has nothing to do with vertex 100 of another. So first a
+# template is brought onto each of them. The result is a mesh that has the template's vertices and the scan's form, and
+# is called a **registration** (lecture 15 makes them). SMPL was trained from two sets of registrations:
 #
 # - **multi-pose**: few people, each in many poses. They teach what has to do with pose: joints, weights
 #   $\mathcal W$, pose blend shapes $P$.
@@ -66,8 +66,8 @@ print(
 # %% [markdown]
 # ## Principal components of what we have
 #
-# The naive way: move all meshes rigidly onto each other, take the mean, and the directions in which
-# they differ most. In truth there are three such directions. The people were asked to stand alike, and
+# We try the naive way first. We move all meshes rigidly onto each other, and take their mean and the directions in
+# which they differ most. In truth there are three such directions. The people were asked to stand alike, and
 # did, but for 0.06 to 0.3 rad in each joint:
 
 
@@ -144,8 +144,8 @@ betas = space.betas(people)
 print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
 
 # %% [markdown]
-# But un-posing needed the poses, the weights and $P$, which are what we do not know: which came first,
-# the chicken or the egg?
+# But un-posing needed the poses, the weights and $P$, which are what we do not know. To find them, in turn, we would
+# need the people at rest.
 #
 # ## What is linear
 #
@@ -214,9 +214,10 @@ source(SkinningPass.points)
 # | $E_P$ | $\lVert P \rVert_F^2$ | blend shapes are small |
 # | $E_W$ | $\lVert \mathcal W - \mathcal W_I \rVert_F^2$ | weights are near those of blurred segments |
 #
-# Two traps. $\lVert P \rVert_F$ has a root in it, and the term is its square: without the square it is
-# no least squares. And $U$ is a mirror: it changes the sign of $x$ **and** exchanges left and right
-# vertices. With one of the two alone, a perfectly symmetric body is called uneven:
+# Two mistakes are easily made here. The first concerns $E_P$: the norm $\lVert P \rVert_F$ has a root in it, and the
+# term is its square. Without the square, this would not be a least-squares problem. The second concerns $U$, which is
+# a mirror: it changes the sign of $x$ **and** exchanges left and right vertices. With one of the two alone, a perfectly
+# symmetric body is called uneven:
 
 # %%
 mirror = start.mirror()
@@ -271,12 +272,12 @@ Picture(
 )
 
 # %% [markdown]
-# Why does taking turns creep? Turn one joint a little in all poses, and let $P$ make up for it: either
-# change alone makes the fit worse, both together hardly change it. Alternation cannot move along such a
-# valley; a Gauss-Newton step in all unknowns can.
+# Why does taking turns advance so slowly? Suppose that we turn one joint a little in all poses, and let $P$ make up for
+# it. Either change alone makes the fit worse, but both together hardly change it. Alternation cannot move along such
+# a valley, because it makes one change at a time. A Gauss-Newton step in all unknowns can.
 #
 # The fit is *better* than the noise. That is no success. Each coordinate of each vertex has 16 meshes to
-# explain, and 45 pose blend shapes and two people's templates to do it with: noise has been learned.
+# explain, and 45 pose blend shapes and two people's templates to do it with, so it has learned the noise.
 #
 # ## How large may blend shapes be?
 #
@@ -546,9 +547,9 @@ print(f"with 4 numbers held: {held.shape[1]} unknowns, rank {held.rank}")
 # ## What to remember
 #
 # - Principal components of meshes that were not un-posed learn poses.
-# - Multi-pose teaches joints, weights, $P$; multi-shape teaches $\bar T$, $S$.
-# - Rest surfaces, joints and $P$ together are one linear problem; weights another; only poses are not.
-#   Taking turns never raises the cost, and creeps.
+# - The multi-pose set teaches joints, weights and $P$, and the multi-shape set teaches $\bar T$ and $S$.
+# - Rest surfaces, joints and $P$ together are one linear problem, and the weights are another. Only the poses are not
+#   linear. Taking turns never raises the cost, but it is slow.
 # - Penalties are chosen on held-out poses. Regressed with shares, joints stay inside the hull of the skin
 #   and move along with it.
-# - Some directions are not determined by any data. Know them by name.
+# - Some directions are not determined by any data. A diagnosis names them, and a convention closes them.

@@ -58,7 +58,9 @@ def blend_volume(w: float, alpha: float) -> float:
 
 
 def explained(people: Array, k: int) -> float:
-    """How much of the variance of these vectors any k directions, and their mean, explain at most.
+    """The largest share of the variance of these vectors that k directions can explain.
+
+    Variance is measured from the mean of the vectors, and the directions begin there.
 
     people (P, n), a person in each row -> a share, from 0 to 1
     """

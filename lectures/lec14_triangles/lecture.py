@@ -3,11 +3,11 @@
 #
 # **What if we deform triangles, and not vertices?**
 #
-# SMPL moves vertices. Before it, models moved triangles: SCAPE (Anguelov and others, 2005) says for
-# every triangle of the mesh how it is turned and stretched. That is the more natural language for
-# skin, which stretches; but triangles that move one by one do not meet. This lecture takes a mesh
-# apart, puts it together again, and then compares the two ways. Lengths are in metres, angles in
-# radians.
+# SMPL moves vertices. Models before it moved triangles: SCAPE (Anguelov and others, *SCAPE: Shape Completion and
+# Animation of People*, 2005) says for every triangle of the mesh how it is turned and stretched. That is a natural
+# way to describe skin, which stretches. But triangles that move one by one do not meet at their corners any more.
+# In this lecture we take a mesh apart, put it together again, and then compare the two ways. Lengths are in metres
+# and angles in radians.
 
 # %%
 from dataclasses import replace
@@ -15,14 +15,16 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.bodies.triangles import blend_scape, scape
+from workbench.bodies.triangles.arithmetic import SurfaceNumbers
 from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.solids import mesh_edges
 from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, frames, gradients, soup
+from workbench.geometry.triangles import edges, frames_on, gradients, soup
 from workbench.plots import house_style, plot_stitching, sheet
+from workbench.plots.body import Figurine, front, line_up
 from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,
@@ -37,8 +39,8 @@ elbow = body.joint_names.index("left_elbow")
 # %% [markdown]
 # ## Every triangle by itself
 #
-# Each of the 734 triangles belongs to a part of the body. Bend the left elbow, and turn every triangle
-# by the rotation of its part, about its own middle. That needs no blending at all:
+# Each of the 734 triangles belongs to a part of the body. We bend the left elbow, and turn every triangle by the
+# rotation of its part, about its own middle. This needs no blending at all:
 
 # %%
 pose = np.zeros((24, 3))
@@ -68,15 +70,17 @@ print(
 )
 
 # %% [markdown]
-# Every triangle is perfect and the surface is gone. The forearm has not even left its place: its triangles
-# have only turned on the spot. What we want is a surface whose *edges* are like those of these triangles.
+# Every triangle is perfect and the surface is gone. The forearm has not even left its place, because its triangles
+# have only turned on the spot. (The figure below shows this in the middle.) What we want is a connected surface whose
+# *edges* are like those of these triangles.
 #
 # ## What a triangle knows
 #
 # With corners $T_0, T_1, T_2$ a triangle's edges are $e_0 = T_2 - T_0$ and $e_1 = T_1 - T_0$. Its
 # deformation is a $3 \times 3$ matrix $X$ with $X e_i = e_i'$, where $e_i'$ are the edges of the deformed
-# triangle. Do the two edges determine it? They give six equations for nine unknowns: two edges span a plane,
-# and what $X$ does to the normal of that plane stays open.
+# triangle. Do the two edges determine $X$? They give six equations for nine unknowns. The two edges span a plane,
+# and what $X$ does to the normal of that plane stays open. We try the solution with the smallest norm, which the
+# pseudo-inverse gives:
 
 # %%
 T = template[faces[100]]
@@ -93,12 +97,17 @@ print("rank of that X:", np.linalg.matrix_rank(by_edges))
 
 # %% [markdown]
 # Of all matrices that meet the edges, the one with the smallest norm flattens space: it takes the normal to
-# zero. A third axis has to be added to the two edges. The usual one is $n / \sqrt{\|n\|}$ with
-# $n = e_1 \times e_0$. It is normal to the triangle. Its length is the root of twice the triangle's area, so
-# that it grows with the triangle and has the unit of an edge.
+# zero. So we add a third axis to the two edges, and then $X$ has nine equations. The usual axis is
+# $n / \sqrt{\|n\|}$ with $n = e_1 \times e_0$. It is normal to the triangle. The length of $n$ is twice the
+# triangle's area, so the axis is as long as the root of that. It grows with the triangle as an edge does, and has
+# the unit of an edge. In the library the two edges and the axis are the columns of a matrix, the *frame*:
 
 # %%
-source(frames)
+source(frames_on)
+
+# %% [markdown]
+# With $E$ the frame of the triangle at rest and $E'$ that of the deformed one, $X E = E'$, so that
+# $X = E' E^{-1}$. As a test we turn and scale a whole mesh, and find the same $X$ in every triangle:
 
 # %%
 turn = 1.2 * matrix_from_vector([0.3, -0.5, 0.2])
@@ -112,10 +121,17 @@ print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - tu
 #
 # $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 . $$
 #
-# $A$ is a sparse matrix of $+1$ and $-1$ that takes vertices to edges, the same for $x$, $y$ and $z$.
-# So this is linear least squares, with a matrix that does not depend on the pose. It is factorised once, and
-# every stitching after that takes two triangular solves. $A$ sees differences only. It leaves open where the
-# mesh is as a whole: one direction for each coordinate (and each connected piece), which has to be given.
+# Here $X_f e_{f,i}$ is the edge that triangle $f$ asks for. An edge of the mesh is the difference of two vertices. So
+# there is a matrix $A$ that takes vertices to edges. It has two entries in each row, $+1$ and $-1$, and is the same
+# for $x$, $y$ and $z$. This is linear least squares, so the best $V$ solves the normal equations
+#
+# $$ A^\top A\, V = A^\top e , $$
+#
+# where $e$ holds all edges that are asked for, one in each row. The matrix does not depend on the pose. It is
+# factorised once, and every stitching after that takes two triangular solves. There is one thing that edges do not
+# say: if all vertices move by the same offset, no edge changes. So $A$ leaves open where the mesh is as a whole:
+# one direction for each coordinate (and each connected piece). The library puts the mean of the vertices where we
+# say:
 
 # %%
 source(Stitching.vertices)
@@ -149,9 +165,9 @@ Picture(
 )
 
 # %% [markdown]
-# The forearm has moved to where it belongs, although nobody said where the elbow is: edges add up. One
-# sometimes reads that these models have no skeleton. They have no *joints*; but each part has a rotation, so
-# somebody has to choose the parts.
+# The forearm has moved to where it belongs, although nobody said where the elbow is. The edges add up along the arm,
+# and so the hand has to be at their end. In this sense such a model has no skeleton: it needs no places of joints.
+# But each part has a rotation, so somebody still has to choose the parts.
 #
 # ## SCAPE
 #
@@ -159,52 +175,94 @@ Picture(
 #
 # $$ X_f = R_{\ell(f)}\; D_f(\beta)\; Q_f(\theta) : $$
 #
-# first what bending does to the skin ($Q_f$, linear in the rotation vectors of the joints nearby), then
-# the person's shape ($D_f$), then the rotation $R_{\ell(f)}$ of the part $\ell(f)$ to which the triangle
-# belongs. $Q$ and $D$ are learned by least squares on triangles.
+# and a vector is multiplied by the last one first. $Q_f$ is what bending does to the skin, and is linear in the
+# rotation vectors of the joints nearby. $D_f$ is the person's shape. $R_{\ell(f)}$ is the rotation of the part
+# $\ell(f)$ to which the triangle belongs. $Q$ and $D$ are learned by least squares on triangles.
 #
-# Our elbow had neither $D$ nor $Q$, and it has a crease: on one side of the elbow all triangles turn by
-# 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, 2012) blends the rotations as skinning
-# does:
+# Our elbow had neither $D$ nor $Q$, so $X_f = R_{\ell(f)}$, and it has a crease: on one side of the elbow all
+# triangles turn by 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, *Coregistration: Simultaneous
+# Alignment and Modeling of Articulated 3D Shape*, 2012) blends the rotations as skinning does:
 #
 # $$ X_f = B_f D_f Q_f, \qquad B_f = \sum_k w_{fk} R_k , $$
 #
-# with a weight $w_{fk}$ for each triangle and part.
+# with a weight $w_{fk}$ for each triangle and part. In the library these are two lines:
 
 # %%
-source(TriangleBody.deformations)
+source(SurfaceNumbers.B)
+
+# %%
+source(SurfaceNumbers.deformations)
+
+# %% [markdown]
+# We measure the crease by how much two triangles that share an edge differ in their deformation, and look at the
+# elbow from the front:
 
 # %%
 blended = blend_scape(body)
 Y = blended.deformations(pose, np.zeros(body.n_betas))
 
 
-def crease(X):
-    """How much neighbouring triangles differ in how they are deformed: largest |X_f - X_g|."""
+def creases(X):
+    """By how much each triangle's deformation differs from its neighbours': largest |X_f - X_g|, (F,)."""
     sides = {}
     for f, (a, b, c) in enumerate(faces):
         for pair in ((a, b), (b, c), (c, a)):
             sides.setdefault(tuple(sorted(pair)), []).append(f)
-    return max(np.linalg.norm(X[f] - X[g]) for f, g in sides.values())
+    step = np.zeros(len(faces))
+    for f, g in sides.values():
+        step[[f, g]] = np.maximum(step[[f, g]], np.linalg.norm(X[f] - X[g]))
+    return step
 
 
+bent_elbows = {}
 for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
     asked = edges(template, faces) @ deformed.transpose(0, 2, 1)
-    left = 1e3 * np.linalg.norm(edges(stitching.vertices(asked), faces) - asked, axis=2)
+    placed = stitching.vertices(asked, [template.mean(axis=0)])
+    left = 1e3 * np.linalg.norm(edges(placed, faces) - asked, axis=2)
+    bent_elbows[name] = placed, creases(deformed)
     print(
-        f"{name:11} largest step between neighbours {crease(deformed):.2f}, stitching leaves up to "
-        f"{left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}"
+        f"{name:11} largest step between neighbours {creases(deformed).max():.2f}, stitching leaves "
+        f"up to {left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}"
     )
 
+# %%
+middles = template[faces].mean(axis=1)
+near = np.linalg.norm(middles - body.joints()[elbow], axis=1) < 0.22  # m
+some, numbers = np.unique(faces[near], return_inverse=True)
+with house_style():
+    figure, (ax,) = sheet(9, 4.4)
+    pale, red = np.array([0.87, 0.87, 0.87]), np.array([0.75, 0.1, 0.1])
+    line_up(
+        [
+            Figurine(name, placed[some], front, pale + (step[near, None] / 2.1) * (red - pale))
+            for name, (placed, step) in bent_elbows.items()
+        ],
+        numbers.reshape(-1, 3),
+        ax=ax,
+    )
+Picture(
+    figure,
+    "The bent elbow, stitched, seen from the front. The redder a triangle, the more its deformation differs "
+    "from a neighbour's. Left: with one rotation for each part, all of the bend is between two rows of triangles. "
+    "Right: with blended rotations it is shared by more rows, and the arm has less volume.",
+)
+
 # %% [markdown]
-# The crease is smaller, and something else has gone wrong. Lecture 4 has shown it already: a mean of
-# rotations is no rotation. The mean of two rotations that are an angle $\alpha$ apart has the
-# determinant
+# The crease is smaller, and something else has gone wrong, as in lecture 4: a mean of rotations is no rotation. Take
+# the mean of the identity and a rotation by $\alpha$ about the axis $z$. In the plane across the axis it is
 #
-# $$ \det \tfrac12 (I + R_\alpha) = \cos^2 \tfrac{\alpha}{2}, $$
+# $$
+# \tfrac12 (I + R_\alpha) = \tfrac12
+# \begin{pmatrix} 1 + \cos \alpha & -\sin \alpha \\ \sin \alpha & 1 + \cos \alpha \end{pmatrix},
+# $$
 #
-# so triangles at the bend shrink. In linear blend skinning the same factor makes the candy wrapper. There
-# pose blend shapes have to repair it, and here $Q$ does.
+# and along the axis it is 1. So its determinant is $\tfrac14 \left( (1 + \cos \alpha)^2 + \sin^2 \alpha \right)$,
+# which is $\tfrac12 (1 + \cos \alpha)$, or
+#
+# $$ \det \tfrac12 (I + R_\alpha) = \cos^2 \tfrac{\alpha}{2} . $$
+#
+# A determinant is the factor by which volumes change, so the triangles at the bend shrink. In linear blend skinning
+# the same factor makes the candy wrapper. There pose blend shapes have to repair it, and here $Q$ does.
 
 # %%
 angles = np.linspace(0, np.pi, 60)
@@ -230,10 +288,10 @@ Picture(
 # %% [markdown]
 # ## Added or multiplied?
 #
-# In SMPL shape and pose are *added* to the template, before the joints turn it. In SCAPE they are
-# *multiplied*. So in SMPL the effect of shape and pose together is the sum of their single effects. In SCAPE it
-# is not: what a bend does to the skin is larger on a larger person. To see this, we give the triangles a
-# made-up bending $Q$:
+# In SMPL the effects of shape and pose on the skin are *added* to the template, before the joints turn it. In SCAPE
+# they are *multiplied*. So in SMPL the effect of shape and pose together is the sum of their single effects. In SCAPE
+# it is not: what a bend does to the skin is larger on a larger person. To see this, we give the triangles a
+# made-up bending $Q$, and measure how far the effect of both is from the sum of the single effects:
 
 # %%
 rng = np.random.default_rng(0)
@@ -249,12 +307,13 @@ for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
 # %% [markdown]
 # ## How many directions do people need?
 #
-# One reads that ten principal components of vertices explain what takes SCAPE 300. Numbers like these
-# depend on the data, and we could not verify that one. But one thing is a theorem. Among all spaces of
-# $k$ directions the principal components of the vertices explain the most variance *of the vertices*
-# (Eckart and Young, 1936); and $k$ directions of deformations, stitched, are $k$ directions of
-# vertices. So for every $k$, SMPL's way explains at least as much. How much more does it explain of 80 people
-# drawn from our shape space, each of whom is also posed a little, as in every registration?
+# Both kinds of model describe people by principal components: SMPL takes those of the vertices, and SCAPE those of the
+# deformations. Which needs fewer? The answer depends on the data, but one thing is a theorem. Among all spaces of
+# $k$ directions, the principal components of the vertices explain the most variance *of the vertices* (Eckart and
+# Young, *The Approximation of One Matrix by Another of Lower Rank*, 1936). And $k$ directions of deformations, once
+# they are stitched, are $k$ directions of vertices, because stitching is linear. So for every $k$, SMPL's way explains
+# at least as much. How much more does it explain? We take 80 people drawn from our shape space, each of whom is also
+# posed a little, as in every registration:
 
 # %%
 people = body.vertices(
@@ -284,8 +343,8 @@ Picture(
 )
 
 # %% [markdown]
-# What do SCAPE's directions describe? There are nine numbers for each triangle, and a mesh has far fewer: most
-# deformations are those of no mesh at all, and stitching averages them away. SCAPE's principal components
+# What do SCAPE's directions describe, then? There are nine numbers for each triangle, and a mesh has far fewer: most
+# deformations are those of no mesh at all, and stitching averages them away. Moreover, SCAPE's principal components
 # count each triangle alike, however small it is. So they spend directions on what hardly moves the mesh:
 
 # %%
@@ -303,14 +362,13 @@ for share in (0.9, 0.95):
 
 # %% [markdown]
 # Eight of SCAPE's directions explain 90 % of the variance of the vertices, but 90 % of the variance of the
-# deformations takes 14. The others describe deformations that hardly move the mesh. This may be why
-# SCAPE is said to need more directions.
+# deformations takes 14. So if we count the directions that a SCAPE needs, we have to say what they are to explain.
 #
 # ## Fits
 #
 # A triangle body has the same blocks as SMPL (pose, betas and trans), and residuals take its points like those
-# of any body. So the three models can be fitted to the same 123 vertices of one person, whom SMPL has made and
-# who is seen with 5 mm of noise. SMPL has to win here; the question is how near the others come without learned
+# of any body. So we can fit all three models to the same 123 vertices of one person, whom SMPL has made and
+# who is seen with 5 mm of noise. SMPL has to win here. The question is how near the others come without learned
 # bends, that is with $Q = I$.
 
 # %%
@@ -341,17 +399,17 @@ for name, model in models.items():
 # %% [markdown]
 # BlendSCAPE blends rotations over the triangles of a joint. On average it comes nearer than SCAPE, whose parts
 # are rigid. Both lack what SMPL has learned of bends, and both need more iterations. Since SMPL made these data,
-# they do not tell which model is nearer to people: `examples/14_three_body_models.py` fits the three to
+# they do not tell which model is nearer to people. The example `examples/14_three_body_models.py` fits the three to
 # keypoints of a real person.
 #
 # ## Edges or vertices: what should a pose be found from?
 #
-# To learn a person's shape from registrations, one first needs the pose of each of them, and has to find it with
-# the template of somebody else. What should be compared, the vertices, or the edges as SCAPE does? SMPL's own
-# training takes edges
-# (Loper and others, *SMPL: A Skinned Multi-Person Linear Model*, 2015). We ask 12 made-up people whose poses are
-# known. Both fits have the same body with mean shape, the same start at rest, and the same solver with
-# the same stopping rule; a fit to vertices also finds the translation, which edges do not have.
+# To learn a person's shape from registrations, we first need the pose of each of them, and we have to find it with
+# the template of somebody else, because the person's own is not known yet. What should we compare, the vertices, or
+# the edges as SCAPE does? SMPL's own training takes edges (Loper and others, *SMPL: A Skinned Multi-Person Linear
+# Model*, 2015). We ask 12 made-up people whose poses are known. Both fits have the same body with mean shape, the same
+# start at rest, and the same solver with the same stopping rule. A fit to vertices also finds the translation, which
+# edges do not have.
 
 # %%
 blocks = body.blocks()
@@ -429,8 +487,9 @@ Picture(
 #
 # ## Side by side
 #
-# One row of the table below is shown by numbers first. An edge is a difference of two vertices, so an offset
-# cancels in it. That is why SCAPE's matrices need no fourth column, and SMPL's, which move vertices, do:
+# The table below compares the two ways. We show one of its rows by numbers first. An edge is a difference of two
+# vertices, so an offset cancels in it. That is why SCAPE's matrices need no fourth column, and SMPL's, which move
+# vertices, do:
 
 # %%
 G = body.kinematics.motion(pose, np.zeros(body.n_betas)).G  # (24, 3, 4): the row 0 0 0 1 left out

@@ -167,9 +167,6 @@ Picture(
 # are zero at constant speed. It can be asked of the pose (in radians), of the translation, or of points
 # such as the joints (in metres).
 
-# %%
-source(smooth)
-
 
 # %%
 def smoothed(order, times):

@@ -41,7 +41,7 @@ def test_run_writes_its_figures(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "run", "6", "--out", "here")
     assert code == 0
     assert "difference quotient" in out
-    assert "\n$$ J^\\top J\\, p = - J^\\top e . $$\n" in out  # formulas as they were typed
+    assert "\n    Jᵀ J p = − Jᵀ e.\n" in out  # formulas in letters
     assert "UPPER, LOWER = 0.30" not in out
     assert "the code: " in out
     assert out.rstrip().endswith("lecture.py")

@@ -51,7 +51,8 @@ _WORDS = re.compile(
 _NOT_RESULTS = re.compile(
     r"`[^`]*`"  # code
     r"|\blectures? \d+(?:(?:,| to| and|, and) \d+)*"
-    r"|\b(?:1[89]|20)\d\d(?=\))",  # the year of a paper, which stands before a bracket
+    r"|\b(?:1[89]|20)\d\d(?=\))"  # the year of a paper, which stands before a bracket
+    r"|\b(?:section|chapter|pages?|equations?) \d+(?:\.\d+)*(?:(?: to | and )\d+)?",  # of a source
     re.IGNORECASE,
 )
 _MATHEMATICS = re.compile(r"\$\$.*?\$\$|\$[^$]*\$")

@@ -3,7 +3,8 @@
 Each lecture has a table `SAYS` in `tests/lectures/claims/`: a phrase, as it stands in the prose,
 and a function of the run. The function answers one value for every number in the phrase, in order,
 and a truth value for what the phrase says in words. `GIVEN` names the phrases whose numbers come
-from elsewhere. Prose is what stands in Markdown cells and in the captions of figures.
+from elsewhere, and `GENERAL` those that compare things other than results. Prose is what stands in
+Markdown cells and in the captions of figures.
 """
 
 import io
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.lectures.comparisons import comparisons
 from tests.lectures.numerals import Numeral, numerals, printed_numbers, right
 from workbench.course.cells import carried_out
 from workbench.course.outline import Lecture, lecture
@@ -51,10 +53,17 @@ class Run:
 
 @dataclass(frozen=True)
 class Claims:
-    """What a prose says of the run, and the phrases whose numbers are not of the run."""
+    """What a prose says of the run, and the phrases that do not speak of it.
+
+    Attributes:
+        says: phrases, each with a function of the run that answers what the phrase says.
+        given: phrases whose numbers come from elsewhere.
+        general: phrases that compare things, but not results of the run: mathematics, definitions.
+    """
 
     says: Mapping[str, Callable[[Run], Any]]
     given: tuple[str, ...] = ()
+    general: tuple[str, ...] = ()
 
     def instead(self, phrase: str, other: str) -> "Claims":
         """The same with one phrase in another's place."""
@@ -83,7 +92,7 @@ def run_of(number: int) -> Run:
 def claims_of(one: Lecture) -> Claims:
     """The table of a lecture."""
     module = import_module(f"tests.lectures.claims.{one.folder_name}")
-    return Claims(module.SAYS, module.GIVEN)
+    return Claims(module.SAYS, module.GIVEN, getattr(module, "GENERAL", ()))
 
 
 def disagreements(run: Run, claims: Claims) -> list[str]:
@@ -93,11 +102,22 @@ def disagreements(run: Run, claims: Claims) -> list[str]:
 
 def loose_numbers(run: Run, claims: Claims) -> list[str]:
     """The numbers of the prose, with the words around, that no phrase of the table holds."""
-    held = [span for phrase in (*claims.says, *claims.given) for span in places(run.prose, phrase)]
+    spans = [(one.begin, one.end) for one in numerals(run.prose)]
+    return _outside(run.prose, spans, (*claims.says, *claims.given))
+
+
+def loose_comparisons(run: Run, claims: Claims) -> list[str]:
+    """The comparisons of the prose, with the words around, that no phrase of the table holds."""
+    phrases = (*claims.says, *claims.given, *claims.general)
+    return _outside(run.prose, comparisons(run.prose), phrases)
+
+
+def _outside(prose: str, spans: Iterable[tuple[int, int]], phrases: Iterable[str]) -> list[str]:
+    held = [span for phrase in phrases for span in places(prose, phrase)]
     return [
-        run.prose[max(0, one.begin - 40) : one.end + 40]
-        for one in numerals(run.prose)
-        if not any(begin <= one.begin and one.end <= end for begin, end in held)
+        prose[max(0, a - 40) : b + 40]
+        for a, b in spans
+        if not any(begin <= a and b <= end for begin, end in held)
     ]
 
 

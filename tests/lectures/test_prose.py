@@ -12,6 +12,7 @@ from tests.lectures.prose import (
     absent,
     claims_of,
     disagreements,
+    loose_comparisons,
     loose_numbers,
     quoted,
     run_of,
@@ -28,7 +29,9 @@ def test_what_prose_says_of_the_run_is_so_and_every_number_is_held(lecture: Lect
     run, claims = run_of(lecture.number), claims_of(lecture)
     assert not disagreements(run, claims)
     assert not loose_numbers(run, claims)
-    assert not absent(run, claims.given), "a phrase of GIVEN does not stand in the prose"
+    assert not loose_comparisons(run, claims)
+    for phrases in (claims.given, claims.general):
+        assert not absent(run, phrases), "a phrase of GIVEN or GENERAL does not stand in the prose"
     assert len(claims.says) >= 10, "enter at least ten sentences that speak of the run into SAYS"
     changed_numbers_are_noticed(run, claims)
 
@@ -128,6 +131,42 @@ def test_a_number_that_nothing_holds_is_noticed(number: int, sentence: str) -> N
     one = next(one for one in THERE if one.number == number)
     run = run_of(number)
     assert loose_numbers(replace(run, prose=f"{run.prose} {sentence}"), claims_of(one))
+
+
+@pytest.mark.parametrize(
+    ("number", "sentence"),
+    [
+        (1, "The cubic is closer to the curve than the line."),
+        (9, "Two cameras are twice as good."),
+        (12, "Fewer draws than that are enough."),
+    ],
+)
+def test_a_comparison_that_nothing_holds_is_noticed(number: int, sentence: str) -> None:
+    one = next(one for one in THERE if one.number == number)
+    run = run_of(number)
+    assert not loose_comparisons(run, claims_of(one))
+    assert loose_comparisons(replace(run, prose=f"{run.prose} {sentence}"), claims_of(one))
+
+
+@pytest.mark.parametrize(
+    ("number", "phrase", "planted"),
+    [
+        (4, "beyond 110 degrees dual", "beyond 150 degrees dual"),
+        (8, "It is 35 and not 40", "It is 38 and not 40"),
+        (9, "are now off by 6 mm", "are now off by 16 mm"),
+        (12, "by a standard deviation of 16 cm", "by a standard deviation of 6 cm"),
+    ],
+)
+def test_a_number_planted_into_the_text_of_a_lecture_is_noticed(
+    number: int, phrase: str, planted: str
+) -> None:
+    """As when somebody changes the lecture's file alone."""
+    one = next(one for one in THERE if one.number == number)
+    run = run_of(number)
+    assert run.prose.count(phrase) == 1
+    wrong = replace(run, prose=run.prose.replace(phrase, planted))
+    told = disagreements(wrong, claims_of(one)) + loose_numbers(wrong, claims_of(one))
+    assert any(phrase[:12] in sentence for sentence in told), told
 
 
 def test_numbers_are_read_as_they_stand() -> None:

@@ -10,6 +10,7 @@ import pytest
 import workbench
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
+from workbench.course.drawing import only_imports
 from workbench.course.notebooks import exercises, notebook, tool
 from workbench.course.outline import Lecture
 from workbench.errors import BadFile
@@ -30,6 +31,14 @@ def test_notebooks_hold_the_lecture_and_no_solution(lecture) -> None:
     for name in lecture.exercises:
         assert f"`{name}(" in text
     assert not any(cell.get("outputs") for cell in made.cells)
+    exercises_begin = next(
+        k for k, cell in enumerate(made.cells) if cell.source.startswith("## Exercises")
+    )
+    for cell in made.cells[:exercises_begin]:
+        aside = cell.cell_type == "code" and (
+            cell.source.startswith("with house_style():") or only_imports(cell.source)
+        )
+        assert ("hide-input" in cell.metadata.get("tags", ())) is aside  # folded on the site
     assert [c.source for c in notebook(lecture).cells] == [c.source for c in made.cells]
 
 

@@ -16,6 +16,7 @@ from rich.table import Table
 from workbench import course
 from workbench.cli.output import make_folder, print_page, say
 from workbench.course.cells import Cell, carried_out
+from workbench.course.formulas import in_letters
 from workbench.course.grades import CheckResult, CheckState, Grade
 from workbench.course.handing_out import hand_out
 from workbench.course.notebooks import executed, notebook, write_notebook
@@ -109,19 +110,26 @@ def _show_code(cell: Cell) -> None:
 
 
 def _show_prose(console: Console, text: str) -> None:
-    """Formulas that stand alone keep their lines; Markdown would fill them up."""
-    for k, part in enumerate(re.split(r"^(\$\$.+?\$\$)[ ]*$", text, flags=re.S | re.M)):
+    """Prose with its formulas in letters; those that stand alone keep their lines."""
+    console.print()
+    for k, part in enumerate(re.split(r"^\$\$(.+?)\$\$[ ]*$", text, flags=re.S | re.M)):
         if k % 2:
-            say(console, escape(part))
+            say(console, "\n".join(f"    {escape(line)}" for line in in_letters(part).splitlines()))
         elif part.strip():
-            console.print(Markdown(_literal(part)))
+            console.print(Markdown(_with_letters(part)))
         console.print()
 
 
-def _literal(prose: str) -> str:
-    """Formulas as they were typed: Markdown would take their backslashes and stars."""
-    formula = r"\$\$.+?\$\$|\$.+?\$"
-    return re.sub(formula, lambda m: re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", m[0]), prose, flags=re.S)
+def _with_letters(prose: str) -> str:
+    """Formulas in letters; Markdown shall not take their stars and underscores for its own."""
+
+    def shown(found: re.Match[str]) -> str:
+        if not found[1]:
+            return found[0]  # code
+        letters = " ".join(in_letters(found[1]).split())
+        return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", letters)
+
+    return re.sub(r"`[^`]*`|\$([^$]+)\$", shown, prose)
 
 
 def begin(

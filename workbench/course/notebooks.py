@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from workbench.course.drawing import FOLDED, apart, only_imports
 from workbench.course.outline import Lecture
 from workbench.course.student_process import environment
 from workbench.errors import BadFile
@@ -37,12 +38,26 @@ def notebook(lecture: Lecture) -> Any:
     jupytext, v4 = tool("jupytext"), tool("nbformat").v4
     script = (lecture.folder / "lecture.py").read_text(encoding="utf-8")
     made = jupytext.reads(script, fmt="py:percent")
+    made.cells = [part for cell in made.cells for part in _parts(cell)]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     made.metadata = {"kernelspec": kernel, "language_info": {"name": "python"}}
     made.cells += [v4.new_markdown_cell(text) for text in exercises(lecture)]
     for k, cell in enumerate(made.cells):
         cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
     return made
+
+
+def _parts(cell: Any) -> list[Any]:
+    """A cell of code that ends in a figure as two: what it computes, and, folded, what it draws."""
+    if cell.cell_type != "code":
+        return [cell]
+    computing, drawing = apart(cell.source)
+    if only_imports(cell.source):
+        cell.metadata.update(FOLDED)
+    if not drawing:
+        return [cell]
+    new = tool("nbformat").v4.new_code_cell
+    return [new(computing)] * bool(computing) + [new(drawing, metadata=FOLDED)]
 
 
 def exercises(lecture: Lecture) -> list[str]:

@@ -46,6 +46,8 @@ def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
         "myst_heading_anchors": 4,
         # the bar of a transpose is thinner than a pixel on many screens
         "mathjax3_config": {"tex": {"macros": {"top": r"\mathsf{T}"}}},
+        "nb_code_prompt_show": "Show the code",
+        "nb_code_prompt_hide": "Hide the code",
         "nb_execution_mode": "off",  # lectures were run before, where an error can be told
         "html_theme": "basic",
         "html_title": title,

@@ -116,10 +116,7 @@ class TrustRegion:
                     continue
                 if len(run.trace) == 1:
                     radius = min(radius, length)
-                if not gain_ratio > POOR:
-                    radius = min(radius, 10 * length) * (1 / 2 if gain_ratio > -1 else 1 / 4)
-                elif gain_ratio >= GOOD or damping == 0:
-                    radius = 2 * length
+                radius = next_radius(radius, length, gain_ratio, damping)
                 if gain_ratio > TAKEN:
                     slow = gain_ratio * predicted < SLOW * here.cost
                     del here  # first: its memory serves the next one
@@ -134,6 +131,15 @@ class TrustRegion:
         """The step from x (n,) as a function of its damping."""
         D, low, high = np.ones_like(x), problem.lower - x, problem.upper - x
         return lambda damping: box_step(here, damping, D, low, high, self.linear_algebra)
+
+
+def next_radius(radius: float, length: float, gain_ratio: float, damping: float) -> float:
+    """The radius of the trust region after a step of this length; see `TrustRegion`."""
+    if not gain_ratio > POOR:
+        return min(radius, 10 * length) * (1 / 2 if gain_ratio > -1 else 1 / 4)
+    if gain_ratio >= GOOD or damping == 0:  # without damping it is a Gauss-Newton step
+        return 2 * length
+    return radius
 
 
 def bend(

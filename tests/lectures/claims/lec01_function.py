@@ -23,7 +23,8 @@ def with_one_coefficient_twice(run: Run) -> tuple[float, float]:
 
 
 SAYS = {
-    "Ten examples are given. A polynomial of degree three": lambda run: (
+    "Ten examples are given: ten angles, with the distance that belongs to each.": lambda run: (
+        len(run["given"]),
         len(run["given"]),
         3 in run["fits"],
     ),
@@ -45,8 +46,14 @@ SAYS = {
         run["body"].n_vertices,
     ),
     "a linear function of the 72 numbers": lambda run: run["poses"][0].size,
-    "are learned from the same four hundred examples. Four hundred examples do not teach": lambda run: (
+    "The polynomial has 217 parameters for every coordinate, and four hundred examples": lambda run: (
+        run["powers"](run["poses"][:1], 3).shape[1],
         len(run["poses"]),
+    ),
+    "are learned from the same four hundred examples. All of them are tried on sixty other poses: Four "
+    "hundred examples do not teach": lambda run: (
+        len(run["poses"]),
+        len(run["test_poses"]),
         len(run["poses"]),
         min(polynomials(run)) > 20 * mean_error(run, "bones and skin"),
     ),
@@ -71,10 +78,10 @@ SAYS = {
         == {"weights and posedirs", "shapedirs and betas", "pose"}
     ),
     "the template and the pose directions are the solution of *one* linear least-squares problem": lambda run: (
-        run["linear_in"]("template", "posedirs")
+        run["linear_in"](run["body"], ("template", "posedirs"), (10, 200))
     ),
     "Taken one at a time, all arguments of SMPL but the pose enter linearly.": lambda run: all(
-        run["linear_in"](name) == (name != "pose")
+        run["linear_in"](run["body"], (name,), (10, 200)) == (name != "pose")
         for name in ("template", "shapedirs", "posedirs", "weights", "betas", "trans", "pose")
     ),
 }

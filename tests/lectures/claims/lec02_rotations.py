@@ -39,7 +39,7 @@ def stretches(run: Run) -> list[float]:
 
 
 SAYS = {
-    "It takes its own axis to zero, so its determinant is zero; its exponential keeps that axis.": lambda run: (
+    "It takes its own axis to zero, so its determinant is zero, whereas its exponential keeps that axis.": lambda run: (
         all(abs(value) < 1e-9 for value in run.line("skew matrix")[-2:]),
         run.line("skew matrix")[0] > 1,
         run.line("exponential: ")[0] < 1e-9,
@@ -52,8 +52,8 @@ SAYS = {
     "The noise is 5 mm in each coordinate, and the markers are met to less than that.": (
         lambda run: (5, run.line("markers are met to")[0] < 5)
     ),
-    "the columns of a rotation have length 1, and its determinant is 1, which is not so "
-    "here: this matrix stretches": (
+    "the columns of a rotation have length 1, and its determinant is 1. Neither is so here: this "
+    "matrix stretches": (
         lambda run: (
             1,
             1,
@@ -120,7 +120,7 @@ SAYS = {
         float(way(run, "as in the textbook").split()[-1]),
         np.isclose(np.abs(run["hessian"]).max(), 1),
     ),
-    "makes the NaN go away, and leaves a matrix that is orthogonal to 5e-9 only and whose second "
+    "It makes the NaN go away, but it leaves a matrix that is orthogonal to 5e-9 only and whose second "
     "derivative near zero is wrong": lambda run: (
         "finite  True" in way(run, "1e-8 added to w in |w|"),
         float(way(run, "1e-8 added to w in |w|").splitlines()[0].split()[-1]),

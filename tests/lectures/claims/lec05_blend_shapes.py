@@ -259,3 +259,7 @@ GIVEN = (
     "Loper and others, *SMPL*, 2015 |",
     "Hands and Bodies Together*, 2017)",
 )
+
+GENERAL = (  # mathematics, definitions and advice
+    "are un-posed only as well as the model describes them",
+)

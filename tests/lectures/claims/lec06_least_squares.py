@@ -129,3 +129,8 @@ SAYS = {
 }
 
 GIVEN = ("Errors below 1e-17 are drawn at 1e-17.",)
+
+GENERAL = (  # mathematics, definitions and advice
+    "We know more than the gradient of $F$",
+    "which says more than the gradient of the cost",
+)

@@ -81,7 +81,7 @@ SAYS = {
         run["seen"].size,
         run["people"][0].size,
     ),
-    "that each angle is about zero, to 0.25 rad": naive_sigma,
+    "each angle is zero on average, with a standard deviation of 0.25 rad": naive_sigma,
     "the poses of five people with a bent knee": lambda run: (
         len(run["people"]) == 5,
         bool((run["people"][:, run["knee"], 0] > 0.8).all()),
@@ -97,6 +97,7 @@ SAYS = {
         fit(run, LEARNED)[1],
         fit(run, NAIVE)[1],
     ),
+    "the sum of the squares of 69 independent numbers": lambda run: len(run["C"]),
     "69 numbers that are correlated become 69 that are not": lambda run: (
         len(run["C"]),
         len(run["C"]),
@@ -166,3 +167,9 @@ SAYS = {
 }
 
 GIVEN = ("With SMPLify's $\\sigma = 100$ px the two differ by $10^4$.",)
+
+GENERAL = (  # mathematics, definitions and advice
+    "a prior that does not suit its people is surer than it should be",
+    "costs half of the squared **Mahalanobis distance**",
+    "is no more than their sum, and no less than a $k$-th of it",
+)

@@ -161,7 +161,7 @@ SAYS = {
         run["met"][run["PROBLEMS"].index("freudenstein-roth-far")].all(),
         not np.isfinite(run["needed"](1e-7))[run["PROBLEMS"].index("freudenstein-roth-far")].any(),
     ),
-    "At $\\alpha = 1$: how often it *is* the best": lambda run: 1,
+    "At $\\alpha = 1$ it says how often $s$ *is* the best": lambda run: 1,
     "L-BFGS is never the quickest, and as reliable as the dogleg; Levenberg-Marquardt is mostly the"
     " quickest, and Gauss-Newton the least reliable": lambda run: (
         quickest(run, 0)[LBFGS] == 0,
@@ -226,6 +226,6 @@ GIVEN = (
     "`rate` is the interval of Clopper and Pearson (1934)",
     "Griewank and Walther (*Evaluating Derivatives*, 2008)",
     "Below 1e-16 is drawn at 1e-16.",
-    "and $z = 1.96$, Wilson's interval",
+    "with a probability of about 95 % it is no further than $z = 1.96$ times that",
     "shrinks to a point: at 0 and at $n$ successes",
 )

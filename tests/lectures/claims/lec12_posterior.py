@@ -51,7 +51,7 @@ def tall(run: Run, beta: float) -> float:
 SAYS = {
     "A forearm of 0.25 m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a "
     "focal length of $F = 1000$ px.": lambda run: (run["LENGTH"], run["D"], run["F"]),
-    "with an error of $\\sigma = 3$ px. Beforehand we know that $\\varphi$ is 0 on average, with a "
+    "with an error of $\\sigma = 3$ px. Before we see the image, we know that $\\varphi$ is 0 on average, with a "
     "standard deviation of $\\sigma_0 = 0.6$ rad": lambda run: (run["SIGMA"], 0, run["PRIOR"]),
     "A 90 % interval should hold the truth nine times out of ten.": lambda run: (
         90,
@@ -96,11 +96,24 @@ SAYS = {
         run.line("steps of 0.05 rad")[1] == 100,
         abs(run.line("steps of  1.5 rad")[1] - run.line("steps of  1.5 rad")[2]) <= 3,
     ),
+    "The first thousand steps of both chains.": lambda run: (
+        1000,
+        all(len(chain) >= 1000 for chain in run["chains"].values()),
+    ),
+    "The chain with short steps never crosses the line": lambda run: bool(
+        (run["chains"][0.05] > 0).all()
+    ),
+    "The other one crosses it many times.": lambda run: (
+        np.sum(np.diff(np.sign(run["chains"][1.5][:1000])) != 0) > 20
+    ),
+    "with a uniform z and the same factor they are too wide": lambda run: (
+        run["wrong_z"].std() > 1.1
+    ),
     "in 82 dimensions": lambda run: 72 + 10,
-    "The density above has $g(1/z) = z\\, g(z)$": way_back,
+    "For the density above $g(1/z) = z\\, g(z)$": way_back,
     "on a Gaussian in two dimensions whose standard deviation is 1": lambda run: (
         1,
-        run["deviation"].__defaults__[0] == 2,
+        run["right_z"].shape[1] == 2,
     ),
     "With the wrong density the draws are too wide, and nothing warns.": lambda run: (
         abs(deviations(run)[0] - 1) < 0.03,
@@ -117,20 +130,23 @@ SAYS = {
         np.allclose(run["draws"].mean, run["exact_mean"], atol=0.05),
         np.allclose(run["draws"].sd, run["exact_sd"], rtol=0.05),
     ),
-    "at least 50 $\\tau$, or, with several ensembles, 20 $\\tau$ if the estimate no longer grows": (
+    "at least 50 $\\tau$ long (Sokal, *Monte Carlo Methods in Statistical Mechanics*, 1997), or, with "
+    "several ensembles of walkers, 20 $\\tau$ if the estimate no longer grows": (
         lambda run: (TIMES, LEAST)
     ),
-    "and refuses an interval if it is bad. We ask a chain of 100 steps for one, and then the 3000 steps "
-    "from above": lambda run: (
+    "and refuses an interval if the verdict is bad. We ask a chain of 100 steps for an interval, and then "
+    "the 3000 steps from above. (The first steps, which still depend on the start, do not count. Of a short "
+    "chain that is half of the steps.)": lambda run: (
         100,
         3000,
+        run["short"].mixing.discarded == 50,
         "100 steps: there is no interval: NOT CONVERGED" in run.printed,
         "3000 steps: 90 % of the draws lie from" in run.printed,
     ),
     "it spans the middle, where there is little": lambda run: (
         np.mean(np.abs(run["draws"].flat[:, 0]) < 0.2) < 0.05
     ),
-    "Least squares finds its highest point.": lambda run: (
+    "The least cost is the highest point of the posterior.": lambda run: (
         abs(run["best"] - run.line("seen at")[1]) < 0.01
     ),
 }
@@ -161,3 +177,11 @@ SAYS |= {
 }
 
 GIVEN = ()
+
+GENERAL = (  # mathematics, definitions and advice
+    "further away than the elbow",
+    "minus half of the sum of squares",
+    "The cost is half of its square",
+    "At each step half of the walkers move",
+    "if the chain is much longer than its memory",
+)

@@ -46,6 +46,13 @@ def trunk_errors(run: Run, values: dict[str, np.ndarray]) -> tuple[float, float]
 
 
 SAYS = {
+    "because the bumps of the person are larger than that": lambda run: (
+        np.median(np.linalg.norm(run["person"].template - run["body"].template, axis=1)) > 0.005
+    ),
+    "The person is wider than the first template, and forward and to the side of it": lambda run: (
+        np.ptp(run["trunk"][:, 0]) > np.ptp(run["first"][:, 0]),
+        (run["trunk"].mean(axis=0) > run["first"].mean(axis=0) + 0.005).all(),
+    ),
     "A statue was scanned, 1000 points with a noise of 2 mm": lambda run: (
         len(run["points"]),
         1e3 * run["NOISE"],
@@ -312,4 +319,10 @@ GIVEN = (
     "number 200 is the same place on everybody",
     "registration of 3-D shapes",
     "that ought to slide 1 cm along the back",
+)
+
+GENERAL = (  # mathematics, definitions and advice
+    "What helps is to begin more than once",
+    "along the surface as far as it likes",
+    "Begin more than once",
 )

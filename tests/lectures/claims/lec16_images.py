@@ -285,3 +285,10 @@ def seen(run: Run, shot: Shot) -> np.ndarray:
 
 
 GIVEN = ()
+
+GENERAL = (  # mathematics, definitions and advice
+    "bent backwards by more than a tenth of a radian",
+    "is half of a squared distance",
+    "is no more than their sum, and no less than a $C$-th of it",
+    "is only as good as the model of the errors",
+)

@@ -44,6 +44,16 @@ def least_seen(run: Run) -> set[str]:
 
 
 SAYS = {
+    "the same problem gives a worse body than single frames do": lambda run: (
+        shape(run, "alike")[1] > 1.5 * shape(run, "alike")[0]
+    ),
+    "Second differences are better than first ones here": lambda run: (
+        run["marks"]["order 2"][1, 1] < 0.5 * run["marks"]["order 1"][1, 1]
+    ),
+    "If it counts as 45, the shape is worse than from single frames, and surer of itself.": lambda run: (
+        run["F"],
+        shape(run, "alike")[1] > 1.5 * shape(run, "alike")[0],
+    ),
     "in front of one camera for a second, 24 frames": lambda run: run["T"],
     "with errors of 4 px that are independent of each other": lambda run: (
         float(run["SIGMA"]),
@@ -338,3 +348,12 @@ SAYS = {
 }
 
 GIVEN = ()
+
+GENERAL = (  # mathematics, definitions and advice
+    "So a film should tell more than a photograph",
+    "as long as the shape is unknown",
+    "as much as $n$ frames",
+    "So we count the directions in which the frames say more than the priors",
+    "Here is half of the dance of the beginning",
+    "In how many directions of shape and offsets the frames say more than the prior.",
+)
