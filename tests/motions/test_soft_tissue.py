@@ -83,16 +83,21 @@ def test_what_a_point_feels() -> None:
 
 
 def test_in_symbols_it_is_the_same_surface() -> None:
-    phi = np.random.default_rng(0).standard_normal(TISSUE.n_coefficients)
-    known = surface_as_landmarks(BODY)
+    rng = np.random.default_rng(0)
+    phi, N = rng.standard_normal(2), SMALL.n_vertices
+    names = input_names(SMALL.joint_names, 0, 0)
+    none, still = np.zeros((2, 2)), np.full(N, -1)
+    D, B = 0.01 * rng.standard_normal((N, 3, 2)), np.zeros((2, len(names)))
+    tissue = SoftTissue(D, none, none, B, still, 60.0, SMALL.joint_names)
+    known = surface_as_landmarks(SMALL)
     pose, betas, trans = known.blocks()
-    block = TISSUE.block()
-    points = TISSUE.points(known, pose.symbol, betas.symbol, trans.symbol, block.symbol)
+    block = tissue.block()
+    points = tissue.points(known, pose.symbol, betas.symbol, trans.symbol, block.symbol)
     values = {"pose": MOTION.pose[7], "betas": np.zeros(10), "trans": MOTION.trans[7]}
     numeric = points.source.numeric
     assert numeric is not None
     came = numeric.evaluate(values | {"tissue": phi}).points
-    right = TISSUE.surface(BODY, MOTION[6:9], np.tile(phi, (3, 1)))[1]
+    right = tissue.surface(SMALL, MOTION[6:9], np.tile(phi, (3, 1)))[1]
     np.testing.assert_allclose(came, right, atol=1e-12)
 
 
