@@ -16,15 +16,31 @@ from typing import Any
 
 import numpy as np
 
-from builder.soft_tissue import EACH, FPS, PEOPLE, PLAN, SEED, people, recorded, tissue_clips
+from builder.soft_tissue import (
+    EACH,
+    FPS,
+    PEOPLE,
+    PLAN,
+    SEED,
+    clip_of,
+    people,
+    recorded,
+    tissue_clips,
+)
 from workbench import SkinnedBody, load_body
 from workbench.bodies.body_mass import body_mass_index
 from workbench.motions import Motion, SoftTissue
 from workbench.training.soft_tissue import TissueClip, score_tissue, train_tissue
-from workbench.training.soft_tissue.symbolic_form import still_inputs
+from workbench.training.soft_tissue.symbolic_form import (
+    one_step_problem,
+    one_step_start,
+    still_inputs,
+)
 from workbench.training.soft_tissue.training import coefficients_of, one_step_of
 
 RESULTS = Path(__file__).parent / "results" / "soft-tissue.json"
+PAGE = Path(__file__).parent / "TISSUE.md"
+MARK = "<!-- written by `python -m benchmarks.soft_tissue` -->\n"
 UNSEEN = {"choosing": (3, 100), "test": (3, 200)}  # how many people, and the seed of their betas
 TRIED = {
     "8 components": replace(PLAN, components=8),
@@ -35,7 +51,7 @@ TRIED = {
     "no forces on parts": replace(PLAN, parts=0),
     "as embedded": PLAN,
 }
-DRAWS = 2000  # of clips, with replacement
+DRAWS = 2000  # of recorded clips, with replacement
 
 
 def spread(clip: TissueClip) -> float:
@@ -44,18 +60,24 @@ def spread(clip: TissueClip) -> float:
 
 
 def pooled(shares: list[float], clips: list[TissueClip]) -> dict[str, Any]:
-    """The share explained in all clips together, with an interval by drawing clips."""
+    """The share explained in all clips together, with an interval by drawing recorded clips.
+
+    What several people do in one recorded clip, and the pieces of a clip that is not whole, are
+    drawn together, because they are alike.
+    """
     weights, each = np.array([spread(clip) for clip in clips]), np.array(shares)
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(len(each), size=(DRAWS, len(each)))
-    found = (weights[drawn] * each[drawn]).sum(axis=1) / weights[drawn].sum(axis=1)
+    names, of = np.unique([clip_of(clip.motion) for clip in clips], return_inverse=True)
+    whole, part = np.bincount(of, weights), np.bincount(of, weights * each)
+    drawn = np.random.default_rng(0).integers(len(names), size=(DRAWS, len(names)))
+    found = part[drawn].sum(axis=1) / whole[drawn].sum(axis=1)
     low, high = np.quantile(found, [0.025, 0.975])
     return {
         "explained": float(np.average(each, weights=weights)),
         "interval_95": [float(low), float(high)],
         "median_of_clips": float(np.median(each)),
         "worst_clip": float(each.min()),
-        "clips": len(each),
+        "recorded_clips": len(names),
+        "motions": len(each),
         "frames": sum(len(clip.motion) for clip in clips),
     }
 
@@ -120,7 +142,7 @@ def main() -> None:
         found = measured(tissue, body, choosing)["together"]
         choices[name] = found | {"spectral_radius": tissue.spectral_radius}
         print(name, json.dumps(choices[name]), flush=True)
-    learned += tissue_clips(body, motions.chosen_by, everyone, EACH)
+    learned = tissue_clips(body, (*motions.learned, *motions.chosen_by), everyone, EACH)
     test = tissue_clips(body, motions.test, others["test"], 2)
     result: dict[str, Any] = {
         "left_out": motions.left_out,
@@ -139,17 +161,66 @@ def main() -> None:
             "one_step_error": one_step(tissue, body, test),
             "inputs_that_never_move": still_inputs(one, tissue),
             "unknowns_of_a_coefficient": one.regressors.shape[1],
-            "rank": int(np.linalg.matrix_rank(one.regressors / _sizes(one.regressors))),
+            "rank": one_step_problem(one, tissue).linearize(one_step_start(tissue)).rank,
             "violent_motion_mm": 1e3 * float(np.linalg.norm(shaken, axis=-1).max()),
         }
         print(name, json.dumps(result[name]["together"]), flush=True)
     result["cpu_s"] = time.process_time() - began
     RESULTS.write_text(json.dumps(result, indent=1) + "\n")
+    write_page(result)
 
 
-def _sizes(columns: Any) -> Any:
-    sizes = np.sqrt((columns**2).mean(axis=0))
-    return np.where(sizes > 0, sizes, 1.0)
+def write_page(result: dict[str, Any]) -> None:
+    """The tables of TISSUE.md, after the mark."""
+    text = PAGE.read_text().split(MARK)[0]
+    PAGE.write_text(text + MARK + tables(result))
+
+
+def tables(result: dict[str, Any]) -> str:
+    """What was found as Markdown."""
+    lines = [
+        "Held-out clips, and people that nothing was learned from:",
+        "",
+        "| inputs | explained | 95 % interval | worst motion | a frame ahead off by | "
+        "spectral radius |",
+        "| --- | --: | --: | --: | --: | --: |",
+    ]
+    for name, told in (("no forces on parts", "Dyna's"), ("as embedded", "and forces on parts")):
+        one, all_of_them = result[name], result[name]["together"]
+        low, high = all_of_them["interval_95"]
+        lines.append(
+            f"| {told} | {100 * all_of_them['explained']:.0f} % | "
+            f"{100 * low:.0f} to {100 * high:.0f} % | {100 * all_of_them['worst_clip']:.0f} % | "
+            f"{100 * one['one_step_error']:.1f} % | {one['spectral_radius']:.3f} |"
+        )
+    lines += [
+        "",
+        "Each of these motions, with forces on parts:",
+        "",
+        "| clip | frames | body mass index | explained | tissue, rms mm | left, rms mm | "
+        "largest mm | the directions could explain |",
+        "| --- | --: | --: | --: | --: | --: | --: | --: |",
+    ]
+    lines += [
+        f"| {row['clip']} | {row['frames']} | {row['body_mass_index']:.1f} | "
+        f"{100 * row['explained']:.0f} % | {row['rms_mm']:.1f} | {row['error_mm']:.1f} | "
+        f"{row['largest_mm']:.0f} | {100 * row['directions_hold']:.0f} % |"
+        for row in result["as embedded"]["each"]
+    ]
+    lines += [
+        "",
+        "What was tried on the clips for choices:",
+        "",
+        "| | explained | 95 % interval | worst motion | spectral radius |",
+        "| --- | --: | --: | --: | --: |",
+    ]
+    for name, one in result["choices"].items():
+        low, high = one["interval_95"]
+        lines.append(
+            f"| {name} | {100 * one['explained']:.0f} % | {100 * low:.0f} to {100 * high:.0f} % | "
+            f"{100 * one['worst_clip']:.0f} % | {one['spectral_radius']:.3f} |"
+        )
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ def test_a_known_model_and_its_gain_are_found_again(clips: list[TissueClip]) -> 
     """Tissue made by a model of this form, of people of different weight."""
     rng = np.random.default_rng(0)
     everywhere = TissueClip(clips[0].motion, np.ones((240, SMALL.n_vertices, 3)))
-    part = soft_parts(SMALL, [everywhere], 6, seed=0)
+    part = soft_parts(SMALL, [everywhere], 2, seed=0)
     X = len(input_names(SMALL.joint_names, int(part.max()) + 1, 0))
     a = 0.99 * np.exp(1j * np.array([0.3, 0.5]))  # two wobbles of 2.9 and 4.8 Hz
     D = np.linalg.qr(np.sign(rng.standard_normal((3 * SMALL.n_vertices, 2))))[0].reshape(-1, 3, 2)
@@ -79,18 +79,18 @@ def test_a_known_model_and_its_gain_are_found_again(clips: list[TissueClip]) -> 
         part,
         60.0,
         SMALL.joint_names,
-        power=1.5,
+        power=0.6,
     )
     made = [
         TissueClip(
             c.motion,
             true.displacements(SMALL, true.coefficients(SMALL, c.motion), c.motion.betas),
         )
-        for c in clips[:4]
+        for c in clips
     ]
-    plan = TissuePlan(components=2, parts=6, ridge=0.0, most=0.998)
+    plan = TissuePlan(components=2, parts=2, ridge=0.0, most=0.998)
     found = train_tissue(SMALL, made, plan)
-    assert found.power == pytest.approx(1.5, abs=0.1)
+    assert found.power == pytest.approx(0.6, abs=0.1)
     assert score_tissue(found, SMALL, made[0]).explained > 0.98
     poles = sorted(found.poles, key=lambda z: (abs(np.angle(z)), z.imag))
     wanted = sorted([*a, *a.conj()], key=lambda z: (abs(np.angle(z)), z.imag))
