@@ -270,7 +270,8 @@ Picture(
 #
 # `load_tissue()` is the tissue of the body `default`. It was learned in the same way, with 32 dynamic blend
 # shapes, from springs that recorded motion drove. The recordings are not part of the package, but what was
-# measured with them is: @@BENCH
+# measured with them is: in clips and people that it had not seen, a free run explains 87.9 % of the
+# variance, with a 95 % interval from 81.1 % to 90.8 %. With Dyna's inputs alone it explains 33.5 %.
 #
 # Coefficients of zero give SMPL, to the last bit. An **exaggeration** multiplies them. How much farther the
 # tissue of a heavy person moves is a gain, a power of the body mass index that was learned with the rest.
