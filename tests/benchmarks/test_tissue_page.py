@@ -34,7 +34,9 @@ def test_the_page_shows_the_numbers() -> None:
         "hand",
     }
     found = FOUND["as embedded"]
-    assert found["rank"] == found["unknowns_of_a_coefficient"] - len(still)
+    unknowns = found["unknowns_of_a_coefficient"]
+    assert f"the rank is {found['rank']} of {unknowns}" in text
+    assert found["rank"] == unknowns - len(still) - 6  # spine1 and spine2
 
 
 def test_a_free_run_explains_what_was_promised() -> None:
