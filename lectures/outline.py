@@ -160,4 +160,23 @@ COURSE = (
         teaches="one problem of many frames, smoothness, block elimination, errors that are alike, "
         "markers with unknown places",
     ),
+    Lecture(
+        18,
+        "hands",
+        "Hands, and bodies with hands",
+        question="What is different about a body with fingers?",
+        minutes=45,
+        assumes="lectures 5, 8 and 9",
+        teaches="poses by a few coefficients, the mean pose, sides and mirrors, what points of a hand "
+        "leave open, sewing hands to a body",
+    ),
+    Lecture(
+        19,
+        "dynamics",
+        "Dynamics and rigging",
+        question="What do meshes in motion tell that single meshes do not?",
+        minutes=45,
+        assumes="lectures 3 to 6 and 13",
+        teaches="soft tissue that swings, dynamic blend shapes, poles, a joint between two bones",
+    ),
 )

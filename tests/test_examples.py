@@ -42,6 +42,16 @@ def test_joints_leave_thirty_two_directions_unseen() -> None:
     assert example.skin_moved > 1e-5
 
 
+def test_soft_tissue_follows_a_motion() -> None:
+    example = import_module("examples.37_soft_tissue")
+    assert example.same
+    assert example.explained > 0.7
+    once = [far for (_, times), far in sorted(example.farthest.items()) if times == 1]
+    thrice = [far for (_, times), far in sorted(example.farthest.items()) if times == 3]
+    np.testing.assert_allclose(thrice, 3 * np.array(once), rtol=1e-9)
+    assert once == sorted(once), "the heavier, the farther"
+
+
 def test_one_camera_sees_across_and_not_along() -> None:
     example = import_module("examples.05_one_camera")
     one, two = example.errors["one camera"].mean(axis=0), example.errors["two cameras"].mean(axis=0)

@@ -27,6 +27,7 @@ from workbench.comparison.explanation import Component, Explanation
 from workbench.comparison.record import Record
 from workbench.comparison.store import Folder
 from workbench.errors import WorkbenchError
+from workbench.motions import SoftTissue, load_tissue, save_tissue
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
 from workbench.problem import Problem
@@ -55,6 +56,15 @@ ESTIMATE = Estimate(
     rng.random((4, K, 3)),
     START.parents,
     csr_array(SHARES.T / SHARES.sum(axis=0)[:, None]),
+)
+TISSUE = SoftTissue(
+    rng.random((5, 3, 2)),
+    np.diag([0.5, 0.6]),
+    np.zeros((2, 2)),
+    rng.random((2, 22)),
+    np.array([0, 0, -1, -1, 0]),
+    60.0,
+    ("root", "tip"),
 )
 BLOCKS = ("rest", "poses", "weights")
 COSTS = {"E_D": 3.0, "E_Y": 0.5}
@@ -178,6 +188,7 @@ READERS = {
         ).save(path.parent),
         lambda path: read_ground_truth(path.parent),
     ),
+    "soft tissue": Reader("tissue.npz", lambda path: save_tissue(path, TISSUE), load_tissue),
     "pose prior": Reader("prior.npz", copied("cmu_gaussian.npz"), read_pose_gaussian),
     "mixture": Reader("mixture.npz", copied("cmu_mixture.npz"), read_pose_mixture),
     "recording": Reader("mocap.npz", recorded, read_mocap),
@@ -253,6 +264,7 @@ ARRAYS = {  # the arrays of numbers of each reader whose file says nothing but w
     "start": ("template", "faces", "parents", "segmentation"),
     "registration": ("vertices", "confidence", "faces"),
     "truth": ("rest", "joints", "subject", "poses", "trans", "weights"),
+    "soft tissue": ("directions", "first", "second", "response", "part"),
     "pose prior": ("mean", "covariance", "n_frames"),
     "mixture": ("shares", "means", "covariances"),
     "recording": ("poses", "clip"),

@@ -19,14 +19,19 @@ from workbench.motions.files import read_motion
 from workbench.motions.glb_files import write_glb
 from workbench.motions.gltf_files import read_glb
 from workbench.motions.motion import Motion
+from workbench.motions.soft_tissue import SoftTissue
+from workbench.motions.splines import splined
+from workbench.motions.tissue_files import load_tissue, save_tissue
 from workbench.motions.trajectories import Trajectories
 from workbench.motions.trc_files import read_trc, write_trc
 
 __all__ = [
     "Bones",
     "Motion",
+    "SoftTissue",
     "Trajectories",
     "bones_of",
+    "load_tissue",
     "read_amass",
     "read_bvh",
     "read_c3d",
@@ -34,6 +39,8 @@ __all__ = [
     "read_motion",
     "read_trc",
     "save_motion",
+    "save_tissue",
+    "splined",
     "write_bvh",
     "write_glb",
     "write_trc",

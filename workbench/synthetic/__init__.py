@@ -6,6 +6,7 @@ from workbench.synthetic.scan_grids import Joining
 from workbench.synthetic.scanned_people import ScannedPerson, clothed, people
 from workbench.synthetic.scanners import Scanner, scanners
 from workbench.synthetic.scans import SimulatedScan, scan
+from workbench.synthetic.tissue import TissueLaw, simulate_tissue
 
 __all__ = [
     "Box",
@@ -23,8 +24,10 @@ __all__ = [
     "SimulatedScan",
     "Specks",
     "Thing",
+    "TissueLaw",
     "clothed",
     "people",
     "scan",
     "scanners",
+    "simulate_tissue",
 ]

@@ -1,0 +1,139 @@
+"""Soft tissue on a motion: nothing where nothing is asked, bounded, in symbols, in files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.bodies.body_mass import body_mass_index
+from workbench.errors import BadArgument, BadFile
+from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue
+from workbench.motions.accelerations import GRAVITY, MovingFrames
+from workbench.motions.soft_tissue import companion, surface_as_landmarks
+from workbench.motions.tissue_inputs import input_names, tissue_inputs
+from workbench.synthetic.motions_made_up import made_up_motion
+
+BODY = wb.load_body("default")
+SMALL = wb.load_body("small")
+TISSUE = load_tissue()
+MOTION = made_up_motion(BODY, 1.0)
+HEAVY = np.array([0.0, 0.0, 2.0])
+
+
+def test_without_coefficients_it_is_smpl_to_the_last_bit() -> None:
+    here = replace(MOTION[:8], betas=HEAVY)
+    bare = here.vertices(BODY)
+    assert np.array_equal(TISSUE.vertices(BODY, here, exaggeration=0.0), bare)
+    assert np.array_equal(TISSUE.surface(BODY, here, np.zeros((8, TISSUE.n_coefficients))), bare)
+    assert not np.array_equal(TISSUE.vertices(BODY, here), bare)
+
+
+def test_exaggeration_is_a_factor() -> None:
+    bare = MOTION.vertices(BODY)
+    once, three = (TISSUE.vertices(BODY, MOTION, many) - bare for many in (1.0, 3.0))
+    np.testing.assert_allclose(three, 3 * once, atol=1e-12)
+    assert 0.001 < np.linalg.norm(once, axis=-1).max() < 0.1
+
+
+def test_it_is_stable_and_bounded_whatever_the_motion() -> None:
+    """Ten seconds of jumps, three times as far: never beyond what bounded inputs can do."""
+    assert TISSUE.spectral_radius < 1
+    rng = np.random.default_rng(0)
+    pose = rng.standard_normal((600, 24, 3))
+    wild = Motion(pose, rng.standard_normal((600, 3)), 60.0, BODY.joint_names)
+    phi = TISSUE.coefficients(BODY, wild)
+    x = tissue_inputs(MovingFrames.of(BODY, wild), TISSUE.part, TISSUE.n_betas).values
+    C, H = TISSUE.n_coefficients, companion(TISSUE.first, TISSUE.second)
+    most, power = np.zeros(C), np.eye(2 * C)
+    for _ in range(600):
+        most += np.abs(power[:C, :C] @ TISSUE.response) @ np.abs(x).max(axis=0)
+        power = H @ power
+    assert (np.abs(phi) <= most).all()
+    farthest = 3 * np.linalg.norm(TISSUE.displacements(BODY, phi), axis=-1).max()
+    assert farthest < 0.5, "a person is no longer one"
+    forces = x[:, 6 * 24 + 6 : -1 - TISSUE.n_betas]
+    assert 0.5 < np.abs(forces).max() < 1
+
+
+def test_heavier_people_move_more() -> None:
+    light, heavy = sorted((-HEAVY, HEAVY), key=lambda betas: body_mass_index(BODY, betas))
+    assert TISSUE.gain(BODY) == 1
+    assert TISSUE.gain(BODY, heavy) > 1 > TISSUE.gain(BODY, light)
+
+
+def test_what_a_point_feels() -> None:
+    """Nothing at rest; in free fall it is pulled upwards as strongly as gravity pulls it down."""
+    times = np.arange(30) / 60
+    pose = np.zeros((30, SMALL.n_joints, 3))
+    falling = Motion(pose, 0.5 * times[:, None] ** 2 * GRAVITY, 60.0, SMALL.joint_names)
+    joints = np.array([0, 4])
+    points = SMALL.joints()[joints] + 0.1
+    standing = replace(falling, trans=np.zeros((30, 3)))
+    np.testing.assert_allclose(MovingFrames.of(SMALL, standing).forces(points, joints), 0)
+    felt = MovingFrames.of(SMALL, falling).forces(points, joints)
+    np.testing.assert_allclose(felt, np.broadcast_to(-GRAVITY, felt.shape), atol=1e-9)
+    # a root that turns about y at 2 rad/s: what is 10 cm away is pulled outwards by w^2 r
+    pose[:, 0, 1] = 2 * times
+    spinning = MovingFrames.of(SMALL, replace(standing, pose=pose))
+    away = SMALL.joints()[:1] + [0.1, 0.0, 0.0]
+    np.testing.assert_allclose(spinning.forces(away, joints[:1])[15, 0], [0.4, 0, 0], atol=1e-3)
+    np.testing.assert_allclose(spinning.angular_velocities[:, 0], [[0, 2, 0]] * 30, atol=1e-9)
+
+
+def test_in_symbols_it_is_the_same_surface() -> None:
+    rng = np.random.default_rng(0)
+    phi, N = rng.standard_normal(2), SMALL.n_vertices
+    names = input_names(SMALL.joint_names, 0, 0)
+    none, still = np.zeros((2, 2)), np.full(N, -1)
+    D, B = 0.01 * rng.standard_normal((N, 3, 2)), np.zeros((2, len(names)))
+    tissue = SoftTissue(D, none, none, B, still, 60.0, SMALL.joint_names)
+    known = surface_as_landmarks(SMALL)
+    pose, betas, trans = known.blocks()
+    block = tissue.block()
+    points = tissue.points(known, pose.symbol, betas.symbol, trans.symbol, block.symbol)
+    values = {"pose": MOTION.pose[7], "betas": np.zeros(10), "trans": MOTION.trans[7]}
+    numeric = points.source.numeric
+    assert numeric is not None
+    came = numeric.evaluate(values | {"tissue": phi}).points
+    right = tissue.surface(SMALL, MOTION[6:9], np.tile(phi, (3, 1)))[1]
+    np.testing.assert_allclose(came, right, atol=1e-12)
+
+
+def test_files(tmp_path: Path) -> None:
+    save_tissue(tmp_path / "mine.npz", TISSUE)
+    again = load_tissue(tmp_path / "mine.npz")
+    for name in ("directions", "first", "second", "response", "part"):
+        assert np.array_equal(getattr(again, name), getattr(TISSUE, name)), name
+    assert (again.fps, again.joint_names, again.card) == (60.0, BODY.joint_names, TISSUE.card)
+    assert "simulated" in str(TISSUE.card["tissue"])
+    with pytest.raises(BadFile, match="no soft tissue is called 'mine'"):
+        load_tissue("mine")
+    (tmp_path / "other.npz").write_bytes(b"no archive")
+    with pytest.raises(BadFile, match="is no soft tissue"):
+        load_tissue(tmp_path / "other.npz")
+
+
+def test_what_does_not_fit_is_said() -> None:
+    with pytest.raises(BadArgument, match=r"'default'.*1229 vertices.*not that of body 'small'"):
+        TISSUE.vertices(SMALL, MOTION)
+    with pytest.raises(BadArgument, match=r"tissue.prepared\(motion\) splines it"):
+        TISSUE.vertices(BODY, MOTION.resampled(30.0))
+    assert TISSUE.prepared(MOTION.resampled(30.0)).fps == 60.0
+    assert TISSUE.prepared(MOTION) is MOTION
+    with pytest.raises(BadArgument, match=f"has {TISSUE.n_coefficients} coefficients a frame"):
+        TISSUE.displacements(BODY, np.zeros(3))
+    with pytest.raises(BadArgument, match=r"spectral radius of 1.* would not die away"):
+        replace(TISSUE, first=2 * np.eye(len(TISSUE.first)), second=-np.eye(len(TISSUE.first)))
+    with pytest.raises(BadArgument, match="response of soft tissue are"):
+        replace(TISSUE, response=TISSUE.response[:, 1:])
+    scape = wb.load_body("small-scape")
+    with pytest.raises(BadArgument, match="soft tissue is made of a SkinnedBody"):
+        TISSUE.vertices(scape, MOTION)  # type: ignore[arg-type]
+
+
+def test_the_inputs_are_named() -> None:
+    names = input_names(BODY.joint_names, int(TISSUE.part.max()) + 1, TISSUE.n_betas)
+    assert len(names) == TISSUE.response.shape[1] == len(set(names))
+    assert isinstance(TISSUE, SoftTissue)

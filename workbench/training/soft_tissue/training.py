@@ -1,0 +1,173 @@
+"""Training soft tissue: directions, soft parts, the one-step model, its gain and its stability."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from scipy.cluster.vq import kmeans2
+
+from workbench.arrays import Array, Index
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body_mass import body_mass_index
+from workbench.errors import BadArgument
+from workbench.motions.accelerations import MovingFrames
+from workbench.motions.soft_tissue import SoftTissue, free_run
+from workbench.motions.tissue_inputs import tissue_inputs
+from workbench.training.soft_tissue.identification import OneStep, TissueClip, stabilized
+
+MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays
+SOFT = 0.15  # of the largest rms: vertices that move less are in no soft part
+
+
+@dataclass(frozen=True)
+class TissuePlan:
+    """What a training of soft tissue decides beforehand.
+
+    Attributes:
+        components: C, how many dynamic blend shapes.
+        parts: P, how many soft parts there are, whose accelerations are inputs.
+        ridge: the price of the inputs' factors; see `OneStep.solve`.
+        most: the largest spectral radius.
+        n_betas: how many betas are inputs.
+        seed: of the division into soft parts.
+    """
+
+    components: int = 32
+    parts: int = 24
+    ridge: float = 1e-2
+    most: float = 0.99
+    n_betas: int = 0
+    seed: int = 0
+
+
+def train_tissue(
+    body: SkinnedBody,
+    clips: Sequence[TissueClip],
+    plan: TissuePlan | None = None,
+    progress: Callable[[str], None] = lambda line: None,
+) -> SoftTissue:
+    """Dynamic blend shapes, and the model of their coefficients, from clips of displaced tissue.
+
+    Directions are the principal components, about zero, of all displacements. Soft parts are
+    clusters of vertices that move. The matrices are the least squares of one step ahead. The power
+    of the gain is a straight line through the logarithms of how much more than the model each
+    person moves, against their body mass index; all is found again with this gain until it stays.
+    Raises BadArgument for clips of different rates, and for too few frames.
+    """
+    plan = TissuePlan() if plan is None else plan
+    rates = {clip.motion.fps for clip in clips}
+    if len(rates) != 1:
+        raise BadArgument(f"all clips have one rate; these have {sorted(rates) or 'none at all'}")
+    if (frames := sum(len(clip.motion) for clip in clips)) < 10 * plan.components:
+        raise BadArgument(
+            f"{plan.components} components need {10 * plan.components} frames or more, "
+            f"not {frames}; give more clips, or ask for fewer components"
+        )
+    part = soft_parts(body, clips, plan.parts, plan.seed)
+    progress(f"{len(clips)} clips, {frames} frames, {part.max() + 1} soft parts")
+    inputs = [
+        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas).values
+        for clip in clips
+    ]
+    index = np.log([body_mass_index(body, clip.motion.betas) for clip in clips])
+    index -= np.log(body_mass_index(body))
+    power = 0.0
+    for _ in range(MOST_POWERS if np.ptp(index) else 0):
+        gains = np.exp(power * index)
+        made = _at_gains(body, clips, inputs, gains, part, plan)
+        left = _power_left(made, clips, inputs, gains, index)
+        power += left
+        progress(f"gain: body mass index to the power of {power:.2f}")
+        if abs(left) < CLOSE:
+            break
+    gains = np.exp(power * index)
+    return replace(_at_gains(body, clips, inputs, gains, part, plan), power=power)
+
+
+def one_step_of(tissue: SoftTissue, body: SkinnedBody, clips: Sequence[TissueClip]) -> OneStep:
+    """The rows of the least squares that the matrices of a tissue solve, in these clips."""
+    pairs = []
+    for clip in clips:
+        frames = MovingFrames.of(body, clip.motion)
+        gain = tissue.gain(body, clip.motion.betas)
+        phi = coefficients_of(tissue.directions, clip.displacements) / gain
+        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas).values))
+    return OneStep.of(pairs)
+
+
+def soft_parts(body: SkinnedBody, clips: Sequence[TissueClip], count: int, seed: int) -> Index:
+    """The soft part of each vertex, (N,): clusters of those that move; -1 for the others."""
+    total = sum(np.square(clip.displacements).sum(axis=(0, 2)) for clip in clips)
+    size = np.sqrt(np.asarray(total))
+    soft = np.flatnonzero(size > SOFT * size.max())
+    part = np.full(body.n_vertices, -1)
+    if len(soft) and count:
+        count = min(count, len(soft))
+        _, label = kmeans2(body.template[soft], count, minit="++", rng=seed)
+        part[soft] = np.unique(label, return_inverse=True)[1]
+    return part
+
+
+def principal_directions(clips: Sequence[TissueClip], gains: Array, count: int) -> Array:
+    """The principal components (N, 3, C) m of displacements divided by their gains, about zero.
+
+    They are scaled so that coefficients have a mean square of one in the clips.
+    """
+    N = clips[0].displacements.shape[1]
+    moves = np.any([(clip.displacements != 0).any(axis=0) for clip in clips], axis=0)
+    H, frames = np.zeros((int(moves.sum()),) * 2), 0
+    for clip, gain in zip(clips, gains, strict=True):
+        flat = clip.displacements[:, moves] / gain
+        H += flat.T @ flat
+        frames += len(flat)
+    last = len(H) - 1
+    sizes, vectors = scipy.linalg.eigh(H / frames, subset_by_index=(max(0, last - count + 1), last))
+    found = np.zeros((N, 3, len(sizes)))
+    found[moves] = (vectors * np.sqrt(np.maximum(sizes, 0)))[:, ::-1]
+    return found
+
+
+def coefficients_of(directions: Array, displacements: Array) -> Array:
+    """The coefficients (T, C) that are closest to displacements (T, N, 3) m."""
+    D = directions.reshape(-1, directions.shape[2])
+    return np.asarray(displacements.reshape(len(displacements), -1) @ D / (D**2).sum(axis=0))
+
+
+def _at_gains(
+    body: SkinnedBody,
+    clips: Sequence[TissueClip],
+    inputs: Sequence[Array],
+    gains: Array,
+    part: Index,
+    plan: TissuePlan,
+) -> SoftTissue:
+    """All but the power of the gain."""
+    D = principal_directions(clips, gains, plan.components)
+    phis = [
+        coefficients_of(D, clip.displacements) / gain
+        for clip, gain in zip(clips, gains, strict=True)
+    ]
+    one = OneStep.of(list(zip(phis, inputs, strict=True)))
+    first, second, response = one.solve(plan.ridge)
+    first, second = stabilized(first, second, plan.most)
+    names, fps = tuple(body.joint_names), clips[0].motion.fps
+    return SoftTissue(D, first, second, response, part, fps, names, plan.n_betas)
+
+
+def _power_left(
+    made: SoftTissue,
+    clips: Sequence[TissueClip],
+    inputs: Sequence[Array],
+    gains: Array,
+    index: Array,
+) -> float:
+    """The slope of log(how much farther than the model tissue moves) over log(body mass index)."""
+    logs = []
+    for clip, x, gain in zip(clips, inputs, gains, strict=True):
+        phi = coefficients_of(made.directions, clip.displacements) / gain
+        run = free_run(made.first, made.second, x @ made.response.T)
+        logs.append(0.5 * np.log(np.square(phi).sum() / np.square(run).sum()))
+    frames = np.array([len(clip.motion) for clip in clips], dtype=float)
+    centred = index - np.average(index, weights=frames)
+    return float((frames * centred) @ np.array(logs) / ((frames * centred) @ centred))
