@@ -14,6 +14,7 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
+from workbench.cli import lecture_packs
 from workbench.cli.output import make_folder, print_page, say
 from workbench.course.cells import Cell, carried_out
 from workbench.course.grades import CheckResult, CheckState, Grade
@@ -254,5 +255,6 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "check": check,
     "notebooks": notebooks,
     "site": site,
+    **lecture_packs.COMMANDS,
 }
 HELP = "The course: lectures that can be run, and exercises that are graded."
