@@ -62,13 +62,13 @@ def confine(file: str) -> list[str]:
     _limit()
     refusals = withhold(file)
     package = Path(workbench.__file__).parent
-    folders = [os.path.realpath(path) for path in (*sys.path, package.parent) if path]
-    readable = [here, *(os.path.realpath(x) for x in (package, package.parent / "lectures"))]
+    folders = [os.path.realpath(path) for path in (*sys.path, str(package.parent)) if path]
+    readable = [here, *(os.path.realpath(str(x)) for x in (package, package.parent / "lectures"))]
     readable += [
         folder for folder in folders if Path(folder).name in ("site-packages", "dist-packages")
     ]
     prefixes = (sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values())
-    readable += [os.path.realpath(path) for path in prefixes]
+    readable += [os.path.realpath(str(path)) for path in prefixes]
     readable += [*SYSTEM, *DEVICES, *ABOUT_ITSELF]
 
     def refuse(what: str) -> None:

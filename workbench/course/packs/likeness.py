@@ -103,7 +103,7 @@ def _shape(name: str, functions: dict[str, ast.FunctionDef]) -> Shape:
             continue
         done.add(one)
         node = _without_docstring(functions[one])
-        texts.append(ast.unparse(node.body))
+        texts.append(ast.unparse(node))
         for part in node.body:
             _walk(part, words, names)
         called = [n.id for n in ast.walk(node) if isinstance(n, ast.Name) and n.id in functions]
