@@ -42,17 +42,18 @@ Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` nam
 
 
 def list_() -> None:
-    """List the lectures with their questions, their minutes and the points of their exercises."""
+    """List the lectures with their minutes, and their exercises' points and minutes (estimated)."""
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("", "lecture", "minutes", "points"):
+    for title in ("", "lecture", "minutes", "points", "exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
     for one in outline():
         if one.there:
             points = str(sum(check.points for check in one.checks))
             said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
-            table.add_row(str(one.number), said, str(one.minutes), points)
+            needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
+            table.add_row(str(one.number), said, str(one.minutes), points, needed)
         else:
-            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "")
+            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "", "")
     Console().print(table, highlight=False)
 
 
@@ -71,7 +72,8 @@ def show(number: Number) -> None:
     for k, name in enumerate(one.exercises, 1):
         points = sum(check.points for check in one.checks if check.exercise == name)
         task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
-        worth = counted(points, "point")
+        minutes = one.minutes_for(name)
+        worth = counted(points, "point") + (f", about {minutes} minutes" if minutes else "")
         say(console, f"[bold]{number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
     console.print(f"\nworkbench lecture run {number}, workbench lecture start {number} FOLDER")
 
