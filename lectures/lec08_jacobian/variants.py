@@ -7,6 +7,15 @@ from workbench.course.packs import rounded, slip, variant
 Array = np.ndarray
 
 
+def noticed(rng: np.random.Generator, numbers: dict) -> Array:
+    """A Jacobian with singular values on both sides of SMALLEST, if its columns are in yardsticks."""
+    s = rng.permutation([0.2, 0.6, *rng.choice([0.4, 1.6], 2)]) * rng.uniform(0.9, 1.1, 4)
+    s[rng.integers(4)] = rng.uniform(2, 3)
+    U = np.linalg.qr(rng.standard_normal((6, 4)))[0]
+    V = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    return U * (numbers["SMALLEST"] * s) @ V / numbers["YARDSTICKS"]
+
+
 @variant(
     "rank",
     points=2,
@@ -15,27 +24,25 @@ Array = np.ndarray
         "YARDSTICKS": rounded(rng, 0.11, 3.9, count=4, digits=3),
         "SMALLEST": rounded(rng, 0.6, 1.6, digits=2),
     },
-    arguments=lambda rng, numbers: (
-        np.linalg.qr(rng.standard_normal((6, 4)))[0]
-        * (np.array([0.2, 0.5, 2.5, 5.0]) * numbers["SMALLEST"])[rng.permutation(4)]
-        / numbers["YARDSTICKS"],
-    ),
+    arguments=lambda rng, numbers: (noticed(rng, numbers),),
 )
-def rank(J: Array, *, YARDSTICKS: list[float], SMALLEST: float) -> int:
-    """How many directions of x the residual notices, if changes are measured in yardsticks.
+def rank(J: Array, *, YARDSTICKS: list[float], SMALLEST: float) -> tuple[int, float]:
+    """How many directions of x the residual notices, and how well the weakest of them.
 
-    Unknown i counts in units of YARDSTICKS[i]. Directions count along which a step of length one in these
-    units changes the whitened residual by more than SMALLEST, among as many that are orthogonal: count the
-    singular values.
+    Unknown i counts in units of YARDSTICKS[i]. A direction counts if a step of length one in these units
+    changes the whitened residual by more than SMALLEST: count the singular values of the Jacobian by the
+    unknowns in these units, and return how many there are and the smallest of those that count.
 
-    J (m, 4), by the unknowns in their own units -> a whole number
+    J (m, 4), by the unknowns in their own units -> (a whole number, a number)
     """
-    return int(np.sum(np.linalg.svd(J * YARDSTICKS, compute_uv=False) > SMALLEST))
+    s = np.linalg.svd(J * YARDSTICKS, compute_uv=False)
+    return int(np.sum(s > SMALLEST)), float(s[s > SMALLEST].min())
 
 
 @slip("rank", "a step of one yardstick is YARDSTICKS[i] in the unit of x: multiply the columns")
 def rank_divided(J, *, YARDSTICKS, SMALLEST):
-    return int(np.sum(np.linalg.svd(J / YARDSTICKS, compute_uv=False) > SMALLEST))
+    s = np.linalg.svd(J / YARDSTICKS, compute_uv=False)
+    return int(np.sum(s > SMALLEST)), float(s[s > SMALLEST].min(initial=np.inf))
 
 
 @variant(

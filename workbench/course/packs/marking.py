@@ -15,6 +15,7 @@ from workbench.course.grading import Ended, received
 from workbench.course.packs.confinement import MEMORY
 from workbench.course.packs.handed_in import Sheet
 from workbench.course.packs.keys import ExerciseKey, value
+from workbench.course.packs.likeness import attempted
 from workbench.course.student_process import StudentProcess
 from workbench.course.words import legible
 from workbench.errors import BadArgument
@@ -68,6 +69,8 @@ def mark_sheet(sheet: Sheet, keys: Sequence[ExerciseKey], limits: Limits) -> lis
     """
     if sheet.trouble:
         return [_lost(key, sheet.trouble) for key in keys]
+    if not attempted(sheet.source, [key.exercise for key in keys]):
+        return [_lost(key, UNSOLVED) for key in keys]
     with TemporaryDirectory(prefix="workbench-answers-") as scratch:
         for helper in sheet.helpers:
             shutil.copy(helper, Path(scratch) / helper.name)
