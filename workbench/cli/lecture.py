@@ -26,6 +26,7 @@ from workbench.course.student_process import SECONDS, grade
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.site import write_course_site
+from workbench.site.slides import write_slides
 from workbench.writing import replacing
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
@@ -198,6 +199,14 @@ def notebooks(folder: Folder) -> None:
     print_page(console, "notebooks", folder)
 
 
+def slides(number: Number, folder: Folder) -> None:
+    """Write a lecture as slides for a browser, which need no network. Needs the extra `course`."""
+    one, console = lecture(number), Console()
+    with Console(stderr=True).status(f"running lecture {number}"):
+        page = write_slides(one, folder)
+    print_page(console, "slides", page)
+
+
 def site(folder: Folder) -> None:
     """Write the course as a static site, with every lecture run. Needs the extra `course`."""
     console = Console()
@@ -256,6 +265,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "start": begin,
     "check": check,
     "notebooks": notebooks,
+    "slides": slides,
     "site": site,
     **lecture_packs.COMMANDS,
 }
