@@ -16,6 +16,7 @@ from rich.table import Table
 from workbench import course
 from workbench.cli import lecture_packs
 from workbench.cli.output import make_folder, print_page, say
+from workbench.course.badges import add_links, requirements
 from workbench.course.cells import Cell, carried_out
 from workbench.course.grades import CheckResult, CheckState, Grade
 from workbench.course.handing_out import hand_out
@@ -182,7 +183,20 @@ def check(
         raise typer.Exit(NOT_ALL_PASSED)
 
 
-def notebooks(folder: Folder) -> None:
+def notebooks(
+    folder: Folder,
+    repository: Annotated[
+        str | None,
+        typer.Option(
+            metavar="OWNER/NAME",
+            help="Repository on GitHub that will hold the notebooks: adds links to Colab and Binder, "
+            "and the installation.",
+        ),
+    ] = None,
+    at: Annotated[
+        str, typer.Option(metavar="BRANCH/FOLDER", help="Where in the repository.")
+    ] = "main",
+) -> None:
     """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`.
 
     No file there is overwritten.
@@ -190,12 +204,19 @@ def notebooks(folder: Folder) -> None:
     console = Console()
     make_folder(folder)
     paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
-    for path in paths:
+    listed = folder / "requirements.txt"
+    for path in (*paths, *([listed] if repository else [])):
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
+    if repository:
+        add_links(notebook(lecture(1)), repository, at, "lec")  # mistakes are told before the work
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
-        write_notebook(executed(notebook(one), one, folder), path)
+        done = executed(notebook(one), one, folder)
+        write_notebook(add_links(done, repository, at, path.stem) if repository else done, path)
+    if repository:
+        with replacing(listed) as temporary:
+            temporary.write_text(requirements(), encoding="utf-8")
     print_page(console, "notebooks", folder)
 
 
