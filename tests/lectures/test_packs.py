@@ -29,7 +29,9 @@ from workbench.errors import BadArgument, BadFile
 SIX = students("Ada Lovelace, ben, cleo, dora, emil, fay")
 GOOD = "    return abs(1 - weight + weight * np.exp(1j * (1 + BACK) * angle))\n"
 HOSTILE = """    import os, socket
+    import multiprocessing as mp
     tries = (
+        lambda: mp.get_context("spawn").Process(target=print).start(),
         lambda: open(KEY).read(),
         lambda: os.listdir(os.path.dirname(KEY)),
         lambda: socket.socket(),
@@ -38,12 +40,15 @@ HOSTILE = """    import os, socket
         lambda: os.remove(KEY),
         lambda: os.kill(os.getppid(), 9),
         lambda: __import__("workbench.lectures.lec04_skinning.variants"),
+        lambda: os.open("root" + KEY, os.O_RDONLY, dir_fd=os.open("/proc/self", os.O_RDONLY)),
     )
-    for one in tries:
+    for k, one in enumerate(tries):
         try:
             one()
         except Exception as error:
             print(error)
+        else:
+            open(f"/done-{k}", "w")
     import workbench.course.packs.marking as marking
     marking.compare = lambda *a: None
     open("beside.txt", "w").write("allowed")
@@ -128,6 +133,7 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
         "reading lec04_skinning/variants.py",
     ):
         assert f"tried {what}, which was refused" in told["cleo"]
+    assert "writing done-" not in told["cleo"]  # nothing of all this was done
     assert (keys / KEYS).is_file()
     assert not (folder / "cleo" / "beside.txt").exists()
     assert "handed out to Ada Lovelace" in told["dora"]

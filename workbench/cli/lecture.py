@@ -189,8 +189,8 @@ def notebooks(
         str | None,
         typer.Option(
             metavar="OWNER/NAME",
-            help="Repository on GitHub that will hold the notebooks: adds links to Colab and Binder, "
-            "and the installation.",
+            help="Repository on GitHub that will hold them: adds links to Colab and Binder, and "
+            "the installation.",
         ),
     ] = None,
     at: Annotated[

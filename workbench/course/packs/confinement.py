@@ -88,8 +88,8 @@ def confine(file: str) -> list[str]:
             if (isinstance(mode, str) and set(mode) & set("wax+")) or (flags or 0) & WRITING:
                 if not inside(name, [here, *DEVICES]):
                     refuse(f"writing {Path(name).name}")
-            elif not inside(name, readable):
-                refuse(f"reading {Path(name).name}")
+            elif not inside(name, readable) or (os.path.isdir(name) and not inside(name, [here])):
+                refuse(f"reading {Path(name).name}")  # a folder would lead to files by its handle
         elif event in LISTS:
             path = arguments[0]
             if isinstance(path, int):
@@ -106,6 +106,14 @@ def confine(file: str) -> list[str]:
                 if event.startswith(begins):
                     refuse(what)
 
+    def start(*arguments: Any) -> None:
+        refuse("starting another program")
+
+    with suppress(ImportError):  # Windows starts programs in another way, which is reported
+        import _posixsubprocess
+
+        # multiprocessing calls it, and nothing reports that
+        vars(_posixsubprocess)["fork_exec"] = start
     sys.addaudithook(audit)
     return refusals
 
