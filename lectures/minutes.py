@@ -22,4 +22,6 @@ ESTIMATED: dict[int, dict[str, int]] = {
     15: {"closest_on_triangle": 25, "icp_step": 15, "distance_gradient": 20, "robust_weight": 20, "coupling_residual": 10, "align": 45},
     16: {"torso_depth": 10, "keypoint_cost": 10, "bending_cost": 20, "mixture_costs": 20, "sphere_slope": 10, "fitted_joints": 45},
     17: {"smooth_residual": 10, "worth": 15, "worth_of_errors": 20, "arrow_solve": 30, "carried": 20, "filled": 25},
+    18: {"pose_of": 5, "components_needed": 10, "mirrored": 15, "whole_pose": 10, "seen_turns": 30},
+    19: {"wobble": 20, "one_step": 15, "free_run": 10, "stabilized": 30, "felt": 20, "joint_between": 30},
 }  # fmt: skip
