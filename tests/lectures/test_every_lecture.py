@@ -37,6 +37,7 @@ def test_the_outline_counts() -> None:
     folders = {one.folder_name for one in COURSE}
     for folder in COURSE[0].folder.parent.glob("lec*"):
         files = {path.name for path in folder.glob("*.py")}
+        files -= {"variants.py"}  # a lecture may have exercises whose numbers vary
         assert not files or (folder.name in folders and files == set(FILES)), folder
 
 

@@ -14,7 +14,9 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
+from workbench.cli import lecture_packs
 from workbench.cli.output import make_folder, print_page, say
+from workbench.course.badges import add_links, requirements
 from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
 from workbench.course.grades import CheckResult, CheckState, Grade
@@ -26,6 +28,7 @@ from workbench.course.student_process import SECONDS, grade
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.site import write_course_site
+from workbench.site.slides import write_slides
 from workbench.writing import replacing
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
@@ -42,17 +45,18 @@ Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` nam
 
 
 def list_() -> None:
-    """List the lectures with their questions, their minutes and the points of their exercises."""
+    """List the lectures with their minutes, and their exercises' points and minutes (estimated)."""
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("", "lecture", "minutes", "points"):
+    for title in ("", "lecture", "minutes", "points", "exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
     for one in outline():
         if one.there:
             points = str(sum(check.points for check in one.checks))
             said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
-            table.add_row(str(one.number), said, str(one.minutes), points)
+            needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
+            table.add_row(str(one.number), said, str(one.minutes), points, needed)
         else:
-            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "")
+            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "", "")
     Console().print(table, highlight=False)
 
 
@@ -71,7 +75,8 @@ def show(number: Number) -> None:
     for k, name in enumerate(one.exercises, 1):
         points = sum(check.points for check in one.checks if check.exercise == name)
         task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
-        worth = counted(points, "point")
+        minutes = one.minutes_for(name)
+        worth = counted(points, "point") + (f", about {minutes} minutes" if minutes else "")
         say(console, f"[bold]{number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
     console.print(f"\nworkbench lecture run {number}, workbench lecture start {number} FOLDER")
 
@@ -186,7 +191,20 @@ def check(
         raise typer.Exit(NOT_ALL_PASSED)
 
 
-def notebooks(folder: Folder) -> None:
+def notebooks(
+    folder: Folder,
+    repository: Annotated[
+        str | None,
+        typer.Option(
+            metavar="OWNER/NAME",
+            help="Repository on GitHub that will hold them: adds links to Colab and Binder, and "
+            "the installation.",
+        ),
+    ] = None,
+    at: Annotated[
+        str, typer.Option(metavar="BRANCH/FOLDER", help="Where in the repository.")
+    ] = "main",
+) -> None:
     """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`.
 
     No file there is overwritten.
@@ -194,13 +212,28 @@ def notebooks(folder: Folder) -> None:
     console = Console()
     make_folder(folder)
     paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
-    for path in paths:
+    listed = folder / "requirements.txt"
+    for path in (*paths, *([listed] if repository else [])):
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
+    if repository:
+        add_links(notebook(lecture(1)), repository, at, "lec")  # mistakes are told before the work
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
-        write_notebook(executed(notebook(one), one, folder), path)
+        done = executed(notebook(one), one, folder)
+        write_notebook(add_links(done, repository, at, path.stem) if repository else done, path)
+    if repository:
+        with replacing(listed) as temporary:
+            temporary.write_text(requirements(), encoding="utf-8")
     print_page(console, "notebooks", folder)
+
+
+def slides(number: Number, folder: Folder) -> None:
+    """Write a lecture as slides for a browser, which need no network. Needs the extra `course`."""
+    one, console = lecture(number), Console()
+    with Console(stderr=True).status(f"running lecture {number}"):
+        page = write_slides(one, folder)
+    print_page(console, "slides", page)
 
 
 def site(folder: Folder) -> None:
@@ -261,6 +294,8 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "start": begin,
     "check": check,
     "notebooks": notebooks,
+    "slides": slides,
     "site": site,
+    **lecture_packs.COMMANDS,
 }
 HELP = "The course: lectures that can be run, and exercises that are graded."

@@ -51,8 +51,8 @@ class Page(io.TextIOBase):
 class Answerer:
     """A student's module, asked for one exercise after the other."""
 
-    def __init__(self, module: ModuleType) -> None:
-        self._module, self._page = module, Page()
+    def __init__(self, module: ModuleType, refusals: Sequence[str] = ()) -> None:
+        self._module, self._page, self._refusals = module, Page(), refusals
         self._answer: Callable[..., Any] | None = None
 
     def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
@@ -73,18 +73,22 @@ class Answerer:
         return {"raised": [came.kind, came.message, came.unsolved]}
 
     def printed(self) -> dict[str, Any]:
-        """What the answers to this exercise have printed: {"printed": text}."""
-        return {"printed": self._page.text}
+        """What the answers to this exercise have printed, and what the process was refused."""
+        return {"printed": self._page.text, "refused": list(self._refusals)}
 
 
-def main() -> None:
-    """Load the file, then answer questions until the connection ends."""
+def main(guard: Callable[[str], Sequence[str]] = withhold) -> None:
+    """Load the file, then answer questions until the connection ends.
+
+    `guard` is called with the file, refuses from then on what it may not do, and returns the list
+    to which what was refused is added.
+    """
     end_with_parent()
     file, *exercises, handle = sys.argv[1:]
     channel = Channel.inherited(int(handle))
     sys.dont_write_bytecode = True  # nothing is left in the student's folder
     _limit_memory()
-    withhold(file)
+    refusals = guard(file)
     send_answer(channel, 0, {"begun": True})
     page = Page()
     with kept(page):
@@ -98,7 +102,7 @@ def main() -> None:
                 return
             module = found  # a script may end by sys.exit: what stands above is there
     send_answer(channel, 1, {"loaded": page.text})
-    answering = Answerer(module)
+    answering = Answerer(module, refusals)
     while (question := receive_question(channel)) is not None:
         number, what, arguments = question
         match what:

@@ -56,7 +56,7 @@ class Recorder:
     def __call__(self, *arguments: Any) -> Any:
         """Ask for an answer. Raises Unanswered, Missed or Ended."""
         kept = copied(arguments)
-        came = _came(self.answers.answer(arguments))
+        came = received(self.answers.answer(arguments))
         self.calls.append((kept, came))
         what = f"{self.solution.__name__}({', '.join(map(_short, arguments))})"
         if isinstance(came, Raised):
@@ -66,7 +66,7 @@ class Recorder:
         return formed(came, self.solution(*copied(arguments)), what)
 
 
-def _came(answer: dict[str, Any]) -> Any:
+def received(answer: dict[str, Any]) -> Any:
     """The value that was sent, or Raised. Raises Ended for anything else."""
     try:
         match answer:

@@ -1,5 +1,6 @@
 """Lectures as notebooks: the script of a lecture with its exercises at the end, run in a kernel."""
 
+import ast
 import inspect
 import os
 from importlib import import_module
@@ -41,7 +42,13 @@ def notebook(lecture: Lecture) -> Any:
     made.cells = [part for cell in made.cells for part in _parts(cell)]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     made.metadata = {"kernelspec": kernel, "language_info": {"name": "python"}}
-    made.cells += [v4.new_markdown_cell(text) for text in exercises(lecture)]
+    introduction, *texts = exercises(lecture)
+    made.cells.append(v4.new_markdown_cell(introduction))
+    made.cells.append(v4.new_code_cell(_given(lecture)))
+    for name, text in zip(lecture.exercises, texts, strict=True):
+        made.cells.append(v4.new_markdown_cell(text))
+        for tag, code in (("answer", _stub(lecture, name)), ("check", _check(lecture, name))):
+            made.cells.append(v4.new_code_cell(code, metadata={"tags": [tag]}))
     for k, cell in enumerate(made.cells):
         cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
     return made
@@ -65,20 +72,41 @@ def exercises(lecture: Lecture) -> list[str]:
     here = f"{lecture.folder_name}.py"
     texts = [
         "## Exercises\n\n"
-        f"`workbench lecture start {lecture.number} .` puts the file `{here}` here, in which these "
-        f"functions wait for an answer; `workbench lecture check {lecture.number} {here}` says how "
-        "far you are, and what is likely to be wrong."
+        "Write each answer into its cell, in place of the line that raises `Unsolved`; the cell "
+        "below checks it, and says what is likely to be wrong. To hand in a file, "
+        f"`workbench lecture start {lecture.number} .` puts `{here}` here, and "
+        f"`workbench lecture check {lecture.number} {here}` grades it."
     ]
     given = lecture.module("exercises")
     for k, name in enumerate(lecture.exercises, 1):
         function = getattr(given, name)
         points = sum(check.points for check in lecture.checks if check.exercise == name)
         arguments = ", ".join(inspect.signature(function).parameters)
+        known = lecture.minutes_for(name)
+        minutes = f", about {known} minutes" if known else ""
         texts.append(
             f"### {lecture.number}.{k} `{name}({arguments})`\n\n{points} "
-            f"point{'s' * (points != 1)}\n\n```text\n{inspect.getdoc(function)}\n```"
+            f"point{'s' * (points != 1)}{minutes}"
         )
     return texts
+
+
+def _given(lecture: Lecture) -> str:
+    """What stands above the exercises in their file: imports, and constants."""
+    text = inspect.getsource(lecture.module("exercises"))
+    body = ast.parse(text).body
+    first = next(i for i, node in enumerate(body) if isinstance(node, ast.FunctionDef))
+    lines = text.splitlines()
+    kept = lines[(body[0].end_lineno or 0) : body[first - 1].end_lineno]
+    return "\n".join(["from workbench.course.here import check_here", *kept[1:]])
+
+
+def _stub(lecture: Lecture, name: str) -> str:
+    return inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
+
+
+def _check(lecture: Lecture, name: str) -> str:
+    return f"check_here({lecture.number}, {name})"
 
 
 def executed(made: Any, lecture: Lecture, folder: Path) -> Any:

@@ -67,6 +67,16 @@ class Lecture:
         """The names of the functions to write, in the order of their checks."""
         return tuple(dict.fromkeys(check.exercise for check in self.checks))
 
+    def minutes_for(self, exercise: str) -> int | None:
+        """How long an exercise takes, as was estimated; None if nobody has estimated it."""
+        table: dict[int, dict[str, int]] = import_module(f"{LECTURES}.minutes").ESTIMATED
+        return table.get(self.number, {}).get(exercise)
+
+    @property
+    def exercise_minutes(self) -> int:
+        """How long all exercises take that somebody has estimated."""
+        return sum(self.minutes_for(exercise) or 0 for exercise in self.exercises)
+
     @cached_property
     def solutions(self) -> ModuleType:
         """The module of solutions, which is kept once it has been imported."""

@@ -2,9 +2,9 @@
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType, TracebackType
+from types import MappingProxyType, ModuleType, TracebackType
 from typing import Any, Self, TypeVar
 
 import workbench
@@ -77,16 +77,31 @@ def _not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[Che
 
 
 class StudentProcess:
-    """A process that answers questions to a student's file, from its start to its end."""
+    """A process that answers questions to a student's file, from its start to its end.
+
+    `checks` is the module whose functions are sent as code, if any are; `module` is what runs in
+    the process, and `variables` are added to its environment.
+
+    Attributes:
+        refused: what the process was not allowed to do, as far as it said when asked what it
+            printed.
+    """
 
     def __init__(
-        self, file: str, exercises: Sequence[str], seconds: float, checks: ModuleType
+        self,
+        file: str,
+        exercises: Sequence[str],
+        seconds: float,
+        checks: ModuleType | None = None,
+        module: str = "workbench.course.answer_process",
+        variables: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._seconds, self._number = seconds, 0
+        self.refused: list[str] = []
         self._limit = self._left = STARTING
         self._process = Started(
-            ["-P", "-m", "workbench.course.answer_process", file, *exercises],
-            environment(),
+            ["-P", "-m", module, file, *exercises],
+            {**environment(), **variables},
             Path(file).parent,
         )
         self._channel = Channel(self._process.connection)
@@ -135,7 +150,8 @@ class StudentProcess:
     def printed(self) -> str:
         """What the answers to the latest exercise have printed. Raises Ended."""
         match self._asked("printed", ()):
-            case {"printed": str() as text}:
+            case {"printed": str() as text, "refused": list() as refused}:
+                self.refused = [legible(str(one)) for one in refused]
                 return legible(text)
         raise Ended("its process sent what is no answer")
 

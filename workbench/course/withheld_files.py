@@ -12,7 +12,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 
-WITHHELD = ("solutions", "checks")  # of FILES in workbench.course.outline
+WITHHELD = ("solutions", "checks", "variants")
 
 
 class Withheld(WorkbenchError, PermissionError):
@@ -22,24 +22,31 @@ class Withheld(WorkbenchError, PermissionError):
     """
 
 
-def withhold(file: str) -> None:
+def withhold(file: str) -> list[str]:
     """Keep the solutions and checks of all lectures from what this process runs from now on.
 
     `file` is the one that is graded, which may be read even if it is a lecture's own solutions.
+    Returns a list to which the files are added that were refused.
     """
     graded = os.path.realpath(file)
+    refused: list[str] = []
 
     def refuse(event: str, arguments: tuple[Any, ...]) -> None:
         if event != "open" or not isinstance(arguments[0], str | bytes):
             return
         path = Path(os.path.realpath(os.fsdecode(arguments[0])))
         if str(path) != graded and of_a_lecture(path):
+            folder = path.parent.parent if path.parent.name == "__pycache__" else path.parent
+            told = f"reading {folder.name}/{path.name.partition('.')[0]}.py"
+            if told not in refused:
+                refused.append(told)
             raise Withheld(
                 f"{path.parent.name}/{path.name} cannot be read by a file that is being graded; "
                 "write the answers in the file itself"
             )
 
     sys.addaudithook(refuse)
+    return refused
 
 
 def of_a_lecture(path: Path) -> bool:

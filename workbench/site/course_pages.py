@@ -9,7 +9,7 @@ from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.site.building import build, copy_licences, put, refuse
 
-GUIDES = ("GUIDE", "AUTHORS")  # the pages beside the lectures
+GUIDES = ("GUIDE", "PLANS", "AUTHORS")  # the pages beside the lectures
 TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
 Tell = Callable[[str], None]  # is called with a line for each part that begins
 
@@ -68,13 +68,16 @@ def _index(there: list[Lecture]) -> str:
 
 
 def _table() -> str:
-    """What each lecture assumes and teaches, and how long it takes."""
+    """What each lecture assumes and teaches, and how long it and its exercises take, in minutes."""
     rows = [
         f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
-        f"| {one.assumes} | {one.teaches} |"
+        f"| {one.exercise_minutes if one.there else ''} | {one.assumes} | {one.teaches} |"
         for one in course()
     ]
-    head = "| | lecture | minutes | assumes | teaches |\n| --- | --- | --- | --- | --- |"
+    head = (
+        "| | lecture | minutes | exercises (estimated) | assumes | teaches |\n"
+        "| --- | --- | --- | --- | --- | --- |"
+    )
     return "\n".join((head, *rows))
 
 

@@ -1,0 +1,36 @@
+"""`workbench lecture pack`, `try` and `mark`."""
+
+from pathlib import Path
+
+from tests.cli.conftest import Run
+
+PACK = ("lecture", "pack", "4.2", "--for", "geometry", "--to", "out")
+
+
+def test_a_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
+    code, out, _ = workbench(*PACK, "--students", "ada,ben", "--seed", "1")
+    assert code == 0
+    assert "1 exercise, 3 points, about 15 minutes as estimated, for 2 students" in out
+    assert "workbench lecture mark HANDED_IN --keys out-keys --csv marks.csv" in out
+    path = Path("out/ada/lec04_skinning.py")
+    code, out, _ = workbench("lecture", "try", str(path))
+    assert code == 1
+    assert "4.2 radius_left  not yet" in out
+    assert "not attempted" in out
+    code, out, _ = workbench("lecture", "mark", "out", "--keys", "out-keys", "--csv", "m.csv")
+    assert code == 0
+    assert "1 of 2 ada  0 of 3" in out
+    assert "2 of 2 ben  0 of 3" in out
+    assert "not attempted" in Path("m.csv").read_text(encoding="utf-8-sig")
+
+
+def test_what_is_wrong_is_said(workbench: Run) -> None:
+    code, _, err = workbench(*PACK[:-1], "out", "--students", "none.csv")
+    assert code == 2
+    assert "cannot read none.csv" in err
+    code, _, err = workbench("lecture", "mark", ".", "--keys", "nowhere")
+    assert code == 2
+    assert "`workbench lecture pack` wrote" in " ".join(err.split())
+    code, _, err = workbench("lecture", "try", "nothing.py")
+    assert code == 2
+    assert not list(Path().iterdir())

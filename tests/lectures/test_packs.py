@@ -1,0 +1,240 @@
+"""Packs: what is handed out has no answers in it, and what is handed in is marked fairly."""
+
+import csv
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from workbench.course.outline import root
+from workbench.course.packs.handed_in import collect
+from workbench.course.packs.keys import KEYS, ClassKey, read_keys, value
+from workbench.course.packs.likeness import attempted, compared, constants, shapes
+from workbench.course.packs.marking import Limits
+from workbench.course.packs.marks import (
+    NOT_YET,
+    mark_class,
+    median_minutes,
+    plain_cell,
+    write_table,
+)
+from workbench.course.packs.packing import write_pack
+from workbench.course.packs.students import students
+from workbench.course.packs.texts import EXAMPLES
+from workbench.course.plain import opened
+from workbench.errors import BadArgument, BadFile
+
+SIX = students("Ada Lovelace, ben, cleo, dora, emil, fay")
+GOOD = "    return abs(1 - weight + weight * np.exp(1j * (1 + BACK) * angle))\n"
+HOSTILE = """    import os, socket
+    import multiprocessing as mp
+    tries = (
+        lambda: mp.get_context("spawn").Process(target=print).start(),
+        lambda: open(KEY).read(),
+        lambda: os.listdir(os.path.dirname(KEY)),
+        lambda: socket.socket(),
+        lambda: os.system("touch " + KEY + ".gone"),
+        lambda: open(KEY + ".gone", "w"),
+        lambda: os.remove(KEY),
+        lambda: os.kill(os.getppid(), 9),
+        lambda: __import__("workbench.lectures.lec04_skinning.variants"),
+        lambda: os.open("root" + KEY, os.O_RDONLY, dir_fd=os.open("/proc/self", os.O_RDONLY)),
+    )
+    for k, one in enumerate(tries):
+        try:
+            one()
+        except Exception as error:
+            print(error)
+        else:
+            open(f"/done-{k}", "w")
+    import workbench.course.packs.marking as marking
+    marking.compare = lambda *a: None
+    open("beside.txt", "w").write("allowed")
+    class Equal(float):
+        __eq__ = lambda self, other: True
+    return Equal(0.5)
+"""
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, ClassKey]:
+    place = tmp_path_factory.mktemp("pack")
+    key = write_pack(["4.2"], "geometry", SIX, place / "out", place / "keys", seed=3)
+    return place / "out", place / "keys", key
+
+
+def answered(folder: Path, student: str, body: str, ending: str = "py") -> Path:
+    path = folder / student / f"lec04_skinning.{ending}"
+    text = path.read_text(encoding="utf-8")
+    stub = '    raise Unsolved("radius_left")'
+    if ending == "py":
+        path.write_text(text.replace(stub + "\n", body), encoding="utf-8")
+    else:
+        book = json.loads(text)
+        for cell in book["cells"]:
+            cell["source"] = "".join(cell["source"]).replace(stub, body.rstrip())
+        path.write_text(json.dumps(book), encoding="utf-8")
+    return path
+
+
+def test_a_pack_has_no_answers_in_it(pack: tuple[Path, Path, ClassKey]) -> None:
+    out, keys, key = pack
+    assert {path.name for path in out.iterdir()} == set(SIX)
+    assert (keys / KEYS).is_file()
+    text = "".join(path.read_text() for path in out.rglob("*") if path.is_file())
+    for hidden in ("np.sin", "sqrt", '"seed"', "tries"):
+        assert hidden not in text
+    for some in key.keys.values():
+        for arguments, answer in (*some[0].tries, *some[0].edges):
+            assert json.dumps(arguments) not in text.replace("\n", "").replace(" ", "")
+            assert f"{opened(answer):.10g}"[:9] not in text or opened(answer) in (0, 1)
+    shown = json.loads((out / "ben" / EXAMPLES).read_text())["exercises"]
+    assert list(shown) == ["lec04_skinning.radius_left"]
+    numbers = {json.dumps(some[0].numbers) for some in key.keys.values()}
+    assert len(numbers) == len(SIX)
+    assert read_keys(keys) == key
+
+
+def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Path) -> None:
+    out, keys, key = pack
+    folder = tmp_path / "in"
+    shutil.copytree(out, folder)
+    path = answered(folder, "ada-lovelace", GOOD)
+    path.write_text(path.read_text().replace('"radius_left": None', '"radius_left": 12'))
+    (published,) = [text for title, text in key.sources["4.2"].items() if "exercise" in title]
+    answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
+    answered(folder, "cleo", f"    KEY = {str(keys / KEYS)!r}\n" + HOSTILE)
+    shutil.copy(path, folder / "dora" / "lec04_skinning.py")
+    answered(folder, "emil", "    while True:\n        pass\n")
+    shutil.rmtree(folder / "fay")
+    (folder / "nobody.py").write_text("x = 1\n")
+    found, table = collect(folder, key), tmp_path / "marks.csv"
+    assert [path.name for path in found.strange] == ["nobody.py"]
+    assert [len(sheets) for sheets in found.sheets.values()] == [1, 1, 1, 1, 1, 0]
+    marks = mark_class(found, key, keys, table, Limits(seconds=1.5))
+    assert [one.points for one in marks] == [3, 3, 0, 0, 0, 0]
+    with table.open(encoding="utf-8-sig") as file:
+        rows = {row["folder"]: row for row in csv.DictReader(file)}
+    told = {student: row["remarks"] for student, row in rows.items()}
+    assert rows["ada-lovelace"]["student"] == "Ada Lovelace"
+    assert rows["ada-lovelace"]["minutes"] == "12"
+    assert rows["ben"]["4.2"] == "3"
+    assert "like the published answer to this exercise: the same" in told["ben"]
+    for what in (
+        "reading keys.json",
+        "listing keys",
+        "the network",
+        "starting another program",
+        "writing keys.json.gone",
+        "changing keys.json",
+        "a signal to a process",
+        "reading lec04_skinning/variants.py",
+    ):
+        assert f"tried {what}, which was refused" in told["cleo"]
+    assert "writing done-" not in told["cleo"]  # nothing of all this was done
+    assert (keys / KEYS).is_file()
+    assert not (folder / "cleo" / "beside.txt").exists()
+    assert "handed out to Ada Lovelace" in told["dora"]
+    assert "has numbers of Ada Lovelace" in told["dora"]
+    assert "like that of Ada Lovelace: the same word for word" in told["dora"]
+    assert "stopped after 1.5 s" in told["emil"]
+    assert told["fay"] == "4.2: not handed in"
+    assert median_minutes(marks) == {"4.2": (12, 2)}
+    # the same command goes on: nothing is marked again but what has changed
+    answered(folder, "cleo", "")
+    shutil.copytree(out / "fay", folder / "fay")
+    answered(folder, "fay", "    # mine\n" + GOOD, "ipynb")
+    before: dict[str, bool] = {}
+    again = mark_class(
+        collect(folder, key),
+        key,
+        keys,
+        table,
+        Limits(seconds=1.5),
+        lambda student, mark, kept: before.update({student: kept}),
+    )
+    assert [student for student, kept in before.items() if not kept] == ["fay"]
+    assert again[-1].points == 3
+
+
+def test_the_table_says_what_is_not_marked_yet(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path
+) -> None:
+    key = pack[2]
+    write_table(tmp_path / "m.csv", key, {})
+    with (tmp_path / "m.csv").open(encoding="utf-8-sig") as file:
+        assert {row["remarks"] for row in csv.DictReader(file)} == {NOT_YET}
+    assert plain_cell("=cmd|'/C calc'!A0") == "'=cmd|'/C calc'!A0"
+    assert plain_cell(-1) == -1
+
+
+def test_files_of_a_lecturer_are_packed(tmp_path: Path) -> None:
+    """The one that the guide shows."""
+    guide = (root() / "GUIDE.md").read_text()
+    (tmp_path / "mine.py").write_text(guide.split("```python\n")[1].split("```")[0])
+    mine = str(tmp_path / "mine.py")
+    key = write_pack([mine], "geometry", {"ada": "ada"}, tmp_path / "out", tmp_path / "keys")
+    assert key.keys["ada"][0].number == "mine.1"
+    assert "STIFFNESS = " in (tmp_path / "out" / "ada" / "mine.py").read_text()
+    arguments, answer = key.keys["ada"][0].tries[0]
+    (force,) = value(arguments)
+    assert value(answer) == pytest.approx(force / key.keys["ada"][0].numbers["STIFFNESS"])
+    with pytest.raises(BadFile, match="exists already"):
+        write_pack([mine], "geometry", {"ada": "ada"}, tmp_path / "out", tmp_path / "k")
+    with pytest.raises(BadArgument, match="must not be inside"):
+        write_pack([mine], "g", {"ada": "ada"}, tmp_path / "new", tmp_path / "new" / "keys")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "keys" / KEYS).write_text('{"keys": {"ada": [{"number": 1}]}}')
+    with pytest.raises(BadFile, match="is damaged"):
+        read_keys(tmp_path / "keys")
+
+
+def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
+    assert students("Zoë Müller, O'Neil") == {"zoë-müller": "Zoë Müller", "o-neil": "O'Neil"}
+    path = tmp_path / "class.csv"
+    path.write_text("\ufeffid;Name\n1;Ada\n2;Ben\n", encoding="utf-8")
+    assert students(str(path)) == {"ada": "Ada", "ben": "Ben"}
+    with pytest.raises(BadArgument, match="would share the folder"):
+        students("Ada B, ada-b")
+    with pytest.raises(BadArgument, match="no students"):
+        students(" , ")
+    with pytest.raises(BadFile, match="cannot read"):
+        students(str(tmp_path / "none.csv"))
+
+
+LONG = """
+def fit(x, y):
+    total = 0.0
+    for k in range(len(x)):
+        inner = x[k] * y[k] + 3.25
+        total = total + np.sqrt(inner ** 2 + 1.0) - len(y) / (k + 1)
+        if total > 100:
+            total = total / 2 - np.exp(-inner)
+    return total + helper(x) * 0.5
+
+def helper(z):
+    return np.sum(z) - np.mean(z)
+"""
+
+
+def test_likeness_is_by_shape_and_not_by_names() -> None:
+    mine = shapes(LONG)["fit"]
+    renamed = LONG.replace("total", "t").replace("inner", "q").replace("helper", "other")
+    assert compared(mine, shapes('"""Me."""\n# mine\n' + LONG)["fit"]) == "the same word for word"
+    assert compared(mine, shapes(renamed)["fit"]) == "the same but for names"
+    nearly = renamed.replace("0.5", "0.5 + 0 * t")
+    assert compared(mine, shapes(nearly)["fit"]) == "nearly the same"
+    other = (
+        LONG.replace("np.sqrt(inner ** 2 + 1.0)", "abs(inner)")
+        .replace("for k in range(len(x)):", "for k, _ in enumerate(zip(x, y)):")
+        .replace("if total > 100:", "while total > 100 and k:")
+    )
+    assert compared(mine, shapes(other)["fit"]) == ""
+    assert compared(*[shapes("def f(x):\n    return x")["f"]] * 2) == ""  # nothing to compare
+    assert shapes("def f(:") == {}
+    assert constants("a = [0.25, 7, 3.125, 1e3, 100]\nb = 'x'") == {3.125}
+    assert not attempted('def f(x):\n    """Do."""\n    raise Unsolved("f")\n', ["f"])
+    assert attempted("def f(x):\n    return 1\n", ["f"])
+    assert attempted("def f(", ["f"])

@@ -1,0 +1,59 @@
+"""The plans for courses: lectures come after those that they assume, and minutes add up."""
+
+import re
+
+import pytest
+
+from workbench.course.outline import course, lecture, root
+from workbench.course.packs.choosing import chosen
+
+TEXT = (root() / "PLANS.md").read_text(encoding="utf-8")
+PLANS = {part.split("\n", 1)[0]: part for part in TEXT.split("\n## ")[1:]}
+WEEKS = {"Six": 6, "Ten": 10, "Fourteen": 14}
+
+
+def rows(plan: str) -> list[list[str]]:
+    lines = [line for line in plan.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def assumed(number: int) -> set[int]:
+    """The lectures that a lecture assumes, from the outline."""
+    text = lecture(number).assumes
+    found: set[int] = set()
+    for part in re.findall(r"lectures? ([\d ,andto]+)", text):
+        for low, high in re.findall(r"(\d+) to (\d+)", part):
+            found |= set(range(int(low), int(high) + 1))
+        found |= {int(n) for n in re.findall(r"\d+", part)}
+    return found
+
+
+def test_assumed_lectures_are_read() -> None:
+    assert assumed(12) == {8, 9, 10}
+    assert assumed(11) == {2, 6, 7}
+    assert assumed(6) == set()
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_plan_can_be_taught(name: str) -> None:
+    *weeks, total = rows(PLANS[name])
+    assert [int(week[0]) for week in weeks] == list(range(1, WEEKS[name.split()[0]] + 1))
+    before: set[int] = set()
+    for _, lectures, in_class, exercises, at_home in weeks:
+        for number in map(int, lectures.split(",")):
+            needed = assumed(number) - before
+            assert not needed, f"lecture {number} assumes {needed}, which came not before"
+            before.add(number)
+        now = [lecture(int(n)) for n in lectures.split(",")]
+        assert int(in_class) == sum(one.minutes for one in now)
+        some = chosen(exercises.split())
+        assert int(at_home) == sum(one.variant.minutes for one in some)
+        assert {one.published.number for one in some if one.published} <= {n.number for n in now}
+    assert int(total[2]) == sum(int(week[2]) for week in weeks)
+    assert int(total[4]) == sum(int(week[4]) for week in weeks)
+    if name.startswith("Fourteen"):
+        assert before >= {one.number for one in course() if one.there and one.number <= 17}
+
+
+def test_there_are_three_plans() -> None:
+    assert len(PLANS) == 3

@@ -1,0 +1,94 @@
+"""Exercises with numbers of each student's own: numbers matter, and every slip is wrong."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from workbench.course.answers import outcome
+from workbench.course.checks import Missed
+from workbench.course.outline import course, lecture
+from workbench.course.packs.choosing import Chosen, chosen, variants_of
+from workbench.course.packs.keys import OF_THE_LECTURE, ExerciseKey, make_keys, value
+from workbench.course.packs.likeness import shapes
+from workbench.course.packs.marking import compare
+from workbench.errors import BadArgument, UnknownName
+
+STUDENTS = {name: name for name in ("ada", "ben", "cleo", "dora")}
+EVERY = [one for lecture in course() if lecture.there for one in variants_of(lecture)]
+KEYS = make_keys("a class", 5, STUDENTS, EVERY)
+EACH = pytest.mark.parametrize("one", EVERY, ids=[one.number for one in EVERY])
+
+
+def key_of(one: Chosen, student: str) -> ExerciseKey:
+    return next(key for key in KEYS.keys[student] if key.number == one.number)
+
+
+def wrong(answer: Callable[..., Any], numbers: dict[str, Any], key: ExerciseKey, pairs: Any) -> int:
+    count = 0
+    for arguments, expected in pairs:
+        came = outcome(lambda *a: answer(*a, **numbers), tuple(value(arguments)))
+        try:
+            compare(came, value(expected), key.exercise, key.within)
+        except Missed:
+            count += 1
+    return count
+
+
+@EACH
+def test_the_numbers_matter_and_slips_are_wrong(one: Chosen) -> None:
+    variant = one.variant
+    for student, other in zip(STUDENTS, (*list(STUDENTS)[1:], "ada"), strict=True):
+        key, theirs = key_of(one, student), key_of(one, other).numbers
+        assert list(key.numbers) == variant.constants
+        assert key.numbers != theirs
+        right = [*key.tries, *key.edges, *key.examples]
+        assert wrong(variant.solution, key.numbers, key, right) == 0
+        assert len({json.dumps(answer) for _, answer in key.tries}) > 3, "one answer fits all"
+        assert wrong(variant.solution, theirs, key, key.tries), "the numbers change no answer"
+        for slip in one.slips:
+            assert wrong(slip.answer, key.numbers, key, key.tries), slip.hint
+        assert one.published is not None
+        assert wrong(one.published.solution(variant.exercise), {}, key, key.tries)
+    assert one.slips, "a variant has a slip that is likely"
+    assert "->" in variant.task
+    assert list(shapes("".join(KEYS.sources[one.number].values())))
+
+
+def test_there_are_two_or_more_in_every_lecture_that_has_any() -> None:
+    counts = {
+        one.number: len(variants_of(one))
+        for one in course()
+        if one.there and (one.folder / "variants.py").is_file()
+    }
+    assert set(range(1, 18)) <= counts.keys()
+    assert min(counts.values()) >= 2
+
+
+def test_every_exercise_has_minutes() -> None:
+    for one in course():
+        if one.there:
+            missing = [name for name in one.exercises if one.minutes_for(name) is None]
+            assert not missing, f"lectures/minutes.py has no minutes of {one.number}: {missing}"
+
+
+def test_a_seed_makes_the_same_numbers_and_another_one_others() -> None:
+    some = chosen(["4.2", "7"])
+    again, other = make_keys("a class", 5, STUDENTS, some), make_keys("a class", 6, STUDENTS, some)
+    mine = key_of(some[0], "ada")
+    assert again.keys["ada"][0] == mine
+    assert other.keys["ada"][0].numbers != mine.numbers
+    assert make_keys("b", 5, STUDENTS, some).keys["ada"][0].numbers != mine.numbers
+    more = make_keys("a class", 5, {**STUDENTS, "emil": "emil"}, some)
+    assert more.keys["ada"] == again.keys["ada"]  # who comes later changes nobody's numbers
+    assert OF_THE_LECTURE in [hint for hint, _ in mine.slips]
+
+
+def test_what_is_no_exercise_is_told() -> None:
+    with pytest.raises(UnknownName, match=r"called '4\.9'; there are 4\.2, 4\.3, 4\.4"):
+        chosen(["4.9"])
+    with pytest.raises(BadArgument, match="neither a lecture"):
+        chosen(["four"])
+    assert [one.number for one in chosen(["4", "4.2"])] == ["4.2", "4.3", "4.4"]
+    assert lecture(4).exercise_minutes == 140

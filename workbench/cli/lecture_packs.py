@@ -1,0 +1,166 @@
+"""`workbench lecture pack`, `try` and `mark`: exercises for a class, and their marks."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.cli.leaving import Interrupted
+from workbench.cli.output import print_page, say
+from workbench.course.packs.examples import try_file
+from workbench.course.packs.handed_in import collect
+from workbench.course.packs.keys import read_keys
+from workbench.course.packs.marking import Limits
+from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
+from workbench.course.packs.packing import write_pack
+from workbench.course.packs.students import students as names_of
+from workbench.diagnostics.structure import counted
+from workbench.errors import BadArgument
+from workbench.interrupts import caused_by
+
+LIMITS = Limits()
+NOT_ALL_RIGHT = 1  # the exit code of `try`
+
+Seconds = Annotated[
+    float, typer.Option(help="Seconds that each exercise, and loading the file, may take.")
+]
+Memory = Annotated[float, typer.Option(help="GiB of memory that the process of a file may take.")]
+
+
+def pack(
+    what: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="WHAT...",
+            help="Lectures (4), exercises (4.2), or a FILE.py with exercises of yours.",
+        ),
+    ],
+    group: Annotated[str, typer.Option("--for", metavar="CLASS", help="The name of the class.")],
+    to: Annotated[Path, typer.Option(help="New folder, with a folder in it for each student.")],
+    students: Annotated[
+        str,
+        typer.Option(
+            help="FILE.csv with a column `student` or `name`, or names with commas between them."
+        ),
+    ] = "everybody",
+    keys: Annotated[
+        Path | None,
+        typer.Option(
+            help="New folder for the answers, which is yours alone; else TO with `-keys` appended."
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(help="A number from which all others are drawn; else one nobody can guess."),
+    ] = None,
+) -> None:
+    """Write exercises for a class: other numbers for each student, and the keys kept apart."""
+    console = Console()
+    hidden = keys or to.with_name(f"{to.name}-keys")
+    named = names_of(students)
+    with Console(stderr=True).status("drawing numbers and computing answers") as status:
+        made = write_pack(
+            what, group, named, to, hidden, seed, lambda name: status.update(f"writing {name}")
+        )
+    points = sum(one.points for one in made.exercises)
+    minutes = sum(one.minutes for one in made.exercises)
+    for one in made.exercises:
+        worth = f"{counted(one.points, 'point')}, about {one.minutes} minutes"
+        say(console, f"[bold]{one.number} {one.exercise}[/] [dim]({worth})[/]")
+    say(
+        console,
+        f"{counted(len(made.exercises), 'exercise')}, {points} points, about {minutes} minutes as "
+        f"estimated, for {counted(len(named), 'student')}",
+    )
+    print_page(console, "to hand out, a folder for each student", to)
+    print_page(console, "keys, which are yours alone", hidden)
+    say(
+        console,
+        f"mark them: workbench lecture mark HANDED_IN --keys {escape(str(hidden))} --csv marks.csv",
+    )
+
+
+def attempt(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Files with your answers.")],
+    seconds: Seconds = LIMITS.seconds,
+    memory: Memory = LIMITS.memory,
+) -> None:
+    """Try answers to a pack on the examples that came with it. Exits with 1 unless all are right.
+
+    They run as they will when they are marked; then other arguments are tried, too.
+    """
+    console, wrong = Console(), 0
+    for path in files:
+        with Console(stderr=True).status(f"trying {escape(str(path))}, which takes some seconds"):
+            found = try_file(path, Limits(seconds, memory))
+        for one in found:
+            right = one.points == one.of
+            wrong += not right
+            state = "[green]right on the examples[/]" if right else "[bold red]not yet[/]"
+            say(console, f"[bold]{one.number} {one.exercise}[/]  {state}")
+            for said in one.remarks:
+                say(console, f"    {escape(said)}")
+    if wrong:
+        raise typer.Exit(NOT_ALL_RIGHT)
+
+
+def mark(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            help="What was handed in: a folder for each student, or files such as ada_NAME.py."
+        ),
+    ],
+    keys: Annotated[Path, typer.Option(help="The folder of keys that `pack` wrote.")],
+    table: Annotated[
+        Path, typer.Option("--csv", metavar="FILE.csv", help="File for the marks.")
+    ] = Path("marks.csv"),
+    seconds: Seconds = LIMITS.seconds,
+    memory: Memory = LIMITS.memory,
+) -> None:
+    """Mark what a class handed in, and write points, minutes and remarks as CSV.
+
+    Each file answers in a process of its own. If it is interrupted, the same command goes on.
+    """
+    if table.suffix.lower() != ".csv":
+        raise BadArgument(f"--csv takes the name of a file .csv, not {table}")
+    console, limits = Console(), Limits(seconds, memory)
+    key = read_keys(keys)
+    found = collect(folder, key)
+    of, done = sum(one.points for one in key.exercises), 0
+
+    def tell(student: str, mark: StudentMark, again: bool) -> None:
+        nonlocal done
+        done += 1
+        kept = " [dim](marked before)[/]" if again else ""
+        name = escape(key.students[student])
+        say(
+            console,
+            f"[dim]{done} of {len(key.students)}[/] [bold]{name}[/]  {mark.points} of {of}{kept}",
+        )
+        for said in remarks(mark):
+            say(console, f"    {escape(said)}")
+
+    try:
+        with Console(stderr=True).status("marking, which takes some seconds for each file"):
+            marks = mark_class(found, key, keys, table, limits, tell)
+    except (KeyboardInterrupt, SystemError) as error:
+        if not caused_by(error, KeyboardInterrupt):
+            raise
+        raise Interrupted(
+            f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
+            "which. The same command goes on"
+        ) from error
+    for path in found.strange:
+        say(console, f"[yellow]belongs to nobody:[/] {escape(str(path))}")
+    for number, (minutes, count) in median_minutes(marks).items():
+        estimate = next(one.minutes for one in key.exercises if one.number == number)
+        told = f"{counted(count, 'student')} needed {minutes:g} minutes (median)"
+        say(console, f"[dim]{number}: {told}; {estimate} were estimated[/]")
+    print_page(console, "marks", table)
+
+
+COMMANDS: dict[str, Callable[..., None]] = {"pack": pack, "try": attempt, "mark": mark}

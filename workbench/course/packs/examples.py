@@ -1,0 +1,67 @@
+"""What students try: their answers against the examples beside their file, and nothing hidden."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from workbench.course.answers import Raised, outcome
+from workbench.course.checks import Missed
+from workbench.course.packs.keys import ExerciseKey, value
+from workbench.course.packs.marking import ExerciseMark, Limits, compare, marks_of
+from workbench.course.packs.texts import EXAMPLES
+from workbench.errors import BadFile
+
+
+def read_examples(folder: Path) -> dict[str, Any]:
+    """The examples in a student's folder. Raises BadFile."""
+    path = folder / EXAMPLES
+    if not path.is_file():
+        raise BadFile(
+            f"there is no {path}; it came with the exercises, and has to stand beside them"
+        )
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["exercises"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(f"{path} is damaged: {error}; take it from what you were given") from error
+    return found
+
+
+def try_file(path: Path, limits: Limits) -> list[ExerciseMark]:
+    """Try a file on its examples, in the process in which it will be marked.
+
+    Each exercise counts one point for all its examples. Raises BadFile.
+    """
+    if not path.is_file():
+        raise BadFile(f"there is no file {path}; give the file with your answers")
+    keys = []
+    for name, one in read_examples(path.parent).items():
+        sheet, _, exercise = name.partition(".")
+        if sheet == path.stem:
+            keys.append(
+                ExerciseKey(
+                    one["number"], sheet, exercise, one["parameters"], 1, 1, one["within"],
+                    one["numbers"], one["examples"], [], [], [],
+                )
+            )  # fmt: skip
+    if not keys:
+        raise BadFile(f"{path.parent / EXAMPLES} says nothing about {path.name}; keep its name")
+    return marks_of(path, keys, limits)
+
+
+def try_here(sheet: str, answer: Callable[..., Any], folder: str | Path = ".") -> None:
+    """Try a function on its examples, in a notebook, and print what came of it."""
+    name = getattr(answer, "__name__", "")
+    found = read_examples(Path(folder)).get(f"{sheet}.{name}")
+    if found is None:
+        raise BadFile(f"there are no examples of {name} in {sheet}; keep the name of the function")
+    for k, (arguments, expected) in enumerate(found["examples"], 1):
+        came = outcome(answer, tuple(value(arguments)))
+        try:
+            compare(came, value(expected), name, found["within"])
+        except Missed as missed:
+            print(f"example {k}: not yet. Expected {missed.expected}, came {missed.came}")
+        else:
+            print(f"example {k}: right")
+    if isinstance(came, Raised):
+        print(f"the last error: {came.kind}: {came.message}")

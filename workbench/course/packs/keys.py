@@ -1,0 +1,204 @@
+"""Keys: the numbers, arguments and expected answers of every student, for the lecturer alone.
+
+A key is plain data (JSON). Marking needs no solution, and nothing that is read here can run code.
+"""
+
+import inspect
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.course.answers import Raised, outcome
+from workbench.course.packs.choosing import Chosen
+from workbench.course.packs.seeds import generator
+from workbench.course.packs.variants import Arguments, Numbers, Variant
+from workbench.course.plain import Malformed, opened, sealed
+from workbench.errors import BadFile
+from workbench.writing import replacing
+
+KEYS = "keys.json"
+HIDDEN, SHOWN = 6, 2  # sets of arguments that only the key has, and that the student sees
+REDRAWN = 100  # times that numbers are drawn anew because another student has the same
+OF_THE_LECTURE = "this answers the exercise as it stands in the lecture, and not this one"
+
+
+@dataclass(frozen=True)
+class ExerciseKey:
+    """What one student's answer to one exercise is marked by.
+
+    `tries`, `edges` and `examples` are lists of pairs: sealed arguments, and the sealed answer. The
+    answers of slips are those to `tries`. See `plain.sealed`.
+
+    Attributes:
+        number: as it is printed, such as `4.2`.
+        sheet: the name of the file that it stands in, without its ending.
+        exercise: the name of the function.
+        parameters: the names of its arguments.
+        points: how many points it is worth.
+        minutes: how long it takes, as was estimated.
+        within: the largest relative error.
+        numbers: the student's own numbers.
+        tries: what is worth all points but that of the edges.
+        edges: what is worth one point, or nothing if there are none.
+        examples: what the student sees.
+        slips: pairs of a hint and answers.
+    """
+
+    number: str
+    sheet: str
+    exercise: str
+    parameters: list[str]
+    points: int
+    minutes: int
+    within: float
+    numbers: Numbers
+    tries: list[Any]
+    edges: list[Any]
+    examples: list[Any]
+    slips: list[Any]
+
+
+@dataclass(frozen=True)
+class ClassKey:
+    """The keys of a class.
+
+    Attributes:
+        group: the name of the class.
+        seed: from which all numbers were drawn.
+        students: the names of the students, by the names of their folders.
+        titles: the titles of the files, by name.
+        keys: the keys of each student, by the name of the folder.
+        sources: published answers to each exercise, as source: to compare with, and to read.
+    """
+
+    group: str
+    seed: int
+    students: dict[str, str]
+    titles: dict[str, str]
+    keys: dict[str, list[ExerciseKey]]
+    sources: dict[str, dict[str, str]]
+
+    @property
+    def exercises(self) -> list[ExerciseKey]:
+        """The exercises, as the first student has them."""
+        return next(iter(self.keys.values()))
+
+
+def make_keys(group: str, seed: int, students: dict[str, str], what: list[Chosen]) -> ClassKey:
+    """Draw the numbers of every student, and compute all answers."""
+    keys: dict[str, list[ExerciseKey]] = {folder: [] for folder in students}
+    for one in what:
+        taken: list[Numbers] = []
+        for folder in students:
+            numbers = drawn(one.variant, seed, (group, folder, one.number), taken)
+            taken.append(numbers)
+            keys[folder].append(_key(one, numbers, seed, (group, folder, one.number)))
+    sources = {one.number: _sources(one) for one in what}
+    return ClassKey(group, seed, students, {one.sheet: one.title for one in what}, keys, sources)
+
+
+def drawn(variant: Variant, seed: int, names: tuple[str, ...], taken: list[Numbers]) -> Numbers:
+    """The numbers of one student, which nobody of those before has, if that is possible."""
+    for k in range(REDRAWN):
+        numbers = variant.draw(generator(seed, *names, "numbers", k))
+        if numbers not in taken:
+            break
+    return numbers
+
+
+def _key(one: Chosen, numbers: Numbers, seed: int, names: tuple[str, ...]) -> ExerciseKey:
+    variant = one.variant
+
+    def answered(arguments: Arguments) -> Any:
+        return variant.solution(*arguments, **numbers)
+
+    def some(what: str, count: int) -> list[Arguments]:
+        rng = generator(seed, *names, what)
+        return [variant.arguments(rng, numbers) for _ in range(count)]
+
+    def pairs(these: list[Arguments]) -> list[Any]:
+        return [[sealed(list(arguments)), sealed(answered(arguments))] for arguments in these]
+
+    tries = some("tries", HIDDEN)
+    slips = []
+    for slip in one.slips:
+        slips.append([slip.hint, _slipped(slip.answer, tries, numbers)])
+    if one.published is not None:
+        lecture = one.published.solution(variant.exercise)
+        slips.append([OF_THE_LECTURE, _slipped(lecture, tries, {})])
+    return ExerciseKey(
+        one.number,
+        one.sheet,
+        variant.exercise,
+        variant.parameters,
+        variant.points,
+        variant.minutes,
+        variant.within,
+        numbers,
+        pairs(tries),
+        pairs(list(variant.edges(numbers))),
+        pairs(some("examples", SHOWN)),
+        [[hint, answers] for hint, answers in slips if answers],
+    )
+
+
+def _slipped(answer: Any, tries: list[Arguments], numbers: Numbers) -> list[Any]:
+    """A wrong function's answers, or none if it cannot answer."""
+    found = [outcome(lambda *a: answer(*a, **numbers), arguments) for arguments in tries]
+    return [] if any(isinstance(one, Raised) for one in found) else [sealed(one) for one in found]
+
+
+def _sources(one: Chosen) -> dict[str, str]:
+    """Answers that are published: to this exercise, and to that of the lecture."""
+    found = {"the published answer to this exercise": inspect.getsource(one.variant.solution)}
+    if one.published is not None:
+        lecture = one.published.solution(one.variant.exercise)
+        found["the published solution of the lecture"] = inspect.getsource(lecture)
+    return found
+
+
+def write_keys(key: ClassKey, folder: Path) -> None:
+    """Write the keys of a class, and the published answers to read, to a folder that exists."""
+    data = asdict(key)
+    for number, sources in key.sources.items():
+        name = next(one.exercise for one in key.exercises if one.number == number)
+        text = "\n\n".join(f"# {title}\n\n{text}" for title, text in sources.items())
+        with replacing(folder / f"answer-{number}-{name}.py") as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    with replacing(folder / KEYS) as temporary:
+        temporary.write_text(json.dumps(data, indent=1, ensure_ascii=False), encoding="utf-8")
+
+
+def read_keys(folder: Path) -> ClassKey:
+    """The keys of a class. Raises BadFile if there are none, or if they are damaged."""
+    path = folder / KEYS
+    if not path.is_file():
+        raise BadFile(
+            f"there is no file {path}; --keys takes the folder of keys that `workbench lecture "
+            "pack` wrote beside the pack"
+        )
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        keys = {
+            str(student): [ExerciseKey(**one) for one in some]
+            for student, some in data["keys"].items()
+        }
+        key = ClassKey(**{**data, "keys": keys})
+        for some in keys.values():
+            for one in some:
+                for arguments, answer in (*one.tries, *one.edges):
+                    opened(arguments), opened(answer)
+        if not keys or set(keys) != set(key.students) or not all(keys.values()):
+            raise ValueError("students without keys")
+    except (KeyError, TypeError, ValueError, AttributeError, Malformed) as error:
+        raise BadFile(f"{path} is damaged: {error}; make the pack again with its seed") from error
+    return key
+
+
+def value(data: Any) -> Any:
+    """A sealed value of a key, opened; a copy each time."""
+    found = opened(data)
+    return found.copy() if isinstance(found, np.ndarray) else found

@@ -1,0 +1,81 @@
+"""What a lecturer should look at: whose file it is, whose numbers, and answers that are alike."""
+
+from collections.abc import Iterable
+
+from workbench.course.packs.handed_in import HandedIn, Sheet
+from workbench.course.packs.keys import ClassKey, ExerciseKey
+from workbench.course.packs.likeness import Shape, compared, constants, distinctive, shapes
+from workbench.course.packs.texts import pack_name
+
+MOST = 4  # names that are listed
+
+
+def remarks_of(found: HandedIn, key: ClassKey) -> dict[str, list[str]]:
+    """Remarks on the files of each student. They are no verdicts, and cost no points."""
+    said: dict[str, list[str]] = {student: [] for student in key.students}
+    for student, sheets in found.sheets.items():
+        for sheet in sheets:
+            said[student] += [*_whose(sheet, student, key), *_numbers(sheet, student, key)]
+    _alike(found, key, said)
+    return said
+
+
+def _whose(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
+    says = sheet.says.get("PACK")
+    others = {pack_name(key, other): name for other, name in key.students.items()}
+    if says is not None and says != pack_name(key, student):
+        yield f"{sheet.path.name} was handed out to {others.get(str(says), 'somebody else')}"
+
+
+def _numbers(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
+    """Numbers of another student's which stand in this file, and in none of this student's."""
+    written = constants(sheet.source)
+    mine = _drawn(key.keys[student], sheet.name)
+    for other, name in key.students.items():
+        if other != student and (seen := (_drawn(key.keys[other], sheet.name) - mine) & written):
+            listed = ", ".join(f"{number:g}" for number in sorted(seen)[:3])
+            yield f"{sheet.path.name} has numbers of {name}: {listed}"
+
+
+def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
+    found: set[float] = set()
+    for one in keys:
+        if one.sheet == sheet:
+            for number in one.numbers.values():
+                parts = number if isinstance(number, list) else [number]
+                found |= {float(x) for x in parts if isinstance(x, int | float)}
+    return {number for number in found if distinctive(number)}
+
+
+def _alike(found: HandedIn, key: ClassKey, said: dict[str, list[str]]) -> None:
+    read = {
+        student: {sheet.name: shapes(sheet.source) for sheet in sheets}
+        for student, sheets in found.sheets.items()
+    }
+    for one in key.exercises:
+        answers = {
+            student: shape
+            for student, sheets in read.items()
+            if (shape := sheets.get(one.sheet, {}).get(one.exercise)) is not None
+        }
+        published = {
+            what: shape
+            for what, source in key.sources[one.number].items()
+            for shape in list(_published(source))[:1]
+        }
+        for student, shape in answers.items():
+            like: dict[str, list[str]] = {}
+            for what, theirs in published.items():
+                if how := compared(shape, theirs):
+                    like.setdefault(how, []).append(what)
+            for other, theirs in answers.items():
+                if other != student and (how := compared(shape, theirs)):
+                    like.setdefault(how, []).append(f"that of {key.students[other]}")
+            for how, whose in like.items():
+                more = f" and {len(whose) - MOST} more" if len(whose) > MOST else ""
+                listed = ", ".join(whose[:MOST])
+                said[student].append(f"{one.number}: like {listed}{more}: {how}")
+
+
+def _published(source: str) -> Iterable[Shape]:
+    return shapes(source).values()
