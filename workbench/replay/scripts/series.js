@@ -1,0 +1,89 @@
+// Bodies that are shown one after the other: frames, stages, hypotheses, ends of solvers.
+
+const NO_CONTACT = 65535; // of distances in hundredths of a millimetre
+
+class Series {
+  constructor(replay, data) {
+    Object.assign(this, data, { replay, at: 0, on: data.columns.map(() => true) });
+    this.count = data.labels.length;
+    this.frames = data.fps !== null || data.name === "frames";
+    if (!this.frames && data.columns.length === 1) this.at = this.count - 1; // the result
+    this.contacts = new Map();
+  }
+
+  numbers(state, column) { // of a body that the page poses
+    const size = this.replay.size, start = (state * this.columns.length + column) * size;
+    return this.x.subarray(start, start + size);
+  }
+
+  surface(state, column = 0) { // null where there is no body
+    const { replay, surfaces } = this;
+    if (!surfaces) {
+      const x = this.numbers(state, column);
+      return Number.isNaN(x[0]) ? null : replay.kept(`${this.name}/${state}/${column}`, () => replay.surface(x));
+    }
+    return replay.kept(`${this.name}/${state}`, () => {
+      const size = surfaces.length / this.count, points = surfaces.subarray(state * size, (state + 1) * size);
+      return { points, normals: normalsOf(points, replay.body.faces) };
+    });
+  }
+
+  shown() { // surfaces with their paint and names
+    const found = [], several = this.columns.length > 1;
+    this.columns.forEach((name, column) => {
+      const surface = this.on[column] ? this.surface(this.at, column) : null;
+      if (surface) found.push({ surface, name, paint: several && column ? pale(rgb(COLOURS[(column - 1) % COLOURS.length])) : this.paint });
+    });
+    return found;
+  }
+
+  get paint() { // grey, and orange where the surface is hidden
+    if (!this.hidden) return this.columns.length > 1 ? GREY : SKIN;
+    this.painted ??= Float32Array.from({ length: 3 * this.hidden.length }, (_, i) =>
+      SKIN[i % 3] + this.hidden[Math.floor(i / 3)] * (PALE_ORANGE[i % 3] - SKIN[i % 3]));
+    return this.painted;
+  }
+
+  get joined() { // [points of the body, points in space] of this state, those that there are
+    if (!this.links) return [[], []];
+    const size = this.links[0].length / this.count, found = [[], []];
+    const [from, to] = this.links.map(all => all.subarray(this.at * size, (this.at + 1) * size));
+    for (let i = 0; i < size; i += 3) {
+      if (Number.isNaN(from[i]) || Number.isNaN(to[i])) continue;
+      found[0].push(from.subarray(i, i + 3));
+      found[1].push(to.subarray(i, i + 3));
+    }
+    return found;
+  }
+
+  get scanPaint() { // three numbers for each point of the scan: its distance to the surface
+    if (!this.contacts.has(this.at)) {
+      const M = this.scan.length / 3, paint = new Float32Array(3 * M);
+      for (let i = 0; i < M; i++) {
+        const far = this.far[this.at * M + i], share = far / (1e5 * this.contact);
+        const colour = far === NO_CONTACT || share > 1 ? [150, 155, 162] : cividis(share);
+        for (let d = 0; d < 3; d++) paint[3 * i + d] = colour[d] / 255;
+      }
+      this.contacts.set(this.at, paint);
+    }
+    return this.contacts.get(this.at);
+  }
+
+  look() { // what the cameras observed in this state
+    if (!this.pixels) return;
+    const { lenses } = this.replay, V = lenses.length, M = this.confidence.length / (this.count * V);
+    lenses.forEach((lens, v) => {
+      const first = (this.at * V + v) * M;
+      lens.confidence = this.confidence.subarray(first, first + M);
+      lens.observed = Array.from({ length: M }, (_, m) => [...this.pixels.subarray(2 * (first + m), 2 * (first + m) + 2)]);
+      lens.rays = lens.observed.map(pixel => lens.ray(pixel));
+    });
+  }
+
+  get text() {
+    const [from, to] = this.joined, said = this.said[this.at];
+    if (!from.length || this.scan) return said;
+    const sum = from.reduce((all, p, i) => all + Math.hypot(...[0, 1, 2].map(d => p[d] - to[i][d])), 0);
+    return `${said} ${from.length} points are ${(1000 * sum / from.length).toFixed(1)} mm on average from where they were observed.`;
+  }
+}
