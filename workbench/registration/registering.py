@@ -177,7 +177,7 @@ def register(
             interrupts.check()
             values, vertices = done.values, done.vertices
             seen = known.seen | done.touched
-            surfaces[stage.name] = np.asarray(vertices)
+            surfaces[_called(stage.name)] = np.asarray(vertices)
             solution = done.stages[-1].solution
             free = sum(np.size(solution.values[name]) for name in stage.free)
             stages.append(
@@ -218,6 +218,11 @@ def _without_boundary(scan: Scan, width: float) -> tuple[Scan, int]:
             "boundary of the scan; leave a narrower boundary out"
         )
     return scan.some(inner), int((~inner).sum())
+
+
+def _called(stage: str) -> str:
+    """What the surface at the end of a stage of free vertices is called."""
+    return "free vertices" if stage == "free" else f"free vertices, {stage}"
 
 
 def _surfaces(fit: ModelFit, recipe: Recipe) -> dict[str, Array]:

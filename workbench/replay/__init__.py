@@ -6,6 +6,7 @@ from workbench.replay.recording import (
     recorded_diagnosis,
     recorded_posterior,
     recorded_run,
+    recorded_solution,
     recorded_start,
 )
 from workbench.replay.registrations import recorded_registration
@@ -20,5 +21,6 @@ __all__ = [
     "recorded_posterior",
     "recorded_registration",
     "recorded_run",
+    "recorded_solution",
     "recorded_start",
 ]

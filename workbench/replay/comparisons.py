@@ -17,8 +17,8 @@ from workbench.replay.shown_body import Recording, shown_with_row
 STARTS, SOLVERS = 8, 12  # of a problem that are shown
 OF_ENDS = (
     "The body where each solver ended, from the same start for all; the grey body is the start. "
-    "The slider goes from start to start. "
 )
+OF_STARTS = "The slider goes from start to start. "
 
 
 def recorded_ends(comparison: Comparison, problem: str) -> Recording | None:
@@ -57,7 +57,7 @@ def recorded_ends(comparison: Comparison, problem: str) -> Recording | None:
     return recording(
         shown,
         row(first.start),
-        OF_ENDS.rstrip(),
+        (OF_ENDS + (OF_STARTS if len(instances) > 1 else "")).rstrip(),
         series=[series],
         landmarks=landmarks,
         views=seen,
@@ -92,4 +92,5 @@ def _said(comparison: Comparison, instance: Instance, solvers: Sequence[str]) ->
         record = comparison.records[instance.name, solver]
         told.append(f"{solver} {record.cost:.4g}" if record.finite else f"{solver} at no point")
     lowest = f" The lowest cost known is {known.best:.4g}." if np.isfinite(known.best) else ""
-    return f"From {_label(instance)} the runs ended at these costs: {', '.join(told)}.{lowest}"
+    begun = f"From {_label(instance)} the runs" if instance.argument else "The runs"
+    return f"{begun} ended at these costs: {', '.join(told)}.{lowest}"

@@ -67,6 +67,23 @@ def recorded_run(outcome: Outcome) -> Recording | None:
     )
 
 
+def recorded_solution(
+    solution: Solution, problem: Problem, start: Values, body: Body
+) -> Recording | None:
+    """The replay of one solver's way from `start`, with its stages and hypotheses.
+
+    None if the values do not determine the body, and for one that a page cannot pose.
+    """
+    values = dict(start) | dict(solution.values)
+    found = shown_with_row(body, problem, values)
+    if found is None:
+        return None
+    shown, row = found
+    runs = tracks({solution.solver: solution}, problem, row, start)
+    series = [*_stages(solution, row), *_ends(solution, row)]
+    return _recording(shown, row, problem, values, OF_RUN, (), runs=runs, series=series)
+
+
 def recorded_start(setup: Setup) -> Recording | None:
     """The body where a problem starts, for a page on which runs come in live.
 

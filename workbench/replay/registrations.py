@@ -52,6 +52,7 @@ def recorded_registration(found: Registration) -> Recording | None:
         links=(np.array(ends), np.tile(scan.points[joined], (len(ends), 1, 1))),
         scan=(scan.points, np.array(far)),
         contact=found.reach,
+        scale=_scale(far[-1], found.reach),
         hidden=(~found.seen).astype(float),
     )
     turn = found.facing
@@ -62,6 +63,12 @@ def recorded_registration(found: Registration) -> Recording | None:
         front=(float(np.sin(turn)), 0.0, float(np.cos(turn))),
         series=[series],
     )
+
+
+def _scale(distances: Array, reach: float) -> float:
+    """Where the colours end: 98 % of the points in contact at last are nearer, in whole mm."""
+    near = distances[distances < reach]
+    return float(np.ceil(MM * np.percentile(near, 98)) / MM) if len(near) else reach
 
 
 def _said(name: str, distances: Array, reach: float) -> str:

@@ -30,6 +30,7 @@ class Series:
         scan: (M, 3) m, points of a scan, and (S, M) m how far they are from each surface;
             infinite without a contact.
         contact: in m, the distance up to which a point is coloured.
+        scale: in m, the distance from which on all colours are the same.
         hidden: (N,) from 0 to 1, how orange the surface is.
     """
 
@@ -44,6 +45,7 @@ class Series:
     keypoints: tuple[Array, Array] | None = None
     scan: tuple[Array, Array] | None = None
     contact: float = 0.0
+    scale: float = 0.0
     hidden: Array | None = None
 
     def data(self) -> dict[str, Any]:
@@ -62,6 +64,7 @@ class Series:
             "scan": None if self.scan is None else packed(self.scan[0], "f4"),
             "far": None if self.scan is None else packed(_hundredths(self.scan[1]), "u2"),
             "contact": self.contact,
+            "scale": self.scale,
             "hidden": _packed(self.hidden),
         }
 

@@ -146,15 +146,25 @@ class Replay {
       if (seen > best) best = seen; else scene.turn = before;
     }
     scene.turn += 0.35;
-    let radius = 0, low = Infinity, high = -Infinity;
-    for (let i = 0; i < points.length; i += 3) {
-      const p = [0, 1, 2].map(d => points[i + d] - middle[d]), up = dot(p, scene.up);
-      radius = Math.max(radius, Math.hypot(...p.map((x, d) => x - up * scene.up[d])));
-      low = Math.min(low, up);
-      high = Math.max(high, up);
+    const extent = surface => { // m: the lowest and highest, and how far out, upwards of the middle
+      const { points } = surface, found = [Infinity, -Infinity, 0, 0];
+      for (let i = 0; i < points.length; i += 3) {
+        const p = [0, 1, 2].map(d => points[i + d] - middle[d]), up = dot(p, scene.up);
+        const out = Math.hypot(...p.map((x, d) => x - up * scene.up[d])), near = out / FOCAL; // as seen from nearby
+        [up - near, up + near, out].forEach((x, k) => { found[k] = k ? Math.max(found[k], x) : Math.min(found[k], x); });
+      }
+      return found;
+    };
+    let [low, high, out] = extent(this.whole);
+    const most = 0.8 * (high - low); // what has run away does not make the others small
+    for (const other of this.series.flatMap(one => one.some)) {
+      const [under, over, beside] = extent(other);
+      low = Math.max(Math.min(low, under), Math.min(low, -most));
+      high = Math.min(Math.max(high, over), Math.max(high, most));
+      out = Math.min(Math.max(out, beside), Math.max(out, most));
     }
     this.middle = middle.map((x, d) => x + (low + high) / 2 * scene.up[d]);
-    this.room = [1.9 * radius, 1.18 * (high - low)]; // m, across and upwards
+    this.room = [1.9 * out, 1.05 * (high - low)]; // m, across and upwards
   }
 
   paint() {
@@ -167,7 +177,7 @@ class Replay {
     }
     const rows = Math.ceil(all.length / columns);
     scene.distance = this.zoom * FOCAL / 2 * Math.max(columns * wide * ratio, rows * tall);
-    scene.middle = this.middle.map((x, d) => x + this.travelled[d]);
+    scene.middle = this.middle.map((x, d) => x + (this.one?.travelled(this.one.at)[d] ?? 0));
     scene.begin(this.lens);
     const [right, up] = scene.axes(), labels = [];
     all.forEach(({ surface, paint, name }, i) => {
@@ -184,13 +194,6 @@ class Replay {
       this.axis, this.time, run => this.now(run));
     this.sentence.textContent = this.said();
     this.milliseconds.push(performance.now() - begun);
-  }
-
-  get travelled() { // m: how far a body that moves through frames is from where it began
-    const { one } = this;
-    if (!one?.frames || !one.x) return [0, 0, 0];
-    const [, , trans] = this.arguments(one.numbers(one.at, 0)), [, , here] = this.arguments(this.here);
-    return [0, 1, 2].map(d => trans[d] - here[d]);
   }
 
   paintObserved(surface, shift) { // points in space, and lines to them from those of the body
@@ -321,13 +324,14 @@ class Replay {
       this.sync();
     });
     const columns = this.columns = make("div", top, { className: "replay-columns" });
-    const left = make("div", columns), stage = make("div", left, { className: "replay-stage" });
+    const main = make("div", columns), scene = make("div", main), left = make("div", main);
+    const stage = make("div", scene, { className: "replay-stage" });
     const canvas = make("canvas", stage);
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", "The body in 3D. Drag it or use the arrow keys to turn it.");
     this.scene = new Scene(canvas);
     this.over = make("canvas", stage, { className: "over" });
-    const time = this.sliding = row(left);
+    const time = this.sliding = row(scene);
     this.player = button(time, "▶", () => this.playing ? this.stop() : this.play());
     this.slider = make("input", time, { type: "range", min: 0, max: 1000, value: 1000 });
     this.slider.addEventListener("input", () => { this.stop(); this.take(this.slider.value / 1000); });
@@ -367,8 +371,11 @@ class Replay {
       label.append(" lines from the body to what was observed");
       box.addEventListener("change", () => { this.rays = box.checked; this.paint(); });
     }
+    this.series.forEach((one, i) => { if (one.scan) this.rows[`series${i}`].push(this.key(one, row(left, "distance"), make)); });
     this.sentence = make("p", left, { className: "replay-said" });
     this.sentence.setAttribute("aria-live", "polite");
+    const caption = root.parentElement.querySelector("figcaption");
+    if (caption) left.append(caption); // beside the body, where there is room
     this.side = make("div", columns);
     if (this.runs.length || this.live) {
       choice(row(this.side, "clock"), Object.keys(CLOCKS).map(name => [name, name]), "evaluations", clock => { this.clock = clock; });
@@ -393,6 +400,14 @@ class Replay {
     series.chips = series.columns.length < 2 ? [] : make("bodies", series.columns, i => { series.on[i] = !series.on[i]; });
     series.chips.forEach((chip, i) => { if (i) chip.style.setProperty("--colour", COLOURS[(i - 1) % COLOURS.length]); });
     return rows;
+  }
+
+  key(series, parent, make) { // which colour stands for which distance of a point to the surface
+    make("span", parent, { textContent: "0" });
+    const bar = make("canvas", parent, { width: 120, height: 10 }), g = bar.getContext("2d");
+    for (let x = 0; x < 120; x++) { g.fillStyle = `rgb(${cividis(x / 120).map(Math.round).join(",")})`; g.fillRect(x, 0, 1, 10); }
+    make("span", parent, { textContent: `${+(1000 * series.scale).toPrecision(2)} mm or more` });
+    return parent;
   }
 
   sync() { // what belongs to the mode is shown, and the slider stands where it should
@@ -480,6 +495,7 @@ for (const root of document.querySelectorAll("[data-replay]")) {
     root.prepend(place);
     root.replay = new Replay(place, await read(root.querySelector("script")), await bodyOf(root.dataset.body));
     root.dataset.ready = Math.round(performance.now() - begun);
+    document.querySelector("[data-without-replay]")?.remove();
   } catch (error) { // an old browser; the page's figures say the same
     place.remove();
     root.hidden = true;

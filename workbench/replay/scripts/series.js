@@ -1,6 +1,6 @@
 // Bodies that are shown one after the other: frames, stages, hypotheses, ends of solvers.
 
-const NO_CONTACT = 65535; // of distances in hundredths of a millimetre
+const SOME = 12; // states whose room is looked at
 
 class Series {
   constructor(replay, data) {
@@ -26,6 +26,21 @@ class Series {
       const size = surfaces.length / this.count, points = surfaces.subarray(state * size, (state + 1) * size);
       return { points, normals: normalsOf(points, replay.body.faces) };
     });
+  }
+
+  get some() { // surfaces of some of the states, each moved to where the first one is
+    const found = [], step = Math.max(1, Math.floor(this.count / SOME));
+    for (let state = 0; state < this.count; state += step) this.columns.forEach((_, column) => {
+      const surface = this.surface(state, column), away = this.travelled(state);
+      if (surface) found.push({ points: this.frames ? surface.points.map((x, i) => x - away[i % 3]) : surface.points });
+    });
+    return found;
+  }
+
+  travelled(state) { // m: how far a body that moves through frames is from where it began
+    if (!this.frames) return [0, 0, 0];
+    const { replay } = this, [, , trans] = replay.arguments(this.numbers(state, 0)), [, , here] = replay.arguments(replay.here);
+    return [0, 1, 2].map(d => trans[d] - here[d]);
   }
 
   shown() { // surfaces with their paint and names
@@ -60,8 +75,8 @@ class Series {
     if (!this.contacts.has(this.at)) {
       const M = this.scan.length / 3, paint = new Float32Array(3 * M);
       for (let i = 0; i < M; i++) {
-        const far = this.far[this.at * M + i], share = far / (1e5 * this.contact);
-        const colour = far === NO_CONTACT || share > 1 ? [150, 155, 162] : cividis(share);
+        const far = this.far[this.at * M + i];
+        const colour = far > 1e5 * this.contact ? [150, 155, 162] : cividis(far / (1e5 * this.scale));
         for (let d = 0; d < 3; d++) paint[3 * i + d] = colour[d] / 255;
       }
       this.contacts.set(this.at, paint);

@@ -148,6 +148,6 @@ function turning() {
 get("turntable").addEventListener("change", turning);
 const bar = get("bar").getContext("2d");
 for (let x = 0; x < 200; x++) { bar.fillStyle = `rgb(${cividis(x / 200).map(Math.round).join(",")})`; bar.fillRect(x, 0, 1, 10); }
-try { take(location.hash.length > 1 ? JSON.parse(decodeURIComponent(location.hash.slice(1))) : { pose: PRESETS["elbows bent"], pose_shapes: false }); }
+try { take(location.hash.length > 1 ? JSON.parse(decodeURIComponent(location.hash.slice(1))) : START ?? { pose: PRESETS["elbows bent"], pose_shapes: false }); }
 catch { take({}); }
 draw();
