@@ -36,7 +36,7 @@ SHOWN = "an outcome of a run, a Motion, a Registration, a Solution, a Diagnosis 
 
 @dataclass(frozen=True, eq=False)
 class ReplayPage:
-    """A page that holds everything it needs; a notebook shows it where it is the last line of a cell.
+    """A page that holds everything it needs; a notebook shows it as the last line of a cell.
 
     Attributes:
         html: the page.

@@ -86,7 +86,7 @@ def sliders_page(
         data=data,
         parts=parts,
         script=script,
-        start=start,
+        start=None if start is None else {**start, "pose_shapes": False},
         origin=origin,
         note=NOTE.format(single=single, millimetres=millimetres),
     )

@@ -4,6 +4,7 @@
 // Okabe and Ito's colours, one a solver, as in the figures
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
 const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
+const PATH = [0.45, 0.55, 0.65];
 const PALE_ORANGE = [0.95, 0.66, 0.42];
 const BEHIND = 0.02; // m: points of a scan are seen through as much of a body
 const FAR = 0.05; // m from the solution: fully orange
@@ -33,7 +34,10 @@ class Replay {
   constructor(root, data, body) {
     Object.assign(this, data, { body });
     this.lenses = data.views.map(view => new Lens(view));
-    this.lenses.forEach(lens => { lens.rays = lens.observed.map(pixel => lens.ray(pixel)); });
+    this.lenses.forEach(lens => {
+      lens.rays = lens.observed.map(pixel => lens.ray(pixel));
+      lens.cropTo(lens.observed.filter((_, m) => lens.confidence[m] > this.least_confidence));
+    });
     this.hand = Float64Array.from(this.here ?? []); // a start that is set by hand, on a live page
     this.size = this.hand.length;
     this.surfaces = new Map();
@@ -198,6 +202,7 @@ class Replay {
 
   paintObserved(surface, shift) { // points in space, and lines to them from those of the body
     const { scene, one, observed } = this, lines = [], dots = [];
+    if (one?.trail) scene.lines(one.trail(surface), PATH, shift);
     if (one?.scan) scene.dots(one.scan, one.scanPaint, shift, 2.5, BEHIND);
     if (!this.rays) return;
     this.rayLines(surface, lines);

@@ -118,9 +118,9 @@ class Scene {
   }
 
   image(lens) { // where the image of a calibrated camera lies on the canvas, in CSS px
-    const [W, H] = lens.size, { clientWidth: w, clientHeight: h } = this.canvas;
-    const scale = Math.min(w / W, h / H);
-    return { left: (w - scale * W) / 2, top: (h - scale * H) / 2, scale };
+    const [low, under, high, over] = lens.crop, { clientWidth: w, clientHeight: h } = this.canvas;
+    const scale = Math.min(w / (high - low), h / (over - under));
+    return { left: w / 2 - scale * (low + high) / 2, top: h / 2 - scale * (under + over) / 2, scale };
   }
 
   place(point) { // where the turning camera shows a point, in CSS px

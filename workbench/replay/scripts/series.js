@@ -9,6 +9,8 @@ class Series {
     this.frames = data.fps !== null || data.name === "frames";
     if (!this.frames && data.columns.length === 1) this.at = this.count - 1; // the result
     this.contacts = new Map();
+    if (this.pixels) replay.lenses.forEach((lens, v) => lens.cropTo(this.seenBy(v)));
+    if (!this.frames) this.trail = null;
   }
 
   numbers(state, column) { // of a body that the page poses
@@ -41,6 +43,23 @@ class Series {
     if (!this.frames) return [0, 0, 0];
     const { replay } = this, [, , trans] = replay.arguments(this.numbers(state, 0)), [, , here] = replay.arguments(replay.here);
     return [0, 1, 2].map(d => trans[d] - here[d]);
+  }
+
+  trail({ joints }) { // the way of the root through all frames, as pieces of a line
+    const { replay } = this, places = Array.from({ length: this.count }, (_, t) => {
+      const [, , trans] = replay.arguments(this.numbers(t, 0)), [, , now] = replay.arguments(this.numbers(this.at, 0));
+      return joints[0].map((x, d) => x - now[d] + trans[d]);
+    });
+    return Float32Array.from(places.flatMap((place, t) => t ? [...places[t - 1], ...place] : []));
+  }
+
+  seenBy(v) { // px, all keypoints of a camera in any state
+    const V = this.replay.lenses.length, M = this.confidence.length / (this.count * V), found = [];
+    for (let t = 0; t < this.count; t++) for (let m = 0; m < M; m++) {
+      const i = (t * V + v) * M + m;
+      if (this.confidence[i] > this.replay.least_confidence) found.push([this.pixels[2 * i], this.pixels[2 * i + 1]]);
+    }
+    return found;
   }
 
   shown() { // surfaces with their paint and names
