@@ -7,7 +7,6 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.comparison import Comparison, Record
 from workbench.comparison.design import Instance
-from workbench.errors import WorkbenchError
 from workbench.fitting.setup import Setup
 from workbench.replay.assembling import recording
 from workbench.replay.observations import landmarks_of_views, observed_data, view_data
@@ -31,7 +30,7 @@ def recorded_ends(comparison: Comparison, problem: str) -> Recording | None:
     solvers = comparison.solvers[:SOLVERS]
     try:
         setups = [one.experiment.setup() for one in instances]
-    except WorkbenchError:
+    except Exception:  # a file of the user, which ran in other processes before
         return None
     first = setups[0]
     found = shown_with_row(first.body, first.problem, first.start)

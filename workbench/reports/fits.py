@@ -34,25 +34,27 @@ def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array
     with opened(path, WHAT, DO) as archive:
         shapes = {name: header.shape for name, header in archive.headers.items()}
         named = pose if pose in shapes else POSES
-        ends = {named: (body.n_joints, 3), betas: (body.n_betas,)}
-        for name, end in ends.items():
-            found = shapes.get(name, end)
-            if found[len(found) - len(end) :] != end or len(found) > len(end) + 1:
+        rows = {named: (body.n_joints, 3), betas: (body.n_betas,)}
+        for name, row in rows.items():
+            found = shapes.get(name, row)
+            if found not in (row, (*found[:1], *row), (*found[:1], int(np.prod(row)))):
                 raise BadArgument(
-                    f"{name} of {path} has the shape {found}, and body {body.name!r} has {end}; "
+                    f"{name} of {path} has the shape {found}, and body {body.name!r} has {row}; "
                     "name the body of the fit: workbench sliders NAME --from PLACE"
                 )
-        expected = {name: reals(*shapes.get(name, end)) for name, end in ends.items()}
+        expected = {name: reals(*shapes.get(name, row)) for name, row in rows.items()}
         arrays = read_expected(archive, expected)
-    return _of_frame(arrays[named], 2, frame, path), _of_frame(arrays[betas], 1, frame, path)
+    one, other = (_of_frame(arrays[name], row, frame, path) for name, row in rows.items())
+    return one, other
 
 
-def _of_frame(array: Array, axes: int, frame: int, path: Path) -> Array:
-    if array.ndim == axes:
+def _of_frame(array: Array, row: tuple[int, ...], frame: int, path: Path) -> Array:
+    """One of the rows of an array, whose shape may be flat; the array itself if it is one row."""
+    if array.shape == row:
         return array
     if not 0 <= frame < len(array):
         raise BadArgument(f"{path} has the frames 0 to {len(array) - 1}, and not {frame}")
-    return np.asarray(array[frame])
+    return np.reshape(array[frame], row)
 
 
 def settings_of(pose: Array, betas: Array, body: Body) -> dict[str, Any]:
