@@ -403,7 +403,7 @@ class Replay {
     };
     series.states = series.frames || series.count > FEW || series.count < 2 ? [] : make(series.columns.length > 1 ? "from" : series.name, series.labels, i => { series.at = i; });
     series.chips = series.columns.length < 2 ? [] : make("bodies", series.columns, i => { series.on[i] = !series.on[i]; });
-    series.chips.forEach((chip, i) => { if (i) chip.style.setProperty("--colour", COLOURS[(i - 1) % COLOURS.length]); });
+    series.chips.forEach((chip, i) => chip.style.setProperty("--colour", i ? COLOURS[(i - 1) % COLOURS.length] : "var(--soft)"));
     return rows;
   }
 
