@@ -20,7 +20,7 @@ from workbench.experiments import find
 from workbench.fitting.marker_sets import default_markers
 from workbench.fitting.markers import marker_errors
 from workbench.fitting.setup import Setup
-from workbench.registration import FitStage, Recipe, Registration, register
+from workbench.registration import FitStage, Recipe, Registration, fit_model, register
 from workbench.replay import (
     Recording,
     recorded_ends,
@@ -80,6 +80,15 @@ def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
     assert found.stages[0].name == "model"
     off = [np.linalg.norm(one - found.vertices, axis=1).mean() for one in found.surfaces.values()]
     assert off[0] > 2 * off[2]
+
+
+def test_the_way_of_a_fit_leads_from_its_start_to_its_best_end() -> None:
+    scan = cloud(BODY, person(BODY, 2.0))
+    fit = fit_model(BODY, scan, stages=STAGES)
+    assert fit.way[-1] is fit.values
+    again = fit_model(BODY, scan, stages=STAGES[:1], starts=lambda body, scan: [fit.way[0]])
+    for name, wanted in fit.way[1].items():
+        np.testing.assert_allclose(again.values[name], wanted, atol=1e-9)
 
 
 def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
