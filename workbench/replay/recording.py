@@ -168,7 +168,7 @@ def _stages(solution: Solution, row: Row) -> list[Series]:
         )
     labels = ["start", *(f"stage {k}" for k in range(1, count + 1))]
     rows = _rows(row, [solution.trace[i].values for i in at])
-    return [Series("stages", labels, said, rows=rows)]
+    return [Series("stages", labels, said, rows=rows, opens=count)]
 
 
 def _ends(solution: Solution, row: Row) -> list[Series]:

@@ -49,6 +49,7 @@ def recorded_registration(found: Registration) -> Recording | None:
         list(found.surfaces),
         said,
         surfaces=surfaces,
+        opens=len(surfaces) - 1,
         links=(np.array(ends), np.tile(scan.points[joined], (len(ends), 1, 1))),
         scan=(scan.points, np.array(far)),
         contact=found.reach,

@@ -23,6 +23,7 @@ class Series:
         rows: (S, C, D) numbers of the bodies, NaN where there is none; or None.
         surfaces: (S, N, 3) m, where the bodies are not posed by the page; or None.
         columns: (C,) the names of bodies side by side.
+        opens: the number of the state that is shown first.
         fps: states a second, where they are frames.
         links: (S, L, 3) m twice: points of the body, and the points in space that they are joined
             to; NaN where there is none.
@@ -40,6 +41,7 @@ class Series:
     rows: Array | None = None
     surfaces: Array | None = None
     columns: Sequence[str] = ("",)
+    opens: int = 0
     fps: float | None = None
     links: tuple[Array, Array] | None = None
     keypoints: tuple[Array, Array] | None = None
@@ -55,6 +57,7 @@ class Series:
             "labels": list(self.labels),
             "said": list(self.said),
             "columns": list(self.columns),
+            "opens": self.opens,
             "fps": self.fps,
             "x": _packed(self.rows),
             "surfaces": _packed(self.surfaces),

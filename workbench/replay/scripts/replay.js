@@ -379,8 +379,9 @@ class Replay {
     this.series.forEach((one, i) => { if (one.scan) this.rows[`series${i}`].push(this.key(one, row(left, "distance"), make)); });
     this.sentence = make("p", left, { className: "replay-said" });
     this.sentence.setAttribute("aria-live", "polite");
-    const caption = root.parentElement.querySelector("figcaption");
-    if (caption) left.append(caption); // beside the body, where there is room
+    this.caption = root.parentElement.querySelector("figcaption");
+    this.captioned = this.mode;
+    left.append(this.caption); // beside the body, where there is room
     this.side = make("div", columns);
     if (this.runs.length || this.live) {
       choice(row(this.side, "clock"), Object.keys(CLOCKS).map(name => [name, name]), "evaluations", clock => { this.clock = clock; });
@@ -419,6 +420,7 @@ class Replay {
     const own = new Set(this.rows[this.mode]), { one } = this;
     for (const made of Object.values(this.rows).flat()) { made.hidden = !own.has(made); made.style.display = made.hidden ? "none" : ""; }
     one?.look();
+    this.caption.hidden = this.mode !== this.captioned; // it is about what the page opens with
     one?.states.forEach((state, i) => state.setAttribute("aria-pressed", i === one.at));
     one?.chips.forEach((chip, i) => chip.setAttribute("aria-pressed", one.on[i]));
     this.sliding.style.display = one && one.count < 2 ? "none" : "";

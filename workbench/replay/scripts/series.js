@@ -4,10 +4,9 @@ const SOME = 12; // states whose room is looked at
 
 class Series {
   constructor(replay, data) {
-    Object.assign(this, data, { replay, at: 0, on: data.columns.map(() => true) });
+    Object.assign(this, data, { replay, at: data.opens, on: data.columns.map(() => true) });
     this.count = data.labels.length;
     this.frames = data.fps !== null || data.name === "frames";
-    if (!this.frames && data.columns.length === 1) this.at = this.count - 1; // the result
     this.contacts = new Map();
     if (this.pixels) replay.lenses.forEach((lens, v) => lens.cropTo(this.seenBy(v)));
     if (!this.frames) this.trail = null;
