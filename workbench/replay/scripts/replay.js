@@ -456,12 +456,14 @@ class Replay {
     this.playing = 0;
     this.player.textContent = "▶";
     this.player.setAttribute("aria-label", "play");
+    this.sentence.setAttribute("aria-live", "polite");
   }
 
   play() {
     const begun = performance.now(), from = this.given >= 1 ? 0 : this.given;
     this.player.textContent = "❚❚";
     this.player.setAttribute("aria-label", "stop");
+    this.sentence.setAttribute("aria-live", "off"); // not every frame is read out
     const tick = at => {
       const seconds = (at - begun) / 1000;
       this.playing = requestAnimationFrame(tick);
