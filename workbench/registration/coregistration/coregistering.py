@@ -216,7 +216,8 @@ class Coregistration:
         objective = self.objective(self.plan.observe(state, self.scans.subject))
         moved = state.estimate
         for name in self.plan.blocks:
-            given = BlockInput(objective, self.body.faces, self.plan.options, execution)
+            part = replace(execution, task=f"model, {name}")
+            given = BlockInput(objective, self.body.faces, self.plan.options, part)
             moved = BLOCKS[name](given, moved).estimate
         for share in SHARES:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))
