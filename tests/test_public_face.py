@@ -94,6 +94,7 @@ WORKBENCH = [
     "save_motion",
     "sd_of",
     "sequence",
+    "show",
     "solve",
     "train",
 ]

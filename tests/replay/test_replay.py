@@ -5,14 +5,13 @@ import gzip
 import json
 import re
 from functools import cache
-from html import unescape
 from typing import Any
 
 import numpy as np
 import pytest
 
 import workbench as wb
-from tests.browsers import dumped, need_browser
+from tests.browsers import asked_of_replay
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.experiments import find, run
@@ -25,22 +24,13 @@ from workbench.reports.report import run_page
 LARGEST = 750_000  # bytes that a replay adds to the page of a run
 
 ASKED = """
-<pre id="answers"></pre>
-<script type="module">
-const answers = {};
-try {
-  const root = document.querySelector("[data-replay]");
-  for (let n = 0; n < 200 && !root.dataset.ready && !root.hidden; n++)
-    await new Promise(done => setTimeout(done, 50));
-  const replay = root.replay, [run] = replay.runs;
+  const [run] = replay.runs;
   answers.vertices = run.iterates.map((_, i) => [...replay.iterate(run, i).points]);
   const places = replay.places(replay.iterate(run, run.iterates.length - 1));
   answers.pixels = replay.lenses.map(lens => replay.landmarks.names.map(
     (_, m) => lens.pixel([...places.subarray(3 * m, 3 * m + 3)])));
   answers.onRays = replay.lenses.map(lens => lens.rays.map((ray, m) =>
     lens.pixel(lens.eye.map((x, d) => x + 3 * ray[d])).map((u, d) => u - lens.observed[m][d])));
-  const buttons = [...document.querySelectorAll("[data-replay] button")];
-  const press = text => buttons.find(button => button.textContent.startsWith(text)).click();
   press("cam02");
   answers.camera = replay.sentence.textContent;
   press("directions");
@@ -50,9 +40,6 @@ try {
   replay.take(0);
   answers.draw = replay.sentence.textContent;
   answers.moved = [...replay.surface(replay.moved()).points];
-} catch (error) { answers.error = String(error); }
-document.getElementById("answers").textContent = JSON.stringify(answers);
-</script>
 """
 
 
@@ -163,23 +150,7 @@ def test_a_posterior_shows_its_draws() -> None:
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """What the replay on the page of a run says when it is asked in the browser."""
-    need_browser()
-    folder = tmp_path_factory.mktemp("page")
-    asking = run_page(outcome(), {}).replace("</main>", ASKED + "</main>")
-    (folder / "index.html").write_text(asking, encoding="utf-8")
-    text, complaints = dumped(
-        folder / "index.html",
-        "--use-gl=angle",
-        "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader",
-        "--window-size=500,500",
-        "--virtual-time-budget=20000",
-    )
-    found = re.search(r'<pre id="answers">(.*?)</pre>', text, re.DOTALL)
-    assert found, complaints
-    told = json.loads(unescape(found[1]))
-    assert "error" not in told, (told, complaints)
-    return told
+    return asked_of_replay(run_page(outcome(), {}), ASKED, tmp_path_factory.mktemp("page"))
 
 
 def test_bodies_in_the_browser_are_those_of_python(answers: Any) -> None:

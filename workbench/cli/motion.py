@@ -12,7 +12,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import Up, say, warn_without_effect
+from workbench.cli.output import Up, print_page, say, warn_without_effect
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
@@ -25,6 +25,7 @@ from workbench.motions import Motion, bones_of, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
+from workbench.reports.replay_page import motion_page
 from workbench.writing import replacing
 
 MARKERS = (".npz", ".trc")  # what is written of markers
@@ -54,6 +55,10 @@ def motion(
     strip: Annotated[
         Path | None, typer.Option(help="Draw some frames side by side into this .png.")
     ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(help="Write a page (.html) on which a body plays the motion."),
+    ] = None,
     body: Annotated[
         str | None,
         typer.Option(
@@ -74,9 +79,12 @@ def motion(
             raise BadArgument(f"{option} takes a number above 0, not {number:g}")
     if strip is not None and strip.suffix.lower() != ".png":
         raise BadArgument(f"--strip takes a file that ends in .png, not {strip}")
+    if page is not None and page.suffix.lower() != ".html":
+        raise BadArgument(f"--page takes a file that ends in .html, not {page}")
     if holds_markers(path):
         refuse_suffix(out, MARKERS, "markers")
-        for option, given in (("--fps", fps), ("--rate", rate), ("--body", body)):
+        others = ("--fps", fps), ("--rate", rate), ("--body", body), ("--page", page)
+        for option, given in others:
             if given is not None:
                 warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
@@ -92,7 +100,7 @@ def motion(
         say(console, f"resampled to {len(found)} frames at {fps:g} frames a second")
     wanted = "" if out is None else out.suffix.lower()
     bare = found.bones is None and (strip is not None or wanted == ".bvh")
-    if model is None and (bare or wanted == ".glb"):
+    if model is None and (bare or page is not None or wanted == ".glb"):
         model = load_body("default")
         say(console, "the body is default; --body takes another")
     if model is not None:
@@ -103,6 +111,9 @@ def motion(
         places, pairs = _stick_figure(found, model)
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
+    if page is not None:
+        assert model is not None
+        print_page(console, "page", motion_page(found, model, path.name).save(page))
     if out is not None:
         write_motion(console, out, found, model)
 

@@ -93,6 +93,7 @@ class ModelFit:
         iterations: of all runs together.
         seconds: the time of all runs, in s.
         stopped: why the fit ended early, in a sentence; empty if it did not.
+        way: the start that led to the best hypothesis, and where each stage ended on the way there.
 
     >>> from workbench import load_body
     >>> body = load_body("small")
@@ -111,6 +112,7 @@ class ModelFit:
     iterations: int
     seconds: float
     stopped: str = ""
+    way: tuple[Values, ...] = ()
 
     @property
     def values(self) -> Values:
@@ -167,8 +169,9 @@ def fit_model(
     if not ends:
         raise BadArgument("there is no start; `scan_starts` makes some")
     order = np.random.default_rng(seed).permutation(seen.n_points)
-    before = time.perf_counter()
+    before, first = time.perf_counter(), ends
     iterations, stopped, hypotheses = 0, "", []
+    levels: list[list[Hypothesis]] = []
     given = usual_priors(body) if priors is None else tuple(priors)
     with Interrupts() as interrupts:
         for number, stage in enumerate(stages):
@@ -185,12 +188,33 @@ def fit_model(
                     break
             hypotheses = _different(body, found, same)
             ends = [one.values for one in hypotheses]
+            levels.append(hypotheses)
             if stopped:
                 break
     seconds = time.perf_counter() - before
     return ModelFit(
-        body, seen, problem, stage.reach, tuple(hypotheses), iterations, seconds, stopped
+        body,
+        seen,
+        problem,
+        stage.reach,
+        tuple(hypotheses),
+        iterations,
+        seconds,
+        stopped,
+        _way(first, levels),
     )
+
+
+def _way(starts: Sequence[Values], levels: Sequence[Sequence[Hypothesis]]) -> tuple[Values, ...]:
+    """From a start to the best hypothesis of the last level, through one of each level before.
+
+    The starts of a hypothesis are numbers of the hypotheses of the level before.
+    """
+    k, way = 0, []
+    for level in reversed(levels):
+        way.append(level[k].values)
+        k = level[k].starts[0]
+    return tuple(reversed([*way, starts[k]]))
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """A scan registered from nothing but its points: a body fitted to it, then free vertices."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,6 +86,8 @@ class Registration:
         height: in m, of the fitted person at rest.
         bind: (3,) rad, the rotation of the root in the body's bind pose.
         reach: in m, the reach of the fit's last stage: where bad points begin.
+        surfaces: (N, 3) m each, by name and in order: the surface at the start that led to the
+            result, and at the end of each stage.
     """
 
     scan: Scan
@@ -103,6 +105,7 @@ class Registration:
     height: float
     bind: Array
     reach: float
+    surfaces: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def touching(self) -> Mask:
@@ -166,6 +169,7 @@ def register(
         findings = doubts(fit, known, camera=place, limits=recipe.doubts)
         vertices, values, seen = fit.vertices(), fit.values, known.seen
         unknowns = fit.problem.free.size
+        surfaces = _surfaces(fit, recipe)
         stages = [_outcome("model", unknowns, fit.iterations, fit.cost, fit, vertices, took)]
         for stage in recipe.vertex_stages(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
@@ -173,6 +177,7 @@ def register(
             interrupts.check()
             values, vertices = done.values, done.vertices
             seen = known.seen | done.touched
+            surfaces[_called(stage.name)] = np.asarray(vertices)
             solution = done.stages[-1].solution
             free = sum(np.size(solution.values[name]) for name in stage.free)
             stages.append(
@@ -198,6 +203,7 @@ def register(
         float(np.ptp(rest[:, 1])),
         np.asarray(body.bind_pose[0]),
         fit.reach,
+        surfaces,
     )
 
 
@@ -212,6 +218,22 @@ def _without_boundary(scan: Scan, width: float) -> tuple[Scan, int]:
             "boundary of the scan; leave a narrower boundary out"
         )
     return scan.some(inner), int((~inner).sum())
+
+
+def _called(stage: str) -> str:
+    """What the surface at the end of a stage of free vertices is called."""
+    return "free vertices" if stage == "free" else f"free vertices, {stage}"
+
+
+def _surfaces(fit: ModelFit, recipe: Recipe) -> dict[str, Array]:
+    """The body on the way of its fit, by stages and the number of points that they use."""
+    names = [block.name for block in fit.body.blocks()]
+    counts = [min(stage.points, fit.scan.n_points) for stage in recipe.fit_stages]
+    called = ["start", *(f"stage {k + 1}, {count:,} points" for k, count in enumerate(counts))]
+    return {
+        name: np.asarray(fit.body.vertices(*(values[one] for one in names)))
+        for name, values in zip(called, fit.way, strict=False)  # a stopped fit has fewer stages
+    }
 
 
 @dataclass

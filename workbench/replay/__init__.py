@@ -1,17 +1,26 @@
 """Replays: what a run, a diagnosis or a posterior found, moving in a page of its own numbers."""
 
+from workbench.replay.comparisons import recorded_ends
+from workbench.replay.frames import recorded_frames, recorded_motion
 from workbench.replay.recording import (
-    Recording,
     recorded_diagnosis,
     recorded_posterior,
     recorded_run,
+    recorded_solution,
     recorded_start,
 )
+from workbench.replay.registrations import recorded_registration
+from workbench.replay.shown_body import Recording
 
 __all__ = [
     "Recording",
     "recorded_diagnosis",
+    "recorded_ends",
+    "recorded_frames",
+    "recorded_motion",
     "recorded_posterior",
+    "recorded_registration",
     "recorded_run",
+    "recorded_solution",
     "recorded_start",
 ]

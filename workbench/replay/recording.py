@@ -1,29 +1,29 @@
-"""What a replay shows, as data for the page: the body, the runs, the directions and the draws."""
+"""The replays of runs, of starts, of diagnoses and of posteriors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.diagnostics import Diagnosis
-from workbench.errors import BadArgument
 from workbench.experiments.running import Outcome
-from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.setup import Setup, View
 from workbench.problem import Problem
-from workbench.replay.arguments import Row, row_of_body
-from workbench.replay.browser_bodies import skinned_data
+from workbench.replay.arguments import Row
+from workbench.replay.assembling import recording
+from workbench.replay.frames import OF_POINTS, OF_VIEWS, recorded_frames
 from workbench.replay.moves import DRAWS, gaussian_draws, moves
-from workbench.replay.packing import packed
+from workbench.replay.observations import landmarks_of_views, observed_data, view_data
+from workbench.replay.series import Series
+from workbench.replay.shown_body import Recording, ShownBody, shown_with_row
 from workbench.replay.tracks import tracks
 from workbench.sampling import Posterior
+from workbench.solvers import Solution
 
-VERSION = 1
+MOST_ENDS = 12  # hypotheses that are shown
 GAUSSIAN = "the Gaussian about the solution, whose covariance is (J'J)^-1"
 OF_RUN = (
     "The body at the iterates of each solver. The slider and the play button move all solvers "
@@ -38,46 +38,50 @@ OF_LIVE = (
     "The grey body is the start: turn its joints by the sliders, or leave it, and press a solver. "
     "Every iterate is shown as soon as it is there. "
 )
-OF_VIEWS = (
-    "Red lines lead from points of the body to the rays along which the cameras observed them."
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A replay for a page.
-
-    Attributes:
-        body: the arrays of the body, once for all replays of a page.
-        data: what else `replay.js` takes, as JSON.
-        caption: what there is to see, in words.
-    """
-
-    body: dict[str, Any]
-    data: dict[str, Any]
-    caption: str
 
 
 def recorded_run(outcome: Outcome) -> Recording | None:
-    """The replay of a run: the solvers' ways, directions that are hardly seen, and draws.
+    """The replay of a run: the solvers' ways, directions that are hardly seen, and draws; stages
+    and hypotheses, where there are any; the frames of a body that moves through frames.
 
     None if no body is fitted, or one that a page cannot pose.
     """
     setup, values = outcome.setup, outcome.values
-    shown = _shown(setup.body, setup.problem, values)
-    if shown is None:
-        return None
+    found = shown_with_row(setup.body, setup.problem, values)
+    if found is None:
+        return recorded_frames(setup, values)
+    shown, row = found
     known = outcome.data_alone or outcome.diagnosis
-    draws = gaussian_draws(outcome.diagnosis, shown.row)
+    draws = gaussian_draws(outcome.diagnosis, row)
     return _recording(
         shown,
+        row,
+        setup.problem,
         values,
         OF_RUN,
-        runs=tracks(outcome.compared, setup.problem, shown.row, setup.start),
-        directions=moves(known, shown.row, shown.surface),
+        setup.views,
+        runs=tracks(outcome.compared, setup.problem, row, setup.start),
+        directions=moves(known, row, shown.surface),
         draws=(GAUSSIAN, draws),
-        views=setup.views,
+        series=[*_stages(outcome.solution, row), *_ends(outcome.solution, row)],
     )
+
+
+def recorded_solution(
+    solution: Solution, problem: Problem, start: Values, body: Body
+) -> Recording | None:
+    """The replay of one solver's way from `start`, with its stages and hypotheses.
+
+    None if the values do not determine the body, and for one that a page cannot pose.
+    """
+    values = dict(start) | dict(solution.values)
+    found = shown_with_row(body, problem, values)
+    if found is None:
+        return None
+    shown, row = found
+    runs = tracks({solution.solver: solution}, problem, row, start)
+    series = [*_stages(solution, row), *_ends(solution, row)]
+    return _recording(shown, row, problem, values, OF_RUN, (), runs=runs, series=series)
 
 
 def recorded_start(setup: Setup) -> Recording | None:
@@ -85,10 +89,10 @@ def recorded_start(setup: Setup) -> Recording | None:
 
     None if no body is fitted, or one that a page cannot pose.
     """
-    shown = _shown(setup.body, setup.problem, setup.start)
-    if shown is None:
+    found = shown_with_row(setup.body, setup.problem, setup.start)
+    if found is None:
         return None
-    return _recording(shown, setup.start, OF_LIVE, views=setup.views, live=True)
+    return _recording(*found, setup.problem, setup.start, OF_LIVE, setup.views, live=True)
 
 
 def recorded_diagnosis(
@@ -98,11 +102,14 @@ def recorded_diagnosis(
 
     None if no body moves along them, or one that a page cannot pose.
     """
-    shown = _shown(body, d.problem, d.values)
-    found = [] if shown is None else moves(d, shown.row, shown.surface)
-    if shown is None or not found:
+    found = shown_with_row(body, d.problem, d.values)
+    if found is None:
         return None
-    return _recording(shown, d.values, OF_MOVES, directions=found, views=views)
+    shown, row = found
+    directions = moves(d, row, shown.surface)
+    if not directions:
+        return None
+    return _recording(shown, row, d.problem, d.values, OF_MOVES, views, directions=directions)
 
 
 def recorded_posterior(
@@ -112,92 +119,71 @@ def recorded_posterior(
 
     None if no body is sampled, or one that a page cannot pose.
     """
-    at = posterior.given
-    shown = _shown(body, posterior.problem, at)
-    if shown is None:
+    problem, at = posterior.problem, posterior.given
+    found = shown_with_row(body, problem, at)
+    if found is None:
         return None
-    draws = [shown.row(values) for values in posterior.values(DRAWS)]
-    return _recording(shown, at, OF_DRAWS, draws=(f"the posterior of {name}", draws), views=views)
-
-
-@dataclass(frozen=True, eq=False)
-class _Shown:
-    """A body that a page can pose, its arrays, and how values become its numbers."""
-
-    body: SkinnedBody
-    arrays: dict[str, Any]
-    row: Row
-
-    def surface(self, numbers: Array) -> Array:
-        """The vertices (N, 3) m of a row of numbers."""
-        K, B = self.body.n_joints, self.body.n_betas
-        pose, betas, trans = np.split(numbers, [3 * K, 3 * K + B])
-        return np.asarray(self.body.vertices(pose.reshape(K, 3), betas, trans))
-
-
-def _shown(body: Body | None, problem: Problem, known: Values) -> _Shown | None:
-    if not isinstance(body, SkinnedBody):
-        return None
-    row = row_of_body(body, problem, known)
-    try:
-        return None if row is None else _Shown(body, skinned_data(body, "f4"), row)
-    except BadArgument:
-        return None
+    shown, row = found
+    draws = f"the posterior of {name}", [row(values) for values in posterior.values(DRAWS)]
+    return _recording(shown, row, problem, at, OF_DRAWS, views, draws=draws)
 
 
 def _recording(
-    shown: _Shown,
+    shown: ShownBody,
+    row: Row,
+    problem: Problem,
     at: Values,
     caption: str,
-    runs: Sequence[dict[str, Any]] = (),
-    directions: Sequence[dict[str, Any]] = (),
-    draws: tuple[str, Sequence[Array]] = ("", ()),
-    views: Sequence[View] = (),
-    live: bool = False,
+    views: Sequence[View],
+    **parts: Any,
 ) -> Recording:
-    by, drawn = draws
-    landmarks = _landmarks(shown.body, views)
-    seen = [_view(view, at) for view in views] if landmarks["names"] else []
-    data = {
-        "kind": "replay",
-        "version": VERSION,
-        "here": packed(shown.row(at), "f4"),
-        "runs": list(runs),
-        "directions": list(directions),
-        "draws": {"by": by, "count": len(drawn), "x": packed(drawn, "f4")},
-        "landmarks": landmarks,
-        "views": seen,
-        "least_confidence": LEAST_CONFIDENCE,
-        "live": live,
-    }
-    return Recording(shown.arrays, data, caption + (OF_VIEWS if seen else ""))
+    """The replay with the cameras, and with the points in space that were observed."""
+    landmarks = landmarks_of_views(shown.body, views)
+    seen = [view_data(view, at) for view in views] if landmarks["names"] else []
+    observed = observed_data(problem, problem.read(at), shown.body)
+    said = (OF_VIEWS if seen else "") + (OF_POINTS if observed is not None else "")
+    return recording(
+        shown,
+        row(at),
+        (caption + said).rstrip(),
+        landmarks=landmarks,
+        views=seen,
+        observed=observed,
+        **parts,
+    )
 
 
-def _landmarks(body: SkinnedBody, views: Sequence[View]) -> dict[str, Any]:
-    """The points that the views observed, as means of vertices."""
-    names = {view.landmarks for view in views}
-    if len(names) != 1 or not names <= body.landmarks.keys():
-        return {"names": [], "rows": [], "columns": [], "weights": []}
-    (landmarks,) = (body.landmarks[name] for name in names)
-    entries = landmarks.regressor.tocoo()
-    return {
-        "names": list(landmarks.names),
-        "rows": entries.row.tolist(),
-        "columns": entries.col.tolist(),
-        "weights": [float(f"{weight:.9g}") for weight in entries.data],
-    }
+def _stages(solution: Solution, row: Row) -> list[Series]:
+    """The body where a solve in stages began, and at the end of each stage."""
+    if len(solution.stages) < 2:
+        return []
+    at = [0, *solution.stages]
+    count = len(solution.stages)
+    said = ["Where the first stage begins."]
+    for k in range(1, count + 1):
+        cost = solution.trace[at[k]].cost
+        steps = at[k] - at[k - 1]
+        said.append(
+            f"The end of stage {k} of {count}, after {steps} iterations, at cost {cost:.4g}."
+        )
+    labels = ["start", *(f"stage {k}" for k in range(1, count + 1))]
+    rows = _rows(row, [solution.trace[i].values for i in at])
+    return [Series("stages", labels, said, rows=rows, opens=count)]
 
 
-def _view(view: View, values: Values) -> dict[str, Any]:
-    numbers = {
-        name: np.ravel(values[getattr(view.camera, name).name]).tolist()
-        for name in ("focal", "centre", "distortion", "rotation", "translation")
-    }
-    return {
-        "name": view.name,
-        "size": list(view.size),
-        "held_out": view.held_out,
-        "observed": np.round(view.observed, 2).tolist(),
-        "confidence": np.round(view.confidence, 3).tolist(),
-        **numbers,
-    }
+def _ends(solution: Solution, row: Row) -> list[Series]:
+    """The body at each of the ends to which several starts led."""
+    ends = solution.hypotheses[:MOST_ENDS]
+    if len(ends) < 2:
+        return []
+    said = [
+        f"Hypothesis {k + 1} of {len(solution.hypotheses)}, at cost {one.cost:.4g}; "
+        f"{len(one.starts)} of the starts led to it."
+        for k, one in enumerate(ends)
+    ]
+    labels = [f"{k + 1}: cost {one.cost:.4g}" for k, one in enumerate(ends)]
+    return [Series("hypotheses", labels, said, rows=_rows(row, [one.values for one in ends]))]
+
+
+def _rows(row: Row, each: Sequence[Values]) -> Array:
+    return np.array([row(values) for values in each])[:, None]

@@ -7,11 +7,14 @@ from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.posterior_page import write_posterior
 from workbench.reports.registration_page import write_registration
+from workbench.reports.replay_page import ReplayPage, show
 from workbench.reports.report import write_report
 
 __all__ = [
+    "ReplayPage",
     "card_text",
     "refuse_foreign",
+    "show",
     "write_card",
     "write_comparison",
     "write_design",

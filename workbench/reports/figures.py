@@ -20,13 +20,16 @@ class Shown:
     data: str
     caption: str
     width: int  # px on the page at most
+    chart: bool = True  # and not a picture of a body, whose shading dark pages leave as it is
 
 
 def shown(figure: Figure, caption: str) -> Shown:
     """SVG or PNG, whichever is smaller."""
     drawn, kind = smallest(figure)
     code = b64encode(drawn).decode("ascii")
-    return Shown(f"data:{kind};base64,{code}", caption, round(100 * figure.get_figwidth()))
+    chart = not any(artist.get_rasterized() for artist in figure.findobj())
+    width = round(100 * figure.get_figwidth())
+    return Shown(f"data:{kind};base64,{code}", caption, width, chart)
 
 
 def drawn(

@@ -16,6 +16,7 @@ from workbench.plots.registered_scan import (
 )
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
 from workbench.registration.coregistration.folder import SCAN
+from workbench.replay import recorded_registration
 from workbench.reports.figures import shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
@@ -124,6 +125,7 @@ def registration_page(found: RegisteredScan, body: str) -> str:
         moved=MM * float(np.linalg.norm(one.vertices - one.model, axis=1).mean()),
         others=others_table(one),
         files=FILES,
+        recording=recorded_registration(one),
     )
 
 

@@ -1,7 +1,9 @@
 """A body as one page in which theta and beta can be moved, computed in the browser."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
@@ -46,16 +48,30 @@ STITCHED = (
 BLENDED = Part("weights", "blending of the parts' rotations, of which each triangle has several")
 
 
-def write_sliders(body: SkinnedBody | TriangleBody, path: str | Path) -> Path:
-    """Write the page of a body. Raises BadArgument for one that it cannot show, and BadFile."""
-    text, path = sliders_page(body), Path(path)
+def write_sliders(
+    body: SkinnedBody | TriangleBody,
+    path: str | Path,
+    start: Mapping[str, Any] | None = None,
+    origin: str = "",
+) -> Path:
+    """Write the page of a body. Raises BadArgument for one that it cannot show, and BadFile.
+
+    See `sliders_page` for `start` and `origin`.
+    """
+    text, path = sliders_page(body, start, origin), Path(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 
 
-def sliders_page(body: SkinnedBody | TriangleBody) -> str:
-    """The page of a body as HTML. Raises BadArgument for a body that it cannot show."""
+def sliders_page(
+    body: SkinnedBody | TriangleBody, start: Mapping[str, Any] | None = None, origin: str = ""
+) -> str:
+    """The page of a body as HTML. Raises BadArgument for a body that it cannot show.
+
+    `start` is what the page opens with, as `settings_of` makes it, and `origin` says where it is
+    from; without it the elbows are bent.
+    """
     if isinstance(body, TriangleBody):
         data, script = triangle_data(body), "scape.js"
         single, millimetres = "the deformations of triangles are", "0.00005"
@@ -70,5 +86,7 @@ def sliders_page(body: SkinnedBody | TriangleBody) -> str:
         data=data,
         parts=parts,
         script=script,
+        start=None if start is None else {**start, "pose_shapes": False},
+        origin=origin,
         note=NOTE.format(single=single, millimetres=millimetres),
     )

@@ -6,6 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.fitting.setup import Setup
+from workbench.replay import recorded_frames
 from workbench.reports import tables
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.moving import moving_figures
@@ -48,6 +49,7 @@ def write_video(
         measures=tables.measures_table(measures),
         moving=moving_figures(setup, values),
         files=FILES,
+        recording=recorded_frames(setup, values),
     )
     contents: dict[str, Content] = {
         "index.html": text,

@@ -10,6 +10,14 @@ class Lens {
     this.up = applied(this.back, [0, -1, 0]);
   }
 
+  cropTo(pixels) { // what is shown of the image: the surroundings of these, or all of it
+    const [W, H] = this.size, us = pixels.map(([u]) => u), vs = pixels.map(([, v]) => v);
+    if (!pixels.length) { this.crop = [0, 0, W, H]; return; }
+    const [low, high, under, over] = [Math.min(...us), Math.max(...us), Math.min(...vs), Math.max(...vs)];
+    const room = 0.35 * Math.max(high - low, over - under);
+    this.crop = [Math.max(0, low - room), Math.max(0, under - room), Math.min(W, high + room), Math.min(H, over + room)];
+  }
+
   distorted(x, y) {
     const [k1, k2, p1, p2, k3] = this.distortion, r = x * x + y * y;
     const s = 1 + r * (k1 + r * (k2 + r * k3));

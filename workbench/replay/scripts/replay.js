@@ -1,11 +1,16 @@
-// A replay: bodies along the runs of several solvers, moved along directions, or drawn from a
-// posterior. What it shows is computed here from the numbers that Python wrote.
+// A replay: bodies along the runs of several solvers, moved along directions, drawn from a
+// posterior, or shown one after the other. It is computed here from the numbers that Python wrote.
 
 // Okabe and Ito's colours, one a solver, as in the figures
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
-const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1];
+const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
+const PATH = [0.45, 0.55, 0.65];
+const PALE_ORANGE = [0.95, 0.66, 0.42];
+const BEHIND = 0.02; // m: points of a scan are seen through as much of a body
 const FAR = 0.05; // m from the solution: fully orange
 const CACHED = 600; // surfaces of small bodies; fewer of large ones
+const FEW = 8; // states that have a button each
+const SLOWLY = 0.8; // states a second, where they are no frames
 const CLOCKS = {
   evaluations: [run => run.evaluations.map(n => Math.max(n, 1)), n => `${n} evaluation${n === 1 ? "" : "s"}`],
   iterations: [run => run.iterates.map(i => i + 1), n => `${n - 1} iteration${n === 2 ? "" : "s"}`],
@@ -29,11 +34,16 @@ class Replay {
   constructor(root, data, body) {
     Object.assign(this, data, { body });
     this.lenses = data.views.map(view => new Lens(view));
-    this.lenses.forEach(lens => { lens.rays = lens.observed.map(pixel => lens.ray(pixel)); });
-    this.hand = Float64Array.from(this.here); // a start that is set by hand, on a live page
+    this.lenses.forEach(lens => {
+      lens.rays = lens.observed.map(pixel => lens.ray(pixel));
+      lens.cropTo(lens.observed.filter((_, m) => lens.confidence[m] > this.least_confidence));
+    });
+    this.hand = Float64Array.from(this.here ?? []); // a start that is set by hand, on a live page
+    this.size = this.hand.length;
     this.surfaces = new Map();
-    this.whole = this.surface(this.here);
-    this.mode = this.runs.length || this.live ? "runs" : this.directions.length ? "directions" : "draws";
+    this.series = data.series.map(one => new Series(this, one));
+    this.whole = this.here ? this.surface(this.here) : this.series[0].surface(this.series[0].count - 1);
+    this.mode = this.runs.length || this.live ? "runs" : this.directions.length ? "directions" : this.draws.count ? "draws" : "series0";
     Object.assign(this, { clock: "evaluations", share: 1, lens: null, focus: 0, rays: true, direction: 0, amount: 0, draw: 0, zoom: 1, playing: 0, milliseconds: [] });
     this.build(root);
     this.setUp();
@@ -53,23 +63,25 @@ class Replay {
   surface(x) { // points and normals (3 N), in m
     const [pose, betas, trans] = this.arguments(x), points = Float32Array.from(this.body.vertices(pose, betas));
     for (let i = 0; i < points.length; i++) points[i] += trans[i % 3];
-    return { points, normals: normalsOf(points, this.body.faces) };
+    const joints = this.body.posedJoints.map(place => place.map((y, d) => y + trans[d]));
+    return { points, normals: normalsOf(points, this.body.faces), joints };
   }
 
-  iterate(run, i) {
-    const key = `${run.name}/${i}`, size = this.here.length;
+  kept(key, make) { // what was computed before under this key, or is computed now
     if (!this.surfaces.has(key)) {
-      if (this.surfaces.size * this.body.N > CACHED * 2000) this.surfaces.clear();
-      this.surfaces.set(key, this.surface(run.x.subarray(i * size, (i + 1) * size)));
+      if (this.surfaces.size * this.body.faces.length > CACHED * 12000) this.surfaces.clear();
+      this.surfaces.set(key, make());
     }
     return this.surfaces.get(key);
   }
 
-  places({ points }) { // the landmarks of a surface, (3 M) m
-    const { rows, columns, weights, names } = this.landmarks, found = new Float32Array(3 * names.length);
-    rows.forEach((row, n) => { for (let d = 0; d < 3; d++) found[3 * row + d] += weights[n] * points[3 * columns[n] + d]; });
-    return found;
+  iterate(run, i) {
+    return this.kept(`${run.name}/${i}`, () => this.surface(run.x.subarray(i * this.size, (i + 1) * this.size)));
   }
+
+  places(surface) { return means(this.landmarks, this.landmarks.names.length, surface); } // (3 M) m
+
+  get one() { return this.mode.startsWith("series") ? this.series[this.mode.slice(6)] : null; }
 
   times(run) { return CLOCKS[this.clock][0](run); }
 
@@ -109,6 +121,7 @@ class Replay {
   // What is drawn.
 
   shown() { // surfaces with their paint, and the runs they belong to
+    if (this.one) return this.one.shown();
     if (this.mode === "runs") {
       const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
       if (!this.live || (this.lens && found.length)) return found;
@@ -128,7 +141,7 @@ class Replay {
     if (lenses.length) scene.up = unit([0, 1, 2].map(d => lenses.reduce((sum, lens) => sum + lens.up[d], 0)));
     for (let i = 0; i < points.length; i++) middle[i % 3] += 3 * points[i] / points.length;
     scene.middle = middle;
-    const [a, b, c] = this.here, R = rotation(a, b, c), front = [R[2], R[5], R[8]];
+    const R = this.here ? rotation(...this.here.subarray(0, 3)) : null, front = R ? [R[2], R[5], R[8]] : this.front;
     let best = -2;
     for (let k = 0; k < 72; k++) {
       const before = scene.turn;
@@ -137,15 +150,25 @@ class Replay {
       if (seen > best) best = seen; else scene.turn = before;
     }
     scene.turn += 0.35;
-    let radius = 0, low = Infinity, high = -Infinity;
-    for (let i = 0; i < points.length; i += 3) {
-      const p = [0, 1, 2].map(d => points[i + d] - middle[d]), up = dot(p, scene.up);
-      radius = Math.max(radius, Math.hypot(...p.map((x, d) => x - up * scene.up[d])));
-      low = Math.min(low, up);
-      high = Math.max(high, up);
+    const extent = surface => { // m: the lowest and highest, and how far out, upwards of the middle
+      const { points } = surface, found = [Infinity, -Infinity, 0, 0];
+      for (let i = 0; i < points.length; i += 3) {
+        const p = [0, 1, 2].map(d => points[i + d] - middle[d]), up = dot(p, scene.up);
+        const out = Math.hypot(...p.map((x, d) => x - up * scene.up[d])), near = out / FOCAL; // as seen from nearby
+        [up - near, up + near, out].forEach((x, k) => { found[k] = k ? Math.max(found[k], x) : Math.min(found[k], x); });
+      }
+      return found;
+    };
+    let [low, high, out] = extent(this.whole);
+    const most = 0.8 * (high - low); // what has run away does not make the others small
+    for (const other of this.series.flatMap(one => one.some)) {
+      const [under, over, beside] = extent(other);
+      low = Math.max(Math.min(low, under), Math.min(low, -most));
+      high = Math.min(Math.max(high, over), Math.max(high, most));
+      out = Math.min(Math.max(out, beside), Math.max(out, most));
     }
-    scene.middle = middle.map((x, d) => x + (low + high) / 2 * scene.up[d]);
-    this.room = [1.9 * radius, 1.18 * (high - low)]; // m, across and upwards
+    this.middle = middle.map((x, d) => x + (low + high) / 2 * scene.up[d]);
+    this.room = [1.9 * out, 1.05 * (high - low)]; // m, across and upwards
   }
 
   paint() {
@@ -158,6 +181,7 @@ class Replay {
     }
     const rows = Math.ceil(all.length / columns);
     scene.distance = this.zoom * FOCAL / 2 * Math.max(columns * wide * ratio, rows * tall);
+    scene.middle = this.middle.map((x, d) => x + (this.one?.travelled(this.one.at)[d] ?? 0));
     scene.begin(this.lens);
     const [right, up] = scene.axes(), labels = [];
     all.forEach(({ surface, paint, name }, i) => {
@@ -165,7 +189,7 @@ class Replay {
       const across = (i % columns - (inRow - 1) / 2) * wide, above = ((rows - 1) / 2 - row) * tall;
       const shift = right.map((x, d) => x * across + up[d] * above);
       scene.mesh(surface, this.body.faces, paint, shift);
-      if (this.rays && !this.lens && this.lenses.length) this.paintRays(surface, shift);
+      if (!this.lens) this.paintObserved(surface, shift);
       if (name) labels.push([name, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
     });
     this.paintOver(all, labels);
@@ -176,14 +200,35 @@ class Replay {
     this.milliseconds.push(performance.now() - begun);
   }
 
-  paintRays(surface, shift) { // from each landmark to the ray of every camera that observed it
-    const places = this.places(surface), lines = [];
+  paintObserved(surface, shift) { // points in space, and lines to them from those of the body
+    const { scene, one, observed } = this, lines = [], dots = [];
+    if (one?.trail) scene.lines(one.trail(surface), PATH, shift);
+    if (one?.scan) scene.dots(one.scan, one.scanPaint, shift, 2.5, BEHIND);
+    if (!this.rays) return;
+    this.rayLines(surface, lines);
+    const join = (place, found) => {
+      if (Number.isNaN(place[0])) return;
+      lines.push(...place, ...found);
+      if (!one?.scan) dots.push(...place);
+    };
+    if (one?.links) {
+      const [from, to] = one.joined;
+      to.forEach((place, i) => join(place, from[i]));
+    } else if (observed) {
+      const M = observed.places.length / 3, found = observed.joints ? surface.joints.flat() : means(observed, M, surface);
+      for (let m = 0; m < M; m++) join(observed.places.subarray(3 * m, 3 * m + 3), found.slice(3 * m, 3 * m + 3));
+    }
+    scene.lines(Float32Array.from(lines), RED, shift);
+    scene.dots(Float32Array.from(dots), RED, shift, 4);
+  }
+
+  rayLines(surface, lines) { // from each landmark to the ray of every camera that observed it
+    const places = this.places(surface);
     for (const lens of this.lenses) lens.rays.forEach((ray, m) => {
       if (!(lens.confidence[m] > this.least_confidence)) return;
       const place = places.subarray(3 * m, 3 * m + 3);
       lines.push(...place, ...lens.nearestOnRay([...place], ray));
     });
-    this.scene.lines(Float32Array.from(lines), RED, shift);
   }
 
   paintOver(all, labels) { // names above the bodies, or keypoints in the image of a camera
@@ -222,7 +267,14 @@ class Replay {
     this.error = [sum / count, count];
   }
 
+  get offInImage() { // a sentence on the keypoints in the image that is looked at
+    if (!this.lens) return "";
+    const [mean, count] = this.error;
+    return count ? ` In ${this.lens.name} its ${count} keypoints are ${mean.toFixed(1)} px off on average.` : ` In ${this.lens.name} no keypoint was observed.`;
+  }
+
   said() {
+    if (this.one) return this.one.text + this.offInImage;
     if (this.mode === "draws")
       return `Draw ${this.draw + 1} of ${this.draws.count} from ${this.draws.by}. The farther a point is from the solution, the more orange it is, up to 5 cm.`;
     if (this.mode === "directions") {
@@ -235,9 +287,8 @@ class Replay {
     const runs = this.chosen;
     if (!runs.length) return this.runs.length ? "No solver is chosen." : "Nothing was solved yet.";
     const costs = listed(runs.map(run => `${run.name} ${short(run.cost[this.now(run)])}`));
-    const seen = this.lens ? ` In ${this.lens.name} its ${this.error[1]} keypoints are ${this.error[0].toFixed(1)} px off on average.` : "";
     const time = this.clock === "seconds" ? this.time : Math.floor(this.time * (1 + 1e-9));
-    return `Costs after ${CLOCKS[this.clock][1](time)}: ${costs}.${seen}`;
+    return `Costs after ${CLOCKS[this.clock][1](time)}: ${costs}.${this.offInImage}`;
   }
 
   // Controls.
@@ -269,7 +320,8 @@ class Replay {
     const top = make("div", root);
     const modes = [["the solvers' way", "runs", this.runs.length],
                    ["directions hardly seen", "directions", this.directions.length],
-                   ["draws from the posterior", "draws", this.draws.count]].filter(([, , some]) => some);
+                   ["draws from the posterior", "draws", this.draws.count],
+                   ...this.series.map(({ name, count }, i) => [name, `series${i}`, count])].filter(([, , some]) => some);
     if (modes.length > 1) choice(row(top, "show"), modes, this.mode, mode => {
       this.stop();
       this.mode = mode;
@@ -277,17 +329,18 @@ class Replay {
       this.sync();
     });
     const columns = this.columns = make("div", top, { className: "replay-columns" });
-    const left = make("div", columns), stage = make("div", left, { className: "replay-stage" });
+    const main = make("div", columns), scene = make("div", main), left = make("div", main);
+    const stage = make("div", scene, { className: "replay-stage" });
     const canvas = make("canvas", stage);
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", "The body in 3D. Drag it or use the arrow keys to turn it.");
     this.scene = new Scene(canvas);
     this.over = make("canvas", stage, { className: "over" });
-    const time = row(left);
+    const time = this.sliding = row(scene);
     this.player = button(time, "▶", () => this.playing ? this.stop() : this.play());
     this.slider = make("input", time, { type: "range", min: 0, max: 1000, value: 1000 });
     this.slider.addEventListener("input", () => { this.stop(); this.take(this.slider.value / 1000); });
-    this.rows = { runs: [], directions: [] };
+    this.rows = { runs: [], directions: [], draws: [] };
     const which = row(left);
     const select = make("select", which);
     select.setAttribute("aria-label", "direction");
@@ -309,18 +362,26 @@ class Replay {
     this.runs.forEach(this.add);
     this.rows.directions.push(which);
     this.rows.runs.push(solvers);
+    this.series.forEach((one, i) => { this.rows[`series${i}`] = this.chooseState(one, row, button, left); });
     if (this.lenses.length) {
       const cameras = row(left, "seen from");
       choice(cameras, [["anywhere", null], ...this.lenses.map(lens => [lens.name, lens])], null, lens => { this.lens = lens; this.sync(); });
       this.rows.runs.push(cameras);
+      this.series.forEach((one, i) => { if (one.columns.length === 1) this.rows[`series${i}`].push(cameras); });
       this.anywhere = cameras.querySelector("button");
+    }
+    if (this.lenses.length || this.observed || this.series.some(one => one.links)) {
       const label = make("label", row(left));
       const box = make("input", label, { type: "checkbox", checked: true });
-      label.append(" lines from the body to what the cameras observed");
+      label.append(" lines from the body to what was observed");
       box.addEventListener("change", () => { this.rays = box.checked; this.paint(); });
     }
+    this.series.forEach((one, i) => { if (one.scan) this.rows[`series${i}`].push(this.key(one, row(left, "distance"), make)); });
     this.sentence = make("p", left, { className: "replay-said" });
     this.sentence.setAttribute("aria-live", "polite");
+    this.caption = root.parentElement.querySelector("figcaption");
+    this.captioned = this.mode;
+    left.append(this.caption); // beside the body, where there is room
     this.side = make("div", columns);
     if (this.runs.length || this.live) {
       choice(row(this.side, "clock"), Object.keys(CLOCKS).map(name => [name, name]), "evaluations", clock => { this.clock = clock; });
@@ -335,28 +396,58 @@ class Replay {
     this.sync();
   }
 
+  chooseState(series, row, button, left) { // rows of buttons: for each of a few states, for each column
+    const rows = [], make = (name, labels, press) => {
+      const made = row(left, name);
+      rows.push(made);
+      return labels.map((label, i) => button(made, label, () => { this.stop(); press(i); this.sync(); }, false));
+    };
+    series.states = series.frames || series.count > FEW || series.count < 2 ? [] : make(series.columns.length > 1 ? "from" : series.name, series.labels, i => { series.at = i; });
+    series.chips = series.columns.length < 2 ? [] : make("bodies", series.columns, i => { series.on[i] = !series.on[i]; });
+    series.chips.forEach((chip, i) => chip.style.setProperty("--colour", i ? COLOURS[(i - 1) % COLOURS.length] : "var(--soft)"));
+    return rows;
+  }
+
+  key(series, parent, make) { // which colour stands for which distance of a point to the surface
+    make("span", parent, { textContent: "0" });
+    const bar = make("canvas", parent, { width: 120, height: 10 }), g = bar.getContext("2d");
+    for (let x = 0; x < 120; x++) { g.fillStyle = `rgb(${cividis(x / 120).map(Math.round).join(",")})`; g.fillRect(x, 0, 1, 10); }
+    make("span", parent, { textContent: `${+(1000 * series.scale).toPrecision(2)} mm or more` });
+    return parent;
+  }
+
   sync() { // what belongs to the mode is shown, and the slider stands where it should
-    for (const [mode, rows] of Object.entries(this.rows)) rows.forEach(one => { one.hidden = mode !== this.mode; one.style.display = one.hidden ? "none" : ""; });
+    const own = new Set(this.rows[this.mode]), { one } = this;
+    for (const made of Object.values(this.rows).flat()) { made.hidden = !own.has(made); made.style.display = made.hidden ? "none" : ""; }
+    one?.look();
+    this.caption.hidden = this.mode !== this.captioned; // it is about what the page opens with
+    one?.states.forEach((state, i) => state.setAttribute("aria-pressed", i === one.at));
+    one?.chips.forEach((chip, i) => chip.setAttribute("aria-pressed", one.on[i]));
+    this.sliding.style.display = one && one.count < 2 ? "none" : "";
+    this.slider.step = one && one.count > 1 ? 1000 / (one.count - 1) : 1;
     this.side.hidden = this.mode !== "runs";
     this.columns.classList.toggle("alone", this.side.hidden);
     this.chips.querySelectorAll("button").forEach((chip, i) =>
       chip.setAttribute("aria-pressed", this.lens ? i === this.focus : this.runs[i].on));
     const name = { runs: "time along the runs", directions: "how far along the direction", draws: "which draw" };
-    this.slider.setAttribute("aria-label", name[this.mode]);
+    this.slider.setAttribute("aria-label", one ? `which of the ${one.name}` : name[this.mode]);
     this.slider.value = 1000 * this.given;
   }
 
   get given() { // the slider's place, from 0 to 1
     if (this.mode === "runs") return this.share;
     if (this.mode === "directions") return (this.amount + 1) / 2;
+    if (this.one) return this.one.count > 1 ? this.one.at / (this.one.count - 1) : 0;
     return this.draws.count > 1 ? this.draw / (this.draws.count - 1) : 0;
   }
 
   take(place) {
     if (this.mode === "runs") this.share = place;
     else if (this.mode === "directions") this.amount = 2 * place - 1;
+    else if (this.one) this.one.at = Math.round(place * (this.one.count - 1));
     else this.draw = Math.round(place * (this.draws.count - 1));
-    this.slider.value = 1000 * place;
+    if (this.one) this.sync();
+    else this.slider.value = 1000 * place;
     this.paint();
   }
 
@@ -365,12 +456,14 @@ class Replay {
     this.playing = 0;
     this.player.textContent = "▶";
     this.player.setAttribute("aria-label", "play");
+    this.sentence.setAttribute("aria-live", "polite");
   }
 
   play() {
     const begun = performance.now(), from = this.given >= 1 ? 0 : this.given;
     this.player.textContent = "❚❚";
     this.player.setAttribute("aria-label", "stop");
+    this.sentence.setAttribute("aria-live", "off"); // not every frame is read out
     const tick = at => {
       const seconds = (at - begun) / 1000;
       this.playing = requestAnimationFrame(tick);
@@ -378,22 +471,40 @@ class Replay {
         this.take(Math.min(1, from + seconds / 6));
         if (this.share >= 1) this.stop();
       } else if (this.mode === "directions") this.take((1 + Math.sin(2 * seconds)) / 2);
+      else if (this.one) {
+        this.take(Math.min(1, from + Math.floor(seconds * (this.one.fps ?? SLOWLY)) / (this.one.count - 1)));
+        if (this.one.at === this.one.count - 1) this.stop();
+      }
       else this.take((Math.floor(2.5 * seconds) % this.draws.count) / Math.max(1, this.draws.count - 1));
     };
     this.playing = requestAnimationFrame(tick);
   }
 }
 
+function means({ rows, columns, weights }, M, { points }) { // means of the points of a surface, (3 M) m
+  const found = new Float32Array(3 * M);
+  rows.forEach((row, n) => { for (let d = 0; d < 3; d++) found[3 * row + d] += weights[n] * points[3 * columns[n] + d]; });
+  return found;
+}
+
 const read = element => unpacked(JSON.parse(element.textContent));
-let theirBody; // one for all replays of a page
+const bodies = new Map(); // each once for all replays of a page
+
+async function bodyOf(key) { // one that can be posed, or the faces of surfaces alone
+  if (!bodies.has(key)) {
+    const data = await read(document.querySelector(`[data-replay-body="${key}"]`));
+    bodies.set(key, data.template ? new Body(data) : data);
+  }
+  return bodies.get(key);
+}
 
 for (const root of document.querySelectorAll("[data-replay]")) {
   const begun = performance.now(), place = document.createElement("div");
   try {
     root.prepend(place);
-    theirBody ??= new Body(await read(document.getElementById("replay-body")));
-    root.replay = new Replay(place, await read(root.querySelector("script")), theirBody);
+    root.replay = new Replay(place, await read(root.querySelector("script")), await bodyOf(root.dataset.body));
     root.dataset.ready = Math.round(performance.now() - begun);
+    document.querySelector("[data-without-replay]")?.remove();
   } catch (error) { // an old browser; the page's figures say the same
     place.remove();
     root.hidden = true;

@@ -18,10 +18,12 @@ uniform vec4 lens; // focal lengths and centre, in px; or the focal length of th
 uniform vec2 size; // of the picture, in px
 uniform float k[5]; // k1 k2 p1 p2 k3
 uniform float dot_size;
+uniform float lift; // m, by which marks are brought towards the eye, along the ray
 out vec3 facing;
 out vec3 colour;
 void main() {
   vec4 p = world_to_camera * vec4(place + shift, 1.0);
+  p.xyz *= 1.0 - lift / max(length(p.xyz), 0.1);
   facing = mat3(world_to_camera) * normal;
   colour = paint;
   gl_PointSize = dot_size;
@@ -72,7 +74,7 @@ class Scene {
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program) || "its WebGL 2 stopped");
     gl.useProgram(program);
     this.uniform = Object.fromEntries(
-      ["world_to_camera", "shift", "calibrated", "lens", "size", "k", "dot_size", "lit"]
+      ["world_to_camera", "shift", "calibrated", "lens", "size", "k", "dot_size", "lift", "lit"]
         .map(name => [name, gl.getUniformLocation(program, name)]));
     gl.enable(gl.DEPTH_TEST);
     this.buffers = {};
@@ -116,9 +118,9 @@ class Scene {
   }
 
   image(lens) { // where the image of a calibrated camera lies on the canvas, in CSS px
-    const [W, H] = lens.size, { clientWidth: w, clientHeight: h } = this.canvas;
-    const scale = Math.min(w / W, h / H);
-    return { left: (w - scale * W) / 2, top: (h - scale * H) / 2, scale };
+    const [low, under, high, over] = lens.crop, { clientWidth: w, clientHeight: h } = this.canvas;
+    const scale = Math.min(w / (high - low), h / (over - under));
+    return { left: w / 2 - scale * (low + high) / 2, top: h / 2 - scale * (under + over) / 2, scale };
   }
 
   place(point) { // where the turning camera shows a point, in CSS px
@@ -146,22 +148,27 @@ class Scene {
 
   lines(points, colour, shift) { this.marks(this.gl.LINES, points, colour, shift); }
 
-  dots(points, colour, shift, size) {
+  dots(points, paint, shift, size, behind) {
     this.gl.uniform1f(this.uniform.dot_size, size * this.ratio);
-    this.marks(this.gl.POINTS, points, colour, shift);
+    this.marks(this.gl.POINTS, points, paint, shift, behind);
   }
 
-  marks(kind, points, colour, shift) { // in front of everything
+  // paint: one colour, or three numbers a point; in front of everything unless marks may also be
+  // hidden, by what is more than `behind` m before them
+  marks(kind, points, paint, shift, behind = null) {
     const { gl } = this;
     if (!points.length) return;
     this.attribute("marks", points, 0);
     gl.disableVertexAttribArray(1);
-    this.colour(colour);
+    if (paint.length === 3) this.colour(paint);
+    else this.attribute("paint", paint, 2);
     gl.uniform3f(this.uniform.shift, ...shift);
+    gl.uniform1f(this.uniform.lift, behind ?? 0);
     gl.uniform1i(this.uniform.lit, 0);
-    gl.disable(gl.DEPTH_TEST);
+    if (behind === null) gl.disable(gl.DEPTH_TEST);
     gl.drawArrays(kind, 0, points.length / 3);
     gl.enable(gl.DEPTH_TEST);
+    gl.uniform1f(this.uniform.lift, 0);
   }
 
   colour(rgb) {

@@ -57,12 +57,6 @@ function take(given) { // degrees by the joint's name, and betas, as in the page
   refresh();
 }
 
-function colour(share) { // cividis, coarsely: dark blue, grey, yellow
-  const stops = [[0, 34, 78], [53, 69, 108], [102, 105, 112], [148, 142, 119], [200, 182, 102], [254, 232, 56]];
-  const x = Math.min(0.9999, Math.max(0, share)) * 5, i = Math.floor(x), t = x - i;
-  return stops[i].map((low, c) => low + t * (stops[i + 1][c] - low));
-}
-
 function paint(canvas, { points, faces }, away, most) {
   const context = canvas.getContext("2d"), { width, height } = canvas, N = points.length / 3;
   const size = height / 2.15, sin = Math.sin(state.turn), cos = Math.cos(state.turn);
@@ -89,7 +83,7 @@ function paint(canvas, { points, faces }, away, most) {
     const u = [0, 1, 2].map(d => p[1][d] - p[0][d]), w = [0, 1, 2].map(d => p[2][d] - p[0][d]);
     const n = [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]];
     const light = Math.abs(0.3 * n[0] + 0.5 * n[1] - 0.8 * n[2]) / (Math.hypot(...n) || 1);
-    const flat = away ? colour((away[a] + away[b] + away[c]) / 3 / most) : [211, 220, 230];
+    const flat = away ? cividis((away[a] + away[b] + away[c]) / 3 / most) : [211, 220, 230];
     const fill = `rgb(${flat.map(x => Math.round(x * (0.55 + 0.45 * Math.min(1, light)))).join(",")})`;
     context.fillStyle = context.strokeStyle = fill;
     context.beginPath();
@@ -153,7 +147,7 @@ function turning() {
 }
 get("turntable").addEventListener("change", turning);
 const bar = get("bar").getContext("2d");
-for (let x = 0; x < 200; x++) { bar.fillStyle = `rgb(${colour(x / 200).map(Math.round).join(",")})`; bar.fillRect(x, 0, 1, 10); }
-try { take(location.hash.length > 1 ? JSON.parse(decodeURIComponent(location.hash.slice(1))) : { pose: PRESETS["elbows bent"], pose_shapes: false }); }
+for (let x = 0; x < 200; x++) { bar.fillStyle = `rgb(${cividis(x / 200).map(Math.round).join(",")})`; bar.fillRect(x, 0, 1, 10); }
+try { take(location.hash.length > 1 ? JSON.parse(decodeURIComponent(location.hash.slice(1))) : START ?? { pose: PRESETS["elbows bent"], pose_shapes: false }); }
 catch { take({}); }
 draw();

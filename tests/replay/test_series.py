@@ -1,0 +1,234 @@
+"""Registrations, frames, motions, comparisons, stages and hypotheses, as replays show them."""
+
+import base64
+import gzip
+import html
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.browsers import asked_of_replay
+from tests.registration.clouds import cloud, person
+from workbench.arrays import Array
+from workbench.errors import BadArgument, NotSupported
+from workbench.experiments import find
+from workbench.fitting.marker_sets import default_markers
+from workbench.fitting.markers import marker_errors
+from workbench.fitting.setup import Setup
+from workbench.registration import FitStage, Recipe, Registration, fit_model, register
+from workbench.replay import (
+    Recording,
+    recorded_ends,
+    recorded_frames,
+    recorded_motion,
+    recorded_registration,
+    recorded_solution,
+)
+from workbench.replay.observations import MOST, observed_points
+from workbench.replay.packing import KINDS
+from workbench.reports.replay_page import motion_page, replay_page
+
+BODY = wb.load_body("small")
+STAGES = FitStage(200, 0.02, 0.1, 3, 10), FitStage(300, 0.02, 0.1, 2, 10)
+VERTICES = "answers.vertices = one.labels.map((_, i) => [...one.surface(i).points]);"
+
+
+def numbers(given: dict[str, str]) -> Array:
+    """What `packed` packed."""
+    text = gzip.decompress(base64.b64decode(given["gzip"]))
+    return np.frombuffer(text, KINDS[given["kind"]]).astype(float)
+
+
+def series(recording: Recording | None, k: int = 0) -> dict[str, Any]:
+    assert recording is not None
+    found: dict[str, Any] = recording.data["series"][k]
+    return found
+
+
+@cache
+def registration() -> Registration:
+    return register(BODY, cloud(BODY, person(BODY, 0.0)), recipe=Recipe(STAGES))
+
+
+@cache
+def markers() -> Setup:
+    return find("markers", {"body": "small", "frames": 4}).setup()
+
+
+@cache
+def landmarks() -> Setup:
+    return find("landmarks", {"body": "small"}).setup()
+
+
+def moving() -> wb.Motion:
+    pose = np.zeros((7, BODY.n_joints, 3))
+    pose[:, 18, 1] = np.linspace(0, -2, 7)
+    trans = np.linspace([0, 0, 0], [0, 0, 2.0], 7)
+    return wb.Motion(pose, trans, 30.0, BODY.joint_names, 0.5 * np.ones(3))
+
+
+def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
+    found = registration()
+    names = ["start", "stage 1, 200 points", "stage 2, 300 points", "free vertices"]
+    assert list(found.surfaces) == names
+    np.testing.assert_array_equal(found.surfaces[names[-1]], found.vertices)
+    assert found.stages[0].name == "model"
+    off = [np.linalg.norm(one - found.vertices, axis=1).mean() for one in found.surfaces.values()]
+    assert off[0] > 2 * off[2]
+
+
+def test_the_way_of_a_fit_leads_from_its_start_to_its_best_end() -> None:
+    scan = cloud(BODY, person(BODY, 2.0))
+    fit = fit_model(BODY, scan, stages=STAGES)
+    assert fit.way[-1] is fit.values
+    again = fit_model(BODY, scan, stages=STAGES[:1], starts=lambda body, scan: [fit.way[0]])
+    for name, wanted in fit.way[1].items():
+        np.testing.assert_allclose(again.values[name], wanted, atol=1e-9)
+
+
+def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
+    found, shown = registration(), series(recorded_registration(registration()))
+    far = numbers(shown["far"]).reshape(4, -1)[-1]
+    M = found.scan.n_points
+    assert far.shape == (M,)
+    wanted = np.abs(found.distances)
+    near = np.isfinite(wanted)
+    np.testing.assert_allclose(far[near], 1e5 * wanted[near], atol=0.51)
+    np.testing.assert_array_equal(far == 65_535, ~near)
+    share = 100 * np.mean(wanted < found.reach)
+    assert f"{share:.0f} % of the {M:,} points shown are in contact" in shown["said"][-1]
+    places, points = (numbers(one).reshape(4, -1, 3)[-1] for one in shown["links"])
+    there = np.isfinite(places[:, 0])
+    ends = np.linalg.norm(places - points, axis=1)[there]
+    assert np.isin(np.round(1e5 * ends[:20]), [far.round() + d for d in (-1, 0, 1)]).all()
+
+
+def test_frames_have_the_numbers_of_the_body_and_the_markers_that_were_seen() -> None:
+    setup = markers()
+    shown = series(recorded_frames(setup, setup.start))
+    x = numbers(shown["x"]).reshape(4, -1)
+    pose, trans = setup.start["pose"], setup.start["trans"]
+    np.testing.assert_allclose(x[:, :72], pose.reshape(4, -1), atol=1e-6)
+    np.testing.assert_allclose(x[:, -3:], trans, atol=1e-6)
+    found, places = (numbers(one).reshape(4, -1, 3) for one in shown["links"])
+    assert np.isnan(places).any()
+    observed = np.where(setup.start["seen"][..., None] > 0, setup.start["observed"], np.nan)
+    np.testing.assert_allclose(places, observed, atol=1e-6)
+    dressed = default_markers(BODY).on(BODY)
+    wanted = marker_errors(dressed, observed, setup.start)
+    np.testing.assert_allclose(np.linalg.norm(found - places, axis=2), wanted, atol=1e-6)
+
+
+def test_points_in_space_are_known_by_their_residual() -> None:
+    setup = landmarks()
+    values = setup.problem.read(setup.start)
+    (one,) = observed_points(setup.problem.residuals, values)
+    np.testing.assert_allclose(one.places, setup.start["observed"], atol=1e-12)
+    np.testing.assert_allclose(one.found, BODY.joints(), atol=1e-9)
+    known = find("known-correspondences", {}).setup()
+    (one,) = observed_points(known.problem.residuals, known.problem.read(known.start))
+    assert one.places.shape == (MOST, 3)
+    assert one.count == 1229
+
+
+def test_stages_and_hypotheses_can_be_chosen() -> None:
+    setup = landmarks()
+    solver = wb.Staged((("trans", "pose"),), wb.TrustRegion(max_iterations=20))
+    found = wb.solve(setup.problem, setup.start, solver)
+    shown = series(recorded_solution(found, setup.problem, setup.start, BODY))
+    assert shown["labels"] == ["start", "stage 1", "stage 2"]
+    x = numbers(shown["x"]).reshape(3, -1)
+    np.testing.assert_allclose(x[-1, :72], found.values["pose"].ravel(), atol=1e-6)
+    turned = {"pose": np.zeros((24, 3)) + [[0, 2.5, 0]] * (np.arange(24) == 0)[:, None]}
+    starts = wb.Starts(({}, turned), wb.TrustRegion(max_iterations=20))
+    found = wb.solve(setup.problem, setup.start, starts)
+    assert len(found.hypotheses) == 2
+    recording = recorded_solution(found, setup.problem, setup.start, BODY)
+    shown = series(recording)
+    assert [text[:2] for text in shown["labels"]] == ["1:", "2:"]
+    assert f"at cost {found.hypotheses[1].cost:.4g}; 1 of the starts" in shown["said"][1]
+    assert recording is not None
+    assert recording.data["observed"]["joints"] is True
+
+
+def test_a_comparison_shows_where_every_solver_ended() -> None:
+    solvers = "gauss-newton", "trust-region"
+    found = wb.compare(("landmarks",), solvers, seeds=2)
+    shown = series(recorded_ends(found, "landmarks"))
+    assert shown["columns"] == ["start", *solvers]
+    assert shown["labels"] == ["seed 0", "seed 1"]
+    x = numbers(shown["x"]).reshape(2, 3, -1)
+    record = found.records["landmarks, seed 1", "trust-region"]
+    setup = find("landmarks", {"seed": 1}).setup()
+    values = setup.problem.free.unpack(record.end, setup.start)
+    np.testing.assert_allclose(x[1, 2, :72], values["pose"].ravel(), atol=1e-6)
+    assert f"trust-region {record.cost:.4g}" in shown["said"][1]
+
+
+def test_a_motion_is_a_page_and_a_frame_of_a_notebook() -> None:
+    motion = moving()
+    shown = series(recorded_motion(motion, BODY))
+    assert shown["fps"] == 30
+    x = numbers(shown["x"]).reshape(7, -1)
+    np.testing.assert_allclose(x[:, 72:75], 0.5)
+    np.testing.assert_allclose(x[:, 75:82], 0)
+    page = wb.show(motion, body=BODY)
+    framed = page._repr_html_()
+    assert framed.startswith("<iframe srcdoc=")
+    assert 'sandbox="allow-scripts"' in framed
+    assert html.unescape(framed.split('srcdoc="')[1].split('"')[0]) == page.html
+    assert len(framed) < 750_000
+    assert "7 frames at 30 frames a second" in motion_page(motion, BODY, "turn").html
+    long = wb.Motion(np.zeros((900, 24, 3)), np.zeros((900, 3)), 60.0, BODY.joint_names)
+    shown = series(recorded_motion(long, BODY))
+    assert len(shown["labels"]) == 400
+    assert shown["labels"][-1] == "900"
+
+
+def test_what_cannot_be_shown_is_said() -> None:
+    with pytest.raises(BadArgument, match="what can be shown is"):
+        wb.show(3)
+    setup = landmarks()
+    found = wb.solve(setup.problem, setup.start, wb.GaussNewton(max_iterations=2))
+    with pytest.raises(BadArgument, match="does not know its body; give body="):
+        wb.show(found)
+    with pytest.raises(BadArgument, match="does not know its problem"):
+        wb.show(found, body=BODY)
+    with pytest.raises(NotSupported, match="nothing moves on a page of this Motion"):
+        wb.show(moving(), body=wb.load_body("small-scape"))
+
+
+def test_surfaces_of_a_registration_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
+    recording = recorded_registration(registration())
+    assert recording is not None
+    asked = f"const [one] = replay.series; {VERTICES} press('start'); answers.said = replay.said();"
+    answers = asked_of_replay(replay_page(recording).html, asked, tmp_path)
+    found = registration().surfaces
+    for points, wanted in zip(answers["vertices"], found.values(), strict=True):
+        off = np.array(points).reshape(-1, 3) - wanted
+        assert np.linalg.norm(off, axis=1).max() < 1e-6  # m
+    assert answers["said"] == recording.data["series"][0]["said"][0]
+
+
+def test_frames_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
+    setup = markers()
+    recording = recorded_frames(setup, setup.start)
+    assert recording is not None
+    asked = f"const [one] = replay.series; {VERTICES} replay.take(1); answers.said = replay.said();"
+    answers = asked_of_replay(replay_page(recording).html, asked, tmp_path)
+    values = [setup.start[name] for name in ("pose", "betas", "trans")]
+    for t, points in enumerate(answers["vertices"]):
+        wanted = BODY.vertices(values[0][t], values[1], values[2][t])
+        assert np.linalg.norm(np.array(points).reshape(-1, 3) - wanted, axis=1).max() < 1e-6
+    found, places = (numbers(one).reshape(4, -1, 3)[-1] for one in series(recording)["links"])
+    off = np.linalg.norm(found - places, axis=1)
+    seen = off[np.isfinite(off)]
+    assert answers["said"].startswith(
+        f"Frame 4 of 4. {len(seen)} points are {1e3 * seen.mean():.1f} mm"
+    )
+    assert "http" not in json.dumps(recording.data)
