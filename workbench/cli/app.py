@@ -22,6 +22,7 @@ from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.live import live
 from workbench.cli.motion import motion
+from workbench.cli.new import new
 from workbench.cli.register import register
 from workbench.cli.rig import rig
 from workbench.cli.run import run
@@ -98,6 +99,7 @@ for command in (
     blendshapes,
     triangles,
     solvers,
+    new,
     info,
 ):
     app.command()(interruptible(command))
