@@ -70,3 +70,19 @@ def test_the_page_is_found_and_its_links_lead_somewhere(page: Path) -> None:
         assert link in (ROOT / name).read_text(encoding="utf-8"), name
     for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists(), target
+
+
+def test_a_file_that_is_no_solver_or_several_ends_in_a_sentence(
+    workbench: Run, tmp_path: Path
+) -> None:
+    (tmp_path / "two.py").write_text("import workbench as wb\na = b = wb.GaussNewton()\n")
+    (tmp_path / "none.py").write_text("x = 3\n")
+    for file, said in (
+        ("two.py", "defines several solvers: a and b; say `solver = ...` for one"),
+        ("none.py", "none.py defines no solver; it needs `solver = ...`"),
+        ("missing.py", "there is no file missing.py"),
+    ):
+        code, _, err = workbench("run", "nist-misra1a", "--solver", file)
+        assert code == 2
+        assert said in err
+    assert not (tmp_path / "runs" / "nist-misra1a").exists()
