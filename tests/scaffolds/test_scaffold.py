@@ -83,7 +83,6 @@ def test_every_command_that_is_printed_works(kind: str, tmp_path: Path) -> None:
         words = command.replace("FILE", path).split()
         code = 1 if words[:2] == ["lecture", "check"] else 0  # nothing is answered yet
         said = typed(tmp_path, *words, code=code)
-        assert "error" not in said.casefold().replace("errors", "") or kind == "lecture"
         if words[0] == "compare":
             assert "any clock" in said
 
