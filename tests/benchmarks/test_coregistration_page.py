@@ -47,12 +47,10 @@ def test_vertices_are_nearer_than_in_the_control() -> None:
 
 
 def test_people_who_were_not_scanned_are_nearer_too() -> None:
-    for rows in KNOWN["sets"].values():
-        gained = rows[CONTROL]["other people"] - rows[TOGETHER]["other people"]
-        assert 0.15 < gained < 0.35
-    for kind in ("holes", "holes and clutter"):
-        rows = KNOWN["sets"][kind]
-        assert rows[TOGETHER]["other people"] < rows["true meshes"]["other people"]
+    rows = KNOWN["sets"].values()
+    gained = [row[CONTROL]["other people"] - row[TOGETHER]["other people"] for row in rows]
+    told = f"it is {min(gained):.1f} to {max(gained):.1f} mm nearer"
+    assert told in " ".join(PAGE.read_text().split())
 
 
 def test_in_every_set_the_same_rows_are_the_worse_ones() -> None:
@@ -101,15 +99,6 @@ def test_what_else_was_tried_is_what_was_measured() -> None:
     assert f"Hidden vertices {tried['bends of templates']['hidden']:.2f} mm" in text
     drawn = (held["hidden"], tried["poses held, two-sided"]["hidden"])
     assert "With poses held, hidden vertices go from {:.2f} to {:.2f} mm".format(*drawn) in text
-
-
-def test_hidden_vertices_are_nearer_still_when_poses_move_too() -> None:
-    text = " ".join(PAGE.read_text().split())
-    for kind, row in KNOWN["with poses"].items():
-        control = KNOWN["sets"][kind][CONTROL]
-        ratio, low, high = share({"now": row, CONTROL: control}, "now", CONTROL)
-        assert f"{ratio:.2f} ({low:.2f} to {high:.2f}; {kind})" in text
-        assert np.mean(row["hidden"]) < np.mean(KNOWN["sets"][kind][TOGETHER]["hidden"])
 
 
 def test_limbs_that_begin_again_help_separate_registrations() -> None:

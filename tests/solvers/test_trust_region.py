@@ -282,3 +282,13 @@ def test_the_linear_algebra_is_a_value(by) -> None:
     solution = TrustRegion(linear_algebra=by).solve(*decay())
     assert solution.converged
     assert set(solution.linear_algebra) == {by.__name__}
+
+
+@pytest.mark.parametrize("start", [1e-300, 8e-17, -1e-12])
+def test_a_start_that_is_nearly_zero_is_left(start: float) -> None:
+    """The first radius is the length of the start, so that the cost cannot show the first step."""
+    x = Block("x", (1,))
+    problem = Problem([Residual("r", x.symbol + 1, 1.0)], ["x"])
+    found = TrustRegion().solve(problem, {"x": np.array([start])})
+    assert found.status.name == "CONVERGED"
+    assert found.values["x"] == pytest.approx(-1)

@@ -29,6 +29,7 @@ from workbench.cli.run import run
 from workbench.cli.sample import sample
 from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
+from workbench.cli.together import together
 from workbench.cli.train import train
 from workbench.cli.triangles import triangles
 from workbench.installation import DISTRIBUTION, VERSION
@@ -97,6 +98,7 @@ for command in (
     sliders,
     live,
     blendshapes,
+    together,
     triangles,
     solvers,
     new,

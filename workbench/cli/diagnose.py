@@ -12,6 +12,8 @@ from workbench.cli.output import folder_to_write, print_page, say, warn_without_
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
+from workbench.fitting.other_minima import other_minima
+from workbench.fitting.profile_likelihood import Profile, profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_diagnosis
 from workbench.solvers import DEFAULT, SOLVERS, Solver
@@ -34,6 +36,24 @@ def diagnose(
     data_alone: Annotated[
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
+    draws: Annotated[
+        int,
+        typer.Option(
+            help="Diagnose at so many draws of the priors too, and say how often each direction "
+            "is unseen."
+        ),
+    ] = 0,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Follow the lowest cost as this entry is held away from its value, such as "
+            "betas[0] or pose[left_knee, x]; give it again for more."
+        ),
+    ] = None,
+    minima: Annotated[
+        int,
+        typer.Option(help="Look for other minima along so many of the weakest directions."),
+    ] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
 ) -> None:
@@ -45,6 +65,14 @@ def diagnose(
     The exit code is 1 if there are warnings.
     """
     console = Console()
+    for option, count in (("--draws", draws), ("--minima", minima)):
+        if count < 0:
+            raise BadArgument(f"{option} takes 1 or more, or 0 for none, not {count}")
+    if (profile or minima) and (at_start or data_alone):
+        raise BadArgument(
+            f"{'--profile' if profile else '--minima'} begins at the minimum of the whole cost, "
+            "which --at-start and --data-alone leave; give it without them"
+        )
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
     by = solver_named(solver)
@@ -53,8 +81,20 @@ def diagnose(
     folder = folder_to_write(out, f"{experiment.name}-diagnosis", experiment.source)
     solving = None if at_start else by
     first, setup = _looked_at(console, experiment, solving, data_alone)
+    if draws and not setup.priors:
+        raise BadArgument(
+            f"--draws takes its points from the priors, and {experiment.name} names no residual as "
+            "one; name them in `priors` of the file or its Setup"
+        )
     second = _looked_at(console, other, solving, data_alone)[0] if other else None
     say(console, escape(first.report()))
+    if draws:
+        say(console, escape(_over_draws(console, first, setup, draws)))
+    if minima:
+        console.print("[dim]fitting from starts along the weakest directions[/]")
+        others = other_minima(first.problem, first.values, directions=minima, solver=by)
+        say(console, escape(str(others)))
+    profiles = [_profile(console, first, entry, by) for entry in profile or ()]
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
         first,
@@ -64,6 +104,7 @@ def diagnose(
         body=setup.body,
         views=setup.views,
         against=second,
+        profiles=profiles,
         source=experiment.source,
     )
     print_page(console, "report", page)
@@ -85,6 +126,36 @@ def _looked_at(
     if data_alone:
         problem, priors = problem.without(*priors), ()
     return diagnostics.diagnose(problem, values, priors=priors, gauges=setup.gauges), setup
+
+
+def _over_draws(
+    console: Console,
+    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
+    setup: Setup,
+    draws: int,
+) -> str:
+    """The problem of a diagnosis at draws of the setup's priors, in words."""
+    console.print(f"[dim]diagnosing at {draws} draws of the priors[/]")
+    kept = [name for name in setup.priors if name in found.problem.rows]
+    over = diagnostics.diagnose_over(
+        found.problem,
+        diagnostics.prior_draws(setup.problem, setup.start, setup.priors, draws),
+        priors=kept,
+        gauges=setup.gauges,
+    )
+    return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
+
+
+def _profile(
+    console: Console,
+    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
+    entry: str,
+    solver: Solver,
+) -> Profile:
+    console.print(f"[dim]following the lowest cost along {escape(entry)}[/]")
+    profile = profile_likelihood(found.problem, found.values, entry, solver=solver)
+    say(console, escape(str(profile)))
+    return profile
 
 
 def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None:

@@ -25,6 +25,12 @@ from workbench.diagnostics.identifiability import (
     Identifiability,
 )
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.over_points import (
+    PointsDiagnosis,
+    Recurring,
+    diagnose_over,
+    prior_draws,
+)
 from workbench.diagnostics.point import Neighbourhood
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
@@ -47,9 +53,11 @@ __all__ = [
     "MeasurementDesign",
     "Neighbourhood",
     "NullDirections",
+    "PointsDiagnosis",
     "Quantity",
     "RankAndCondition",
     "Ranked",
+    "Recurring",
     "Score",
     "SequenceDiagnosis",
     "SharedUnknowns",
@@ -63,8 +71,10 @@ __all__ = [
     "d_optimal",
     "design",
     "diagnose",
+    "diagnose_over",
     "diagnose_whole",
     "e_optimal",
+    "prior_draws",
     "sd_of",
     "with_candidates",
 ]

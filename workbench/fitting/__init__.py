@@ -49,7 +49,9 @@ from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
+from workbench.fitting.other_minima import OtherMinima, OtherMinimum, other_minima
 from workbench.fitting.pose_regressor import PoseRegressor
+from workbench.fitting.profile_likelihood import Profile, profile_likelihood
 from workbench.fitting.regressed_start import regressed_start
 from workbench.fitting.regressor_files import read_regressor, save_regressor, shipped_regressor
 from workbench.fitting.regressor_training import train_pose_regressor
@@ -79,8 +81,11 @@ __all__ = [
     "Measure",
     "Moving",
     "Observations",
+    "OtherMinima",
+    "OtherMinimum",
     "Photograph",
     "PoseRegressor",
+    "Profile",
     "ReadScan",
     "RepeatedFits",
     "Scan",
@@ -111,11 +116,13 @@ __all__ = [
     "marker_solver",
     "mesh_fit",
     "mosh",
+    "other_minima",
     "own_mesh",
     "photograph",
     "placed",
     "pose_candidates",
     "pose_prior",
+    "profile_likelihood",
     "random_frames",
     "read_calibration",
     "read_clip",

@@ -47,6 +47,7 @@ from workbench.plots.posterior import (
     plot_traces,
     widest,
 )
+from workbench.plots.profile_likelihood import caption_profile_likelihood, plot_profile_likelihood
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
 from workbench.plots.stitching import caption_stitching, plot_stitching
@@ -86,6 +87,7 @@ __all__ = [
     "caption_minima",
     "caption_motion",
     "caption_overlay",
+    "caption_profile_likelihood",
     "caption_shape_gallery",
     "caption_sigmas",
     "caption_singular_values",
@@ -115,6 +117,7 @@ __all__ = [
     "plot_minima",
     "plot_motion",
     "plot_overlay",
+    "plot_profile_likelihood",
     "plot_shape_gallery",
     "plot_sigmas",
     "plot_singular_values",

@@ -15,6 +15,7 @@ from workbench.diagnostics.findings import held
 from workbench.diagnostics.report import compared_blocks
 from workbench.diagnostics.structure import pose_moves_template
 from workbench.errors import BadArgument, joined
+from workbench.fitting.profile_likelihood import Profile
 from workbench.fitting.setup import View
 from workbench.plots import sheets
 from workbench.replay import recorded_diagnosis
@@ -41,23 +42,26 @@ def write_diagnosis(
     body: Body | None = None,
     views: Sequence[View] = (),
     against: Diagnosis | SequenceDiagnosis | None = None,
+    profiles: Sequence[Profile] = (),
     source: str | None = None,
 ) -> Path:
     """Write the folder of a diagnosis, and return its page.
 
     With `body` the directions are drawn on it, and with `views` what cameras observed of it; with
-    `against` a comparison is on the page. The
-    folder appears whole or not at all; raises BadFile if it cannot be written. The page of a long
-    sequence is its report without figures, and BadArgument is raised for comparing it.
+    `against` a comparison is on the page, and with `profiles` a figure of each. The folder appears
+    whole or not at all; raises BadFile if it cannot be written. The page of a long sequence is its
+    report without figures, and BadArgument is raised for comparing it.
     """
     compared = None if against is None else _compared(diagnosis, against)
     text, data = diagnosis.report(), diagnosis.data()
     if compared is not None:
         text, data = f"{text}\n\nCOMPARISON\n{compared.report()}", compared.data()
+    if profiles:
+        text = "\n".join([text, "", "PROFILES", *map(str, profiles)])
     if isinstance(diagnosis, SequenceDiagnosis):
         html = sequence_page(diagnosis, title, question)
     else:
-        html = diagnosis_page(diagnosis, title, question, body, views, compared)
+        html = diagnosis_page(diagnosis, title, question, body, views, compared, profiles)
     contents = {
         "index.html": html,
         "diagnosis.txt": text + "\n",
@@ -90,6 +94,7 @@ def diagnosis_page(
     body: Body | None,
     views: Sequence[View],
     compared: DiagnosisComparison | None,
+    profiles: Sequence[Profile] = (),
 ) -> str:
     """The page of a diagnosis."""
     return page(
@@ -106,6 +111,10 @@ def diagnosis_page(
         terms=tables.terms_table(d),
         parts=diagnosis_tables.parts_table(d),
         compared=None if compared is None else compared.report(),
+        profiles=[
+            plotted(6.4, 4.0, plots.plot_profile_likelihood, plots.caption_profile_likelihood, one)
+            for one in profiles
+        ],
         **(_numbers(d, body, views) if d.here.finite else {}),
     )
 

@@ -21,6 +21,7 @@ POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may gr
 SLOW = 0.1  # of the cost: after a smaller decrease, steps are bent
 AHEAD = 0.1  # of a step: where its bend is measured
 BENT = 0.75  # of the length of a step: 2 |a| of a bend that is trusted
+UNSEEN = 1e-9  # of the cost: a smaller predicted decrease says nothing of the linear model
 SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
 
 
@@ -35,6 +36,8 @@ class TrustRegion:
     it is halved, or quartered if the cost rose by as much as it should fall; from 3/4 on, and after
     a Gauss-Newton step of more than 1/4, it becomes twice the length of the step. The first radius
     is the length of the start, or 1 where that is 0, and shrinks to the length of the first step.
+    If the start is so near to 0 that the cost cannot tell the first step from none, the radius
+    grows tenfold until it can.
     See Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978. Unlike there, a
     radian, a metre and a standard deviation count the same, whatever the columns of the Jacobian.
 
@@ -92,6 +95,7 @@ class TrustRegion:
             size = float(np.linalg.norm(x))
             radius = self.first_radius or size or 1.0  # see `trust_radius.first_radius`
             damping, slow, least = 0.0, False, SHORTEST * max(size, radius)
+            unseen = True  # so far, steps have been too short for the cost to show them
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
                 step, damping = step_within(
@@ -106,6 +110,10 @@ class TrustRegion:
                     p = p + bend(run, x, here, p, damping, self.linear_algebra)
                 to = np.clip(x + p, problem.lower, problem.upper)
                 gain_ratio = run.gain_ratio(x, here, to, predicted)
+                unseen = unseen and damping > 0 and predicted < UNSEEN * here.cost
+                if unseen:
+                    radius = 10 * length
+                    continue
                 if len(run.trace) == 1:
                     radius = min(radius, length)
                 if not gain_ratio > POOR:

@@ -17,6 +17,7 @@ from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import parts_of, readonly_parts, remade
+from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import TriangleArithmetic
 from workbench.bodies.triangles.packed import PackedTriangles
 from workbench.bodies.triangles.sources import mean_points, surface_points
@@ -193,6 +194,11 @@ class TriangleBody:
         selection = csr_array((np.ones(len(chosen)), some), shape=(len(chosen), self.n_vertices))
         names = tuple(f"vertex {i}" for i in chosen)
         return Points.of(mean_points(at, self.arithmetic, self.free, selection, names), "vertices")
+
+    def deformed_edges(self, pose: cs.MX, betas: cs.MX) -> cs.MX:
+        """X_f e_fi, (3, 2 F) m: the edges of every face in turn, before they are stitched."""
+        first, second = surface.deformed(self.arithmetic.packed, pose, betas, self.free)
+        return cs.reshape(cs.vertcat(first.T, second.T), 3, 2 * self.n_faces)
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The joints as the posed surface has them, (3, K) m: J_regressor times its vertices."""

@@ -4,6 +4,9 @@ from workbench.registration.coregistration.coregistering import Coregistration, 
 from workbench.registration.coregistration.plan import CoregistrationPlan, hard, soft
 from workbench.registration.coregistration.scan_block import Scans, ScansInMemory
 from workbench.registration.coregistration.state import State
+from workbench.registration.coregistration.triangle_plan import TrianglePlan
+from workbench.registration.coregistration.triangle_steps import learned_bends
+from workbench.registration.coregistration.triangles import TriangleCoregistration, TriangleState
 
 __all__ = [
     "Coregistration",
@@ -12,6 +15,10 @@ __all__ = [
     "Scans",
     "ScansInMemory",
     "State",
+    "TriangleCoregistration",
+    "TrianglePlan",
+    "TriangleState",
     "hard",
+    "learned_bends",
     "soft",
 ]

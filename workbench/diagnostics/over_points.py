@@ -1,0 +1,223 @@
+"""A diagnosis at many points: which directions are unseen everywhere, and which only somewhere.
+
+Rank is a property of a problem and a point. A knee that is stretched hides what a bent one shows,
+and a camera may look along a forearm in one pose of many. `diagnose_over` diagnoses a problem at
+many points, draws of its priors, of a posterior, or frames of a recording, and counts by name.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Layout, Values
+from workbench.diagnostics.diagnose import diagnose_whole
+from workbench.diagnostics.gauges import Gauge
+from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.structure import counted
+from workbench.errors import BadArgument, listed
+from workbench.problem import Problem
+
+LISTED = 15  # names in a report
+PART = 0.1  # of a unit vector: what a block has to hold to be named
+
+
+@dataclass(frozen=True)
+class Recurring:
+    """Directions of one name, without the coefficients, which differ from point to point.
+
+    Attributes:
+        name: what the directions are called, such as `a turn of pose[left_wrist]`. Those that have
+            no name but a combination of entries are `mixed directions of betas and pose`.
+        count: at how many points there are some.
+        most: the largest number of them at one point.
+        first: the number of the first point that has some, from 0.
+    """
+
+    name: str
+    count: int
+    most: int
+    first: int
+
+
+@dataclass(frozen=True, eq=False)
+class PointsDiagnosis:
+    """What was found at M points of a problem in n unknowns.
+
+    Attributes:
+        unknowns: n.
+        ranks: (M,) the rank at each point.
+        conditions: (M,) the largest singular value over the smallest one that is not zero.
+        unseen: the null directions, the most frequent first.
+        weak: the weak directions likewise.
+    """
+
+    unknowns: int
+    ranks: Index
+    conditions: Array = field(repr=False)
+    unseen: tuple[Recurring, ...]
+    weak: tuple[Recurring, ...]
+
+    @property
+    def count(self) -> int:
+        """M."""
+        return len(self.ranks)
+
+    @property
+    def everywhere(self) -> tuple[Recurring, ...]:
+        """The directions that are unseen at every point."""
+        return tuple(one for one in self.unseen if one.count == self.count)
+
+    @property
+    def somewhere(self) -> tuple[Recurring, ...]:
+        """The directions that are unseen at some points and seen at others."""
+        return tuple(one for one in self.unseen if one.count < self.count)
+
+    def report(self) -> str:
+        """All of it in sentences."""
+        M, n = self.count, self.unknowns
+        full = int((self.ranks == n).sum())
+        lines = [f"{n} unknowns, diagnosed at {M} points"]
+        if full == M:
+            lines.append("every direction is seen at every point")
+        else:
+            ranks = ", ".join(
+                f"{rank} at {times}" for rank, times in sorted(Counter(self.ranks.tolist()).items())
+            )
+            lines.append(f"rank {ranks} of them; {n} would be full")
+        low, high = float(self.conditions.min()), float(self.conditions.max())
+        lines.append(f"condition number of what is seen: {low:.2g} to {high:.2g}")
+        for title, some in (
+            ("unseen at every point", self.everywhere),
+            ("unseen at some points", self.somewhere),
+            ("weak: a yardstick changes the residuals by less than a sigma", self.weak),
+        ):
+            if some:
+                lines += ["", title, *(f"  {self._said(one)}" for one in some[:LISTED])]
+                if len(some) > LISTED:
+                    lines.append(f"  and {counted(len(some) - LISTED, 'further name')}")
+        return "\n".join(lines)
+
+    def data(self) -> dict[str, Any]:
+        """All numbers, for programs."""
+        return {
+            "kind": "diagnosis over points",
+            "points": self.count,
+            "unknowns": self.unknowns,
+            "ranks": self.ranks.tolist(),
+            "conditions": self.conditions.tolist(),
+            "unseen": [asdict(one) for one in self.unseen],
+            "weak": [asdict(one) for one in self.weak],
+        }
+
+    def _said(self, one: Recurring) -> str:
+        several = f", up to {one.most} at one point" if one.most > 1 else ""
+        if one.count == self.count:
+            return f"{one.name}{several}"
+        times = f"at {one.count} of {self.count} points{several}, first at number {one.first}"
+        return f"{one.name}: {times}"
+
+
+def diagnose_over(
+    problem: Problem,
+    points: Iterable[Mapping[str, ArrayLike]],
+    *,
+    priors: str | Iterable[str] = (),
+    gauges: Iterable[Gauge] = (),
+    progress: Callable[[int], object] | None = None,
+) -> PointsDiagnosis:
+    """Diagnose a problem at many points; `progress` is told how many are done.
+
+    Each point holds the values of every block that the problem reads. `priors` and `gauges` are
+    those of `diagnose`. Raises BadArgument if there is no point, and what `diagnose` raises.
+
+    >>> import casadi, workbench as wb
+    >>> from workbench.diagnostics import diagnose_over
+    >>> from workbench.residuals import Residual
+    >>> angle = wb.Block("angle", (1,), "rad")
+    >>> height = casadi.cos(angle.symbol)
+    >>> problem = wb.Problem([Residual("height", height, 0.01)], ["angle"])
+    >>> found = diagnose_over(problem, [{"angle": [a]} for a in (0.0, 0.5, 1.0)])
+    >>> found.ranks.tolist()
+    [0, 1, 1]
+    """
+    ranks: list[int] = []
+    conditions: list[float] = []
+    unseen: dict[str, Counter[int]] = {}
+    weak: dict[str, Counter[int]] = {}
+    given, names = tuple(gauges), priors if isinstance(priors, str) else tuple(priors)
+    for number, at in enumerate(points):
+        here = diagnose_whole(problem, at, priors=names, gauges=given)
+        ranks.append(here.rank)
+        s = here.singular_values[: here.rank]
+        conditions.append(float(s[0] / s[-1]) if len(s) else 1.0)
+        _note(unseen, here.null_directions, number, problem.free)
+        _note(weak, here.weak_directions, number, problem.free)
+        if progress is not None:
+            progress(number + 1)
+    if not ranks:
+        raise BadArgument("there is no point to diagnose at; give the values of one or more")
+    return PointsDiagnosis(
+        problem.free.size,
+        np.array(ranks),
+        np.array(conditions),
+        _by_frequency(unseen),
+        _by_frequency(weak),
+    )
+
+
+def _note(
+    known: dict[str, Counter[int]], found: Sequence[Direction], number: int, free: Layout
+) -> None:
+    for one in found:
+        known.setdefault(_family(one, free), Counter())[number] += 1
+
+
+def _family(direction: Direction, free: Layout) -> str:
+    """What a direction is called without its coefficients."""
+    if direction.kind != "mixed":
+        head = direction.name.partition(":")[0]
+        return f"directions {head}" if head.startswith("within ") else head
+    v = direction.vector
+    read = [name for name, part in free.slices.items() if np.abs(v[part]).max(initial=0) > PART]
+    return f"mixed directions of {listed(read)}"
+
+
+def _by_frequency(known: dict[str, Counter[int]]) -> tuple[Recurring, ...]:
+    found = [Recurring(name, len(at), max(at.values()), min(at)) for name, at in known.items()]
+    return tuple(sorted(found, key=lambda one: (-one.count, one.first, one.name)))
+
+
+def prior_draws(
+    problem: Problem,
+    values: Mapping[str, ArrayLike],
+    priors: str | Iterable[str],
+    count: int,
+    seed: int = 0,
+) -> list[Values]:
+    """Draws of the free blocks from the priors of a problem; other blocks stay as they are.
+
+    With r the priors' whitened residual and J its Jacobian at `values`, a draw solves J x + r = z
+    for a change x and a standard normal z, in the least-squares sense (Papandreou and Yuille,
+    Gaussian sampling by local perturbations, 2010). This is exact where priors are Gaussian. What
+    they do not determine, such as the place of a body, stays where it is in `values`. A prior that
+    is no Gaussian is replaced by its Gaussian approximation at `values`. Raises BadArgument for no
+    priors and for no draws, and UnknownName for a name that no residual has.
+    """
+    names = (priors,) if isinstance(priors, str) else tuple(priors)
+    if not names or count < 1:
+        raise BadArgument(
+            "draws of the priors need the name of one or more residuals that are priors, and a "
+            f"count from 1 on, not {names} and {count}"
+        )
+    problem.rows_named(names)
+    alone = problem.without(*(name for name in problem.rows if name not in names))
+    here = alone.linearize(values)
+    z = np.random.default_rng(seed).standard_normal((len(here.residual), count))
+    changes = np.linalg.lstsq(here.dense, z - here.residual[:, None], rcond=1e-10)[0]
+    x, fixed = alone.split(values)
+    return [{**problem.read(values), **alone.values(x + change, fixed)} for change in changes.T]

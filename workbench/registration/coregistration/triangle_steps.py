@@ -1,0 +1,286 @@
+"""The steps of D and Q in a coregistration of triangles, with the registrations moving along.
+
+A subject's D, and the Q of all, reach the edges of a scan's registration by a linear map T_j. With
+contacts held, the cost of the scan is a quadratic in its vertices, and so is the joint cost
+
+    sum over j of [ g_j'v_j + v_j'H_j v_j / 2 + |A (V_j + v_j) - (e_j + T_j x)|^2 / (2 sigma^2) ]
+        + prior(x)
+
+in the change x of D or Q and the changes v_j of the vertices. If x alone moved, registrations that
+repeat the model where nothing was scanned would hold it where it is. Here the vertices are
+eliminated (a Schur complement): what is left says of x what the scans say, and nothing else.
+Conjugate gradients find x; they are preconditioned by what x would be if the vertices were held.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import block_diag, csc_array, csr_array, eye_array, kron
+from scipy.sparse.linalg import LinearOperator, cg, splu
+
+from workbench.arrays import Array
+from workbench.bodies.triangles import TriangleBody
+from workbench.bodies.triangles.arithmetic import SurfaceNumbers
+from workbench.errors import BadArgument
+from workbench.geometry.triangles import edges
+from workbench.training.triangles.stitched_fit import neighbour_differences
+
+FREE = 1e-6  # of the coupling: what holds the place of vertices that no scan and no edge holds
+TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
+
+
+class Unknown(Protocol):
+    """D of a subject or Q of all: how it reaches edges, and its prior."""
+
+    @property
+    def prior(self) -> csr_array:
+        """The precision (n, n) of the prior on a change."""
+
+    @property
+    def prior_slope(self) -> Array:
+        """The gradient (n,) of the prior's cost where the unknown is."""
+
+    def forth(self, j: int, x: Array) -> Array:
+        """The change (2 F, 3) m of the edges that the model gives scan j, of a change (n,)."""
+
+    def back(self, j: int, pull: Array) -> Array:
+        """The adjoint of `forth`: (n,) from (2 F, 3)."""
+
+    def grams(self, j: int) -> Array:
+        """T_j'T_j, which is block diagonal: a block (F, q, q) for each face."""
+
+
+@dataclass(frozen=True, eq=False)
+class Persons:
+    """D of one subject.
+
+    Attributes:
+        body: of the subject, whose only beta is 1.
+        here: the body at the pose of each of the subject's scans.
+        neighbours: sigma_D.
+        fitted: D (F, 3, 3) from which the differences of neighbours are counted.
+    """
+
+    body: TriangleBody
+    here: Sequence[SurfaceNumbers]
+    neighbours: float
+    fitted: Array
+
+    @cached_property
+    def prior(self) -> csr_array:
+        """E_D: differences of neighbours, the same for each of the nine entries of D_f."""
+        return differing(self.body, self.neighbours)
+
+    @property
+    def prior_slope(self) -> Array:
+        """The gradient of E_D."""
+        return np.asarray(self.prior @ (self.here[0].D - self.fitted).ravel())
+
+    def forth(self, j: int, x: Array) -> Array:
+        """B dD (Q e)."""
+        at = self.here[j]
+        moved = np.einsum("fab,fbc,fic->fia", at.B, x.reshape(-1, 3, 3), at.bent, optimize=True)
+        return np.asarray(moved.reshape(-1, 3))
+
+    def back(self, j: int, pull: Array) -> Array:
+        """The sum over edges of B' pull (Q e)'."""
+        at, on = self.here[j], pull.reshape(-1, 2, 3)
+        return np.asarray(np.einsum("fab,fia,fic->fbc", at.B, on, at.bent, optimize=True).ravel())
+
+    def grams(self, j: int) -> Array:
+        """The Kronecker product of B'B and the sum over edges of (Q e)(Q e)'."""
+        at = self.here[j]
+        left = at.B.transpose(0, 2, 1) @ at.B
+        right = at.bent.transpose(0, 2, 1) @ at.bent
+        return np.asarray(np.einsum("fab,fcd->facbd", left, right).reshape(-1, 9, 9))
+
+
+@dataclass(frozen=True, eq=False)
+class Bends:
+    """Q of all subjects, by `posedirs`.
+
+    Attributes:
+        body: of all subjects.
+        here: the body at the pose and subject of each scan.
+        bends: sigma_Q of an entry of posedirs, per rad.
+        first: posedirs from which the change is counted.
+    """
+
+    body: TriangleBody
+    here: Sequence[SurfaceNumbers]
+    bends: float
+    first: Array
+
+    @cached_property
+    def prior(self) -> csr_array:
+        """E_Q: each entry of posedirs for itself."""
+        return csr_array(eye_array(self.body.posedirs.size) / self.bends**2)
+
+    @property
+    def prior_slope(self) -> Array:
+        """The gradient of E_Q."""
+        return np.asarray((self.body.posedirs - self.first).ravel() / self.bends**2)
+
+    def forth(self, j: int, x: Array) -> Array:
+        """B D dP e, dP being the change of posedirs times the twists."""
+        at, e = self.here[j], self.body.arithmetic.packed.edges
+        turned = np.einsum("facj,fj->fac", x.reshape(self.body.posedirs.shape), at.twists)
+        moved = (at.B @ at.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
+        return np.asarray(moved.transpose(0, 2, 1).reshape(-1, 3))
+
+    def back(self, j: int, pull: Array) -> Array:
+        """The sum over edges of (B D)' pull e' twists'."""
+        at, on, e = self.here[j], pull.reshape(-1, 2, 3), self.body.arithmetic.packed.edges
+        by_turn = (at.B @ at.D).transpose(0, 2, 1) @ (on.transpose(0, 2, 1) @ e)
+        return np.asarray(np.einsum("fac,fj->facj", by_turn, at.twists).ravel())
+
+    def grams(self, j: int) -> Array:
+        """The Kronecker product of (B D)'B D, the sum of e e', and twists twists'."""
+        at, e = self.here[j], self.body.arithmetic.packed.edges
+        BD = at.B @ at.D
+        left, middle = BD.transpose(0, 2, 1) @ BD, e.transpose(0, 2, 1) @ e
+        found = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, at.twists, at.twists)
+        return np.asarray(found.reshape(len(e), 9 * at.twists.shape[1], -1))
+
+
+@dataclass(frozen=True, eq=False)
+class OfScan:
+    """What a scan says of the vertices of its registration, with contacts held.
+
+    Attributes:
+        vertices: (N, 3) m.
+        slope: (3 N,) the gradient of E_S.
+        normal: (3 N, 3 N) its Hessian, as Gauss and Newton have it.
+    """
+
+    vertices: Array
+    slope: Array
+    normal: csc_array
+
+
+@dataclass(frozen=True, eq=False)
+class JointStep:
+    """The quadratic in an unknown and the vertices of all scans that it reaches.
+
+    Attributes:
+        unknown: D of a subject, or Q.
+        scans: what the scans say.
+        model: (2 F, 3) m for each, the edges that the model gives it.
+        coupling: sigma_C in m, of each coordinate of an edge.
+        body: whose faces and stitching these are.
+        tolerance: of the gradient, relative to the first one, at which the iterations end.
+        most: the largest number of iterations.
+    """
+
+    unknown: Unknown
+    scans: Sequence[OfScan]
+    model: Sequence[Array]
+    coupling: float
+    body: TriangleBody
+    tolerance: float = TOLERANCE
+    most: int = MOST
+
+    def found(self) -> tuple[Array, list[Array]]:
+        """The change (n,) of the unknown, and that (N, 3) m of the vertices of each scan."""
+        u, s2 = self.unknown, self.coupling**2
+        gaps = [self._gap(j) for j in range(len(self.scans))]
+        right = -np.asarray(u.prior_slope)
+        for j, gap in enumerate(gaps):
+            first = self._vertices(j, self._onto(gap / s2) + self.scans[j].slope)
+            right = right + u.back(j, (gap - self._edges(first)) / s2)
+        n = len(right)
+
+        def product(x: Array) -> Array:
+            total = np.asarray(u.prior @ x)
+            for j in range(len(self.scans)):
+                moved = u.forth(j, x)
+                follows = self._edges(self._vertices(j, self._onto(moved / s2)))
+                total = total + u.back(j, (moved - follows) / s2)
+            return total
+
+        x, _ = cg(
+            LinearOperator((n, n), matvec=product, dtype=np.float64),
+            right,
+            rtol=self.tolerance,
+            maxiter=self.most,
+            M=LinearOperator((n, n), matvec=self._preconditioner(), dtype=np.float64),
+        )
+        changes = []
+        for j, gap in enumerate(gaps):
+            pull = self._onto((u.forth(j, x) - gap) / s2) - self.scans[j].slope
+            changes.append(self._vertices(j, pull).reshape(-1, 3))
+        return x, changes
+
+    def _gap(self, j: int) -> Array:
+        """The edges of the registration minus those of the model, (2 F, 3) m."""
+        there = edges(self.scans[j].vertices, self.body.faces).reshape(-1, 3)
+        return np.asarray(there - self.model[j])
+
+    def _edges(self, v: Array) -> Array:
+        return np.asarray(self.body.stitching.A @ v.reshape(-1, 3))
+
+    def _onto(self, pull: Array) -> Array:
+        return np.asarray(self.body.stitching.A.T @ pull).ravel()
+
+    def _vertices(self, j: int, pull: Array) -> Array:
+        """(H_j + A'A / sigma^2)^-1 of a pull (3 N,)."""
+        return np.asarray(self._factors[j](pull))
+
+    @cached_property
+    def _factors(self) -> list[Callable[[Array], Array]]:
+        A = self.body.stitching.A
+        stiff = kron(A.T @ A, eye_array(3)) / self.coupling**2
+        held = eye_array(stiff.shape[0]) * (FREE / self.coupling**2)
+        return [_solver(scan.normal + stiff + held) for scan in self.scans]
+
+    def _preconditioner(self) -> Callable[[Array], Array]:
+        blocks = sum(self.unknown.grams(j) for j in range(len(self.scans)))
+        prior, grams = self.unknown.prior, np.asarray(blocks) / self.coupling**2
+        if prior.nnz == prior.shape[0]:  # of each face for itself
+            q = grams.shape[1]
+            inverse = np.linalg.inv(grams + prior.diagonal().reshape(-1, q)[:, :, None] * np.eye(q))
+            return lambda x: np.asarray(inverse @ x.reshape(-1, q, 1)).ravel()
+        return _solver(
+            block_diag(list(grams), format="csc") + prior + FREE * eye_array(prior.shape[0])
+        )
+
+
+def differing(body: TriangleBody, neighbours: float) -> csr_array:
+    """The precision (9 F, 9 F) of D by differences of neighbouring faces of sigma `neighbours`."""
+    tied = neighbour_differences(body.faces)
+    return csr_array(kron(tied.T @ tied, eye_array(9)) / neighbours**2)
+
+
+def learned_bends(body: TriangleBody, poses: Array, meshes: Array, ratio: float) -> TriangleBody:
+    """The body with the posedirs whose triangles, before stitching, fit meshes best.
+
+    `poses` (M, K, 3) rad and `meshes` (M, N, 3) m are of a person with zero betas; `ratio` is
+    sigma_C / sigma_Q in m rad. Raises BadArgument for a ratio that is not above zero.
+
+    Posedirs that were fitted to stitched meshes do not serve here: what cancels in stitching may
+    be large in single triangles.
+    """
+    if not 0 < ratio < np.inf:
+        raise BadArgument(f"the ratio of the sigmas is above 0 m rad, not {ratio:g}")
+    plain = replace(body, posedirs=np.zeros_like(body.posedirs))
+    here = [plain.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in poses]
+    given = Bends(plain, here, 1 / ratio, plain.posedirs)
+    gaps = [
+        (edges(mesh, body.faces) - np.einsum("fab,fib->fia", at.B, at.shaped)).reshape(-1, 3)
+        for mesh, at in zip(meshes, here, strict=True)
+    ]
+    T = 9 * here[0].twists.shape[1]
+    grams, right = ratio**2 * np.eye(T), np.zeros(body.posedirs.size)
+    for j, gap in enumerate(gaps):
+        grams, right = grams + given.grams(j), right + given.back(j, gap)
+    found = np.linalg.solve(grams, right.reshape(-1, T, 1))
+    return replace(body, posedirs=np.asarray(found).reshape(body.posedirs.shape))
+
+
+def _solver(A: csc_array) -> Callable[[Array], Array]:
+    """The solution of A x = b by factors of a symmetric, positive definite A."""
+    factors = splu(csc_array(A), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return lambda b: np.asarray(factors.solve(b))

@@ -1,0 +1,270 @@
+"""Coregistration with a model that acts on triangles: registrations, subjects' D, and Q, in turn.
+
+The joint cost of J scans of S subjects, with registrations V_j of edges A V_j, is
+
+    sum_j [ E_S(scan_j; V_j) + E_C(V_j, pose_j, D_s(j), Q) + E_pose(pose_j) ] + E_D(D) + E_Q(Q)
+
+    E_C   |A V_j - B(pose_j) D Q(pose_j) e|^2 / (2 sigma_C^2), the triangles not being stitched
+    E_D   differences of D_f - D_f(fitted betas) over neighbouring faces, by sigma_D
+    E_Q   posedirs from the first ones, by sigma_Q
+
+(Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012.) Because triangles are not
+stitched, the model's edges are linear in D of each face and in its Q, and edges say nothing of
+where a registration stands: no translation is among the unknowns.
+
+The sources differ in where lambda_C stands, the weight of the coupling. Either it multiplies E_C
+alone (Pons-Moll, Virtual Humans 5.1), or the priors of poses, D and Q as well (Romero, Tzionas and
+Black, Embodied Hands, 2017, and the notes on its alignments), so that only the scans are weighed
+against everything else. `TrianglePlan.symmetric` chooses; at lambda_C = 1 both are the same.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import sqrt
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Block, Values
+from workbench.bodies.triangles import TriangleBody
+from workbench.bodies.triangles.arithmetic import SurfaceNumbers
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior
+from workbench.geometry.solids import area
+from workbench.geometry.triangles import edges
+from workbench.problem import Linearization, Problem
+from workbench.problem.storage import unblocked
+from workbench.registration.coregistration.coregistering import Fitted
+from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans
+from workbench.registration.coregistration.triangle_plan import TrianglePlan
+from workbench.registration.coregistration.triangle_steps import (
+    Bends,
+    JointStep,
+    OfScan,
+    Persons,
+    Unknown,
+    differing,
+)
+from workbench.registration.free_vertices import VERTICES, Settled
+from workbench.residuals import stitching
+from workbench.training.executor import SERIAL, Execution
+from workbench.training.pose_training import ROUNDING, NotLowered
+from workbench.training.progress import LogEntry, Progress
+
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cost falls
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleState:
+    """The unknowns of a coregistration of triangles.
+
+    Attributes:
+        body: whose beta s is 1 for subject s and otherwise 0, so that shapedirs are D - I; its
+            posedirs are Q's.
+        poses: (J, K, 3) rad.
+        vertices: (J, N, 3) m, the registrations.
+        scan_costs: (J,) E_S of each.
+        log: the blocks that have run, in order.
+    """
+
+    body: TriangleBody
+    poses: Array
+    vertices: Array
+    scan_costs: Array
+    log: tuple[LogEntry, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleCoregistration:
+    """The joint problem of scans and a triangle body; see the module.
+
+    Raises BadArgument for scans whose subjects are not numbered from 0 on.
+
+    Attributes:
+        body: whose template has the topology of the registrations, and from which D and Q start.
+        scans: where the scans are read from.
+        plan: what is done.
+    """
+
+    body: TriangleBody
+    scans: Scans
+    plan: TrianglePlan = TrianglePlan()  # noqa: RUF009 - it is immutable
+
+    def __post_init__(self) -> None:
+        people = np.unique(self.scans.subject)
+        if not len(people) or not np.array_equal(people, np.arange(len(people))):
+            raise BadArgument("the subjects of scans are numbered 0, 1, 2, ... without gaps")
+
+    def first(self, fits: Sequence[Fitted], vertices: Array) -> TriangleState:
+        """The state that begins: every subject has the median of the betas of its scans.
+
+        `vertices` (J, N, 3) m are registrations of each scan by itself.
+        """
+        subject, F = self.scans.subject, self.body.n_faces
+        betas = np.stack([fit.betas for fit in fits])
+        each = [np.median(betas[subject == s], axis=0) for s in range(subject.max() + 1)]
+        columns = self.body.shapedirs.reshape(9 * F, -1) @ np.stack(each, axis=1)
+        body = replace(self.body, shapedirs=columns.reshape(F, 3, 3, -1))
+        poses = np.stack([fit.pose for fit in fits])
+        return TriangleState(body, poses, vertices, np.zeros(len(fits)))
+
+    def run(
+        self, fits: Sequence[Fitted], vertices: Array, execution: Execution = SERIAL
+    ) -> TriangleState:
+        """Carry out the plan from fits of the body to every scan, and their registrations.
+
+        `vertices` (J, N, 3) m are registrations of each scan by itself. The model moves first:
+        edges add up, and a limb whose edges are 2 mm off here and there ends 100 mm from its
+        scan, where nothing draws it back. Raises NotLowered if a block raises the joint cost.
+        """
+        first = self.first(fits, vertices)
+        found = self._measured(first)
+        steps = [*self.plan.blocks, "registrations"] * self.plan.rounds
+        began = time.perf_counter()
+        for number, block in enumerate(steps, start=1):
+            start, before = time.perf_counter(), self.costs(found, first.body)
+            if block == "registrations":
+                found = self._registered(found, replace(execution, task=block))
+            else:
+                found = self._stepped(found, first.body, block, sum(before.values()))
+            after, seconds = self.costs(found, first.body), time.perf_counter() - start
+            was, total = sum(before.values()), sum(after.values())
+            if not total <= was + ROUNDING * (1 + was):
+                raise NotLowered(f"block {block!r} raised the cost from {was:.9g} to {total:.9g}")
+            found = replace(found, log=(*found.log, LogEntry(block, before, after, {}, seconds)))
+            left = (time.perf_counter() - began) / number * (len(steps) - number)
+            execution.report.block(Progress(number, len(steps), found.log[-1], left))
+        return found
+
+    def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
+        """The joint cost of a state, by term; E_D and E_Q count from the body `first`."""
+        plan, gaps = self.plan, 0.0
+        for j in range(len(state.poses)):
+            e = edges(state.vertices[j], self.body.faces).reshape(-1, 3)
+            gaps += float(((e - _edges_of(state.body, self._here(state, j))) ** 2).sum())
+        prior = Problem((pose_prior(self.body),), ("pose",))
+        found = {"E_S": float(state.scan_costs.sum()), "E_C": gaps / 2 / plan.of_edges**2}
+        found["E_pose"] = sum(prior.linearize({"pose": p}).cost for p in state.poses)
+        D = np.zeros((self.body.n_faces * 9, state.body.n_betas))
+        D += (state.body.shapedirs - first.shapedirs).reshape(D.shape)
+        tied = differing(self.body, plan.neighbours)
+        found["E_D"] = float((D * (tied @ D)).sum()) / 2
+        found["E_Q"] = (
+            float(((state.body.posedirs - first.posedirs) ** 2).sum()) / 2 / plan.bends**2
+        )
+        scaled = ("E_pose", "E_D", "E_Q")
+        return {n: c * (plan.of_priors if n in scaled else 1.0) for n, c in found.items()}
+
+    def _here(self, state: TriangleState, j: int) -> SurfaceNumbers:
+        one = np.eye(state.body.n_betas)[self.scans.subject[j]]
+        return state.body.arithmetic.evaluate(state.poses[j], one)
+
+    def _registered(self, state: TriangleState, execution: Execution) -> TriangleState:
+        whole = area(self.body.template, self.body.faces)
+        J = len(state.poses)
+        some = [np.arange(i, min(i + JOB_SIZE, J)) for i in range(0, J, JOB_SIZE)]
+        jobs = [(state.body, rows, state.poses[rows], state.vertices[rows]) for rows in some]
+        found: list[tuple[Array, Array, float]] = []
+        for done in execution.executor(partial(_register, self.scans, self.plan, whole), jobs):
+            found += done
+            execution.finished(len(found), J)
+        poses, vertices, costs = zip(*found, strict=True)
+        return replace(
+            state, poses=np.stack(poses), vertices=np.stack(vertices), scan_costs=np.array(costs)
+        )
+
+    def _measured(self, state: TriangleState) -> TriangleState:
+        each = [self._scan(j, V).cost for j, V in enumerate(state.vertices)]
+        return replace(state, scan_costs=np.array(each))
+
+    def _scan(self, j: int, vertices: Array) -> Linearization:
+        block = Block(VERTICES, (self.body.n_vertices, 3), "m")
+        whole = area(self.body.template, self.body.faces)
+        term = self.plan.term.residual(block.symbol, self.body.faces, self.scans.read(j), whole)
+        return Problem((term,), (VERTICES,), blocks=(block,)).linearize({VERTICES: vertices})
+
+    def _stepped(
+        self, state: TriangleState, first: TriangleBody, block: str, cost: float
+    ) -> TriangleState:
+        """D of all subjects or Q, and the registrations with it, as far as the joint cost falls."""
+        J = len(state.poses)
+        scans = [
+            OfScan(V, here.gradient, csc_array(unblocked(here.normal)))
+            for V, here in ((V, self._scan(j, V)) for j, V in enumerate(state.vertices))
+        ]
+        here = [self._here(state, j) for j in range(J)]
+        model = [_edges_of(state.body, at) for at in here]
+        vertices, D = np.zeros_like(state.vertices), np.zeros_like(state.body.shapedirs)
+        Q = np.zeros_like(state.body.posedirs)
+        scale = 1 / sqrt(self.plan.of_priors)
+        who: Unknown
+        if block == "persons":
+            fitted = np.eye(3)[..., None] + first.shapedirs
+            for s in range(state.body.n_betas):
+                own = np.flatnonzero(self.scans.subject == s)
+                sigma = self.plan.neighbours * scale
+                who = Persons(state.body, [here[j] for j in own], sigma, fitted[..., s])
+                x, changes = self._step(who, scans, model, own)
+                D[..., s], vertices[own] = x.reshape(-1, 3, 3), changes
+        else:
+            x, changes = self._step(
+                Bends(state.body, here, self.plan.bends * scale, first.posedirs),
+                scans,
+                model,
+                np.arange(J),
+            )
+            Q[:], vertices[:] = x.reshape(Q.shape), changes
+        for share in SHARES:
+            body = replace(
+                state.body,
+                shapedirs=state.body.shapedirs + share * D,
+                posedirs=state.body.posedirs + share * Q,
+            )
+            moved = replace(state, body=body, vertices=state.vertices + share * vertices)
+            tried = self._measured(moved)
+            if sum(self.costs(tried, first).values()) < cost:
+                return tried
+        return state
+
+    def _step(
+        self, unknown: Unknown, scans: Sequence[OfScan], model: Sequence[Array], own: Index
+    ) -> tuple[Array, Array]:
+        some, theirs = [scans[j] for j in own], [model[j] for j in own]
+        x, changes = JointStep(unknown, some, theirs, self.plan.of_edges, self.body).found()
+        return x, np.stack(changes)
+
+
+def _edges_of(body: TriangleBody, at: SurfaceNumbers) -> Array:
+    """X_f e_fi (2 F, 3) m."""
+    return np.asarray(np.einsum("fab,fib->fia", at.B, at.shaped).reshape(-1, 3))
+
+
+Job = tuple[TriangleBody, Index, Array, Array]
+
+
+def _register(
+    scans: Scans, plan: TrianglePlan, whole: float, job: Job
+) -> list[tuple[Array, Array, float]]:
+    """Pose, vertices and E_S of some scans; no cost is higher afterwards."""
+    body, rows, poses, vertices = job
+    found = []
+    pose, betas, _ = body.blocks()
+    block = Block(VERTICES, (body.n_vertices, 3), "m")
+    model = body.deformed_edges(pose.symbol, betas.symbol)
+    sigma = plan.of_edges
+    coupling = stitching(block.symbol, model, body.faces, sigma=sigma, name="coupling")
+    prior = replace(pose_prior(body), weights=plan.of_priors)
+    for row, theta, V in zip(rows, poses, vertices, strict=True):
+        scan = plan.term.residual(block.symbol, body.faces, scans.read(row), whole)
+        described = (block, pose, betas)
+        problem = Problem((scan, coupling, prior), ("pose", VERTICES), blocks=described)
+        one = np.eye(body.n_betas)[scans.subject[row]]
+        values: Values = {"pose": theta, "betas": one, VERTICES: V}
+        ends = Settled(plan.settled) if plan.settled > 0 else None
+        values = values | plan.solver.solve(problem, values, callback=ends).values
+        cost = Problem((scan,), (VERTICES,)).linearize({VERTICES: values[VERTICES]}).cost
+        found.append((values["pose"], values[VERTICES], cost))
+    return found
