@@ -40,7 +40,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("reports",),
     ("studies",),  # each draws its own figures and writes its own page
     ("course",),
-    ("site",),
+    ("site", "scaffolds"),
     ("lectures",),  # the package; `course` finds the lectures themselves by name
     ("cli",),
     ("__main__",),

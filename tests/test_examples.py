@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import workbench as wb
+from workbench.experiments import find
+
 EXAMPLES = sorted(p.stem for p in (Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
 
 
@@ -82,6 +85,16 @@ def test_a_sequence_shares_a_shape_and_fills_gaps() -> None:
     assert together[example.hidden].mean() < 20
     spread = {name: np.sqrt(np.mean(off**2)) for name, off in example.shapes.items()}
     assert spread["as a sequence"] < spread["frame by frame"] / 3
+
+
+def test_a_file_of_ones_own_is_taken_by_the_commands() -> None:
+    setup = find(str(Path(__file__).parents[1] / "examples" / "36_a_file_of_your_own.py")).setup()
+    example = import_module("examples.36_a_file_of_your_own")
+    found = dict(setup.start) | wb.solve(setup.problem, setup.start).values
+    places = example.body.joints(**{n: found[n] for n in ("pose", "betas", "trans")})
+    assert np.abs(places[example.ankles, 1] - 0.08).max() < 0.005
+    assert abs(places[example.number["right_wrist"], 2] - 0.45) < 0.005
+    assert wb.diagnose(setup.problem.without(*setup.priors), found).rank == 3
 
 
 def test_each_term_of_training_closes_directions() -> None:

@@ -11,6 +11,10 @@ from workbench.errors import BadFile
 FRONT, START = "README.md", "index.md"
 DOCUMENTS = (
     "COMMANDS.md",
+    "howto/problem.md",
+    "howto/residual.md",
+    "howto/solver.md",
+    "howto/experiment.md",
     "workbench/studies/README.md",
     "ARCHITECTURE.md",
     "CHANGELOG.md",

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import workbench as wb
-from workbench.solvers import Boxes, Callback, Derivative
-from workbench.solvers.run import Run
+from workbench.solvers import Boxes, Callback, Derivative, Run
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,26 @@ def test_a_solver_that_failed_a_problem_is_not_advised() -> None:
     assert not any("take quick" in text for text in said)
 
 
+def test_a_solver_whose_answers_are_good_enough_and_that_failed_is_not_advised() -> None:
+    """One gave up near the lowest cost, one found nothing where no other run ended either."""
+    runs = {(p, s): SLOW for p in "abcdefgh" for s in ("slow", "slower", "early")}
+    runs |= {("h", "early"): [9.0, 1.0005], ("i", "slow"): SLOW, ("i", "early"): SLOW}
+    runs = {key: [9.0, *costs] if "slower" in key else costs for key, costs in runs.items()}
+    early = record("h", "early", [9.0, 1.0005], claim="STALLED", optimality=1.0)
+    found = comparison(runs | {("i", "slower"): SLOW}, early=early)
+    assert reliable(found, found.compared) == ("slow", "slower", "early")
+    assert any(
+        text.startswith("Of these, take slow: it needed less effort than slower on more")
+        for text in advice(found)
+    )
+    said = "early is not advised: in 1 of 9 runs it gave up at a point that is not stationary."
+    assert said in advice(found)
+    alone = comparison(runs | {("i", "slow"): SLOW, ("i", "early"): [], ("i", "slower"): []})
+    assert "i" not in alone.compared
+    assert not any("take early" in text or "early has" in text for text in advice(alone))
+    assert "slower is not advised: in 1 of 9 runs it raised an exception." in advice(alone)
+
+
 def test_where_nobody_reached_it_everywhere_that_is_said_and_problems_are_told_apart() -> None:
     runs = {
         ("p", "a"): QUICK,

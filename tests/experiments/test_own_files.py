@@ -25,6 +25,12 @@ def written(folder: Path, more: str) -> str:
     return str(folder / "line.py")
 
 
+POINTS = """body = wb.load_body('small')
+p = body.joint_points(*(block.symbol for block in body.blocks()))
+q = wb.Block('q', (24, 3), 'm')
+"""
+
+
 @pytest.mark.parametrize(
     "more",
     [
@@ -72,6 +78,14 @@ def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
         ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
         ("del problem", "it defines no experiment; it needs"),
         ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
+        (
+            f"{POINTS}p.symbol - q.symbol.T",
+            rf"line {NEXT + 3}: \(x-y\) needs matrices of one shape, but x is 3 x 24 and y is "
+            r"24 x 3; one of them is transposed: take a .T away, or put one in; in expressions",
+        ),
+        (f"{POINTS}p.symbol @ q.symbol", "Matrix product with incompatible .*; in expressions"),
+        (f"{POINTS}p - q.symbol", "Points are no numbers: take their .symbol"),
+        (f"{POINTS}p.symbol - q", "a Block is no number: take its .symbol"),
     ],
 )
 def test_what_is_wrong_in_it_is_a_sentence_before_anything_is_solved(

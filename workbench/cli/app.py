@@ -22,6 +22,7 @@ from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.live import live
 from workbench.cli.motion import motion
+from workbench.cli.new import new
 from workbench.cli.register import register
 from workbench.cli.rig import rig
 from workbench.cli.run import run
@@ -100,6 +101,7 @@ for command in (
     together,
     triangles,
     solvers,
+    new,
     info,
 ):
     app.command()(interruptible(command))

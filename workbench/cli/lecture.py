@@ -23,7 +23,7 @@ from workbench.course.grades import CheckResult, CheckState, Grade
 from workbench.course.handing_out import hand_out
 from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import course as outline
-from workbench.course.outline import lecture
+from workbench.course.own_lecture import lecture_named, own_lecture
 from workbench.course.student_process import SECONDS, grade
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument, BadFile
@@ -41,15 +41,25 @@ COLOUR = {
 Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
 ]
-Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` names them.")]
+Number = Annotated[
+    str,
+    typer.Argument(
+        help="The number of a lecture, which `list` names, or the folder of a lecture of your own."
+    ),
+]
 
 
-def list_() -> None:
+def list_(
+    folders: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="FOLDER", help="Folders of lectures of your own, listed as well."),
+    ] = None,
+) -> None:
     """List the lectures with their minutes, and their exercises' points and minutes (estimated)."""
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("", "lecture", "minutes", "points", "exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
-    for one in outline():
+    for one in (*outline(), *map(own_lecture, folders or ())):
         if one.there:
             points = str(sum(check.points for check in one.checks))
             said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
@@ -62,8 +72,8 @@ def list_() -> None:
 
 def show(number: Number) -> None:
     """Show a lecture's question, what it assumes and teaches, its exercises, and its file."""
-    one, console = lecture(number), Console()
-    console.print(f"[bold]{number} {escape(one.title)}[/]\n{escape(one.question)}\n")
+    one, console = lecture_named(number), Console()
+    console.print(f"[bold]{one.number} {escape(one.title)}[/]\n{escape(one.question)}\n")
     for title, text in (
         ("assumes", one.assumes),
         ("teaches", one.teaches),
@@ -77,8 +87,9 @@ def show(number: Number) -> None:
         task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
         minutes = one.minutes_for(name)
         worth = counted(points, "point") + (f", about {minutes} minutes" if minutes else "")
-        say(console, f"[bold]{number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
-    console.print(f"\nworkbench lecture run {number}, workbench lecture start {number} FOLDER")
+        say(console, f"[bold]{one.number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
+    said = f"workbench lecture run {one.asked}, workbench lecture start {one.asked} FOLDER"
+    say(console, f"\n{escape(said)}")
 
 
 def run(
@@ -87,7 +98,7 @@ def run(
     code: Annotated[bool, typer.Option("--code", help="Show the code of each cell too.")] = False,
 ) -> None:
     """Run a lecture from top to bottom: its text and results here, its figures as files."""
-    one, console = lecture(number), Console()
+    one, console = lecture_named(number), Console()
     make_folder(out / one.folder_name)
     pictures = 0
     for cell, value in carried_out(one.folder / "lecture.py", _show_code if code else _nothing):
@@ -144,11 +155,13 @@ def begin(
     ],
 ) -> None:
     """Copy the exercises of a lecture into a folder of yours. No file there is overwritten."""
-    path = hand_out(lecture(number), folder)
+    one = lecture_named(number)
+    path = hand_out(one, folder)
     console = Console()
     print_page(console, "exercises", path)
     console.print(
-        f"check them: workbench lecture check {number} {escape(str(path))}", soft_wrap=True
+        f"check them: workbench lecture check {escape(one.asked)} {escape(str(path))}",
+        soft_wrap=True,
     )
 
 
@@ -173,7 +186,7 @@ def check(
     """
     if not seconds > 0:
         raise BadArgument(f"--seconds takes a number above 0, not {seconds}")
-    one, console = lecture(number), Console()
+    one, console = lecture_named(number), Console()
     paths = [
         path / f"{one.folder_name}.py" if path.is_dir() else path for path in files or [Path()]
     ]
@@ -217,7 +230,7 @@ def notebooks(
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
     if repository:
-        add_links(notebook(lecture(1)), repository, at, "lec")  # mistakes are told before the work
+        add_links(notebook(lecture_named("1")), repository, at, "lec")  # mistakes are told before the work
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
         done = executed(notebook(one), one, folder)
@@ -230,8 +243,8 @@ def notebooks(
 
 def slides(number: Number, folder: Folder) -> None:
     """Write a lecture as slides for a browser, which need no network. Needs the extra `course`."""
-    one, console = lecture(number), Console()
-    with Console(stderr=True).status(f"running lecture {number}"):
+    one, console = lecture_named(number), Console()
+    with Console(stderr=True).status(f"running lecture {one.number}"):
         page = write_slides(one, folder)
     print_page(console, "slides", page)
 

@@ -12,7 +12,8 @@ from workbench.blocks import Values
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace, print_outcome
-from workbench.errors import BadArgument, check_known
+from workbench.comparison.named_solvers import named_solvers
+from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.own_file import BESIDE, ENOUGH
@@ -38,7 +39,12 @@ Setting = Annotated[
 Out = Annotated[
     Path, typer.Option(help="Folder in which the command makes a folder for its results.")
 ]
-SolverName = Annotated[str, typer.Option("--solver", help=f"One of {', '.join(SOLVERS)}.")]
+SolverName = Annotated[
+    str,
+    typer.Option(
+        "--solver", help=f"One of {', '.join(SOLVERS)}, or a Python file that defines one solver."
+    ),
+]
 Compare = Annotated[
     bool, typer.Option(help="Also solve with the solvers that the experiment compares.")
 ]
@@ -120,9 +126,12 @@ def solved(console: Console, setup: Setup, solver: Solver) -> Values:
 
 
 def solver_named(name: str) -> Solver:
-    """A solver of the catalogue. Raises UnknownName."""
-    check_known("solver", name, SOLVERS)
-    return SOLVERS[name]
+    """A solver of the catalogue, or that of a Python file. Raises UnknownName or BadFile."""
+    first, *others = named_solvers((name,))
+    if others:
+        several = joined([first.called, *(one.called for one in others)])
+        raise BadFile(f"{name} defines several solvers: {several}; say `solver = ...` for one")
+    return first.solver
 
 
 def settings(texts: list[str] | None) -> dict[str, str]:

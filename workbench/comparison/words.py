@@ -1,6 +1,7 @@
 """What a comparison says, in sentences; each of them is a statement about its numbers."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 
 from workbench.comparison.comparison import MAIN, Comparison
@@ -35,7 +36,8 @@ def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
     """Which solver to take for which problems, and why; nothing if the runs do not show it.
 
     A solver is advised for problems only if it returned an answer within the target from each of
-    their starts. The advice depends on counts and published prices, and not on any clock.
+    their starts, and if none of its runs failed, not even one that is left out of the comparison.
+    The advice depends on counts and published prices, and not on any clock.
     """
     compared = comparison.compared
     out = _nothing_to_compare(comparison)
@@ -43,10 +45,30 @@ def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
         everywhere = reliable(comparison, compared, tau)
         if everywhere:
             out += _sure(comparison, everywhere, tau)
-            out += _cheapest(comparison, everywhere, tau)
+            out += _failed(comparison, everywhere)
+            sound = tuple(s for s in everywhere if not failures(comparison, s))
+            out += _cheapest(comparison, sound, tau)
         else:
             out += _none(comparison, compared, tau)
     return (*out, *_uncounted(comparison, tau), *_lost(comparison), *_clock(comparison))
+
+
+def failures(comparison: Comparison, solver: str) -> Counter[TargetOutcome]:
+    """How many runs of a solver, of all that there are, ended otherwise than at the lowest cost."""
+    fine = (TargetOutcome.REACHED, TargetOutcome.ALONE)
+    counts = comparison.counted(solver)
+    return Counter({outcome: count for outcome, count in counts.items() if outcome not in fine})
+
+
+def _failed(comparison: Comparison, everywhere: tuple[str, ...]) -> list[str]:
+    """Why solvers whose answers all met the target are not advised nevertheless."""
+    out = []
+    for solver in everywhere:
+        runs, found = comparison.counted(solver).total(), failures(comparison, solver)
+        how = [f"in {found[k]} of {runs} runs it {k.value}" for k in TargetOutcome if found[k]]
+        if how:
+            out.append(f"{solver} is not advised: {'; '.join(how)}.")
+    return out
 
 
 def _nothing_to_compare(comparison: Comparison) -> list[str]:

@@ -27,6 +27,7 @@ class Lecture:
         minutes: how long it takes to read and to try, without the exercises.
         assumes: what a reader has to know.
         teaches: what a reader learns.
+        place: the folder of its files, if it is not part of the course.
     """
 
     number: int
@@ -36,6 +37,12 @@ class Lecture:
     minutes: int
     assumes: str
     teaches: str
+    place: Path | None = None
+
+    @property
+    def asked(self) -> str:
+        """What commands take for it: its number, or the folder of one that is not in the course."""
+        return str(self.number if self.place is None else self.place)
 
     @property
     def folder_name(self) -> str:
@@ -45,7 +52,7 @@ class Lecture:
     @property
     def folder(self) -> Path:
         """The folder of its files, which may be missing."""
-        return root() / self.folder_name
+        return self.place or root() / self.folder_name
 
     @property
     def there(self) -> bool:

@@ -40,7 +40,7 @@ def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade
     path = Path(path)
     if not path.is_file():
         raise BadFile(
-            f"there is no file {path}; `workbench lecture start {lecture.number} FOLDER` makes one"
+            f"there is no file {path}; `workbench lecture start {lecture.asked} FOLDER` makes one"
         )
     file, found, printed = str(path.resolve()), dict[str, list[CheckResult]](), dict[str, str]()
     _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is

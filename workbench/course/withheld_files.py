@@ -52,10 +52,11 @@ def withhold(file: str) -> list[str]:
 def of_a_lecture(path: Path) -> bool:
     """Whether a file is a lecture's solutions or checks, as source or compiled.
 
-    Lectures are recognised by the outline beside their folders, so that those of a checkout are
-    found as well as those of the installed package.
+    Lectures are recognised by the outline beside their folders, or in them, so that those of a
+    checkout and those in folders of their own are found as well as those of the installed package.
     """
     if path.name.partition(".")[0] not in WITHHELD:
         return False
     folder = path.parent.parent if path.parent.name == "__pycache__" else path.parent
-    return folder.name.startswith("lec") and (folder.parent / "outline.py").is_file()
+    outlines = (folder.parent / "outline.py", folder / "outline.py")
+    return folder.name.startswith("lec") and any(path.is_file() for path in outlines)

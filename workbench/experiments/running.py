@@ -182,9 +182,9 @@ def called(given: Solver | None, solver: Solver, solution: Solution) -> str:
     """The name of a solver in `SOLVERS`, or what it calls itself."""
     if given is not None and solver is not given:
         return solution.solver  # with the stages and starts of a setup
-    return catalogue_name(solver) or (
-        solution.solver if given is None else f"{solution.solver} (with other options)"
-    )
+    house = type(solver).__module__.partition(".")[0] == "workbench"
+    options = " (with other options)" if given is not None and house else ""
+    return catalogue_name(solver) or f"{solution.solver}{options}"
 
 
 def _at(setup: Setup, values: Values, each: Sequence[Values]) -> tuple[Overlay, ...]:

@@ -25,6 +25,7 @@ from workbench.problem.linearization import Linearization
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
 from workbench.problem.storage import Stored
+from workbench.problem.units import check_units
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
@@ -40,7 +41,7 @@ class Problem:
     changed; `freeing` makes another.
 
     Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
-    BadResidual, or BadArgument for a name that has another form than these.
+    BadResidual (also for sums of different units), or BadArgument for a name of another form.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class Problem:
         free = texts("the names of free blocks", free)
         self.bounds = dict(mapping("the bounds of a problem", {} if bounds is None else bounds))
         naming.check_names((*free, *self.bounds), self.known, self._named)
+        check_units((*self.residuals, *self.constraints), self.known, self.points)
         self._known = Layout(tuple(self.known.values()))
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
@@ -85,8 +87,7 @@ class Problem:
 
         A problem in which nothing is chosen anew at every point is returned as it is.
         """
-        read = self.values(*self.split(values))
-        held = [residual.frozen(read) for residual in self.residuals]
+        held = [residual.frozen(self.values(*self.split(values))) for residual in self.residuals]
         return self if held == [*self.residuals] else self.variant(held, self.free.spelled())
 
     def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":

@@ -112,7 +112,13 @@ def same_shape(name: str, expression: cs.MX, observed: cs.MX) -> None:
     """Raise BadResidual unless the two can be subtracted entry by entry."""
     if expression.shape != observed.shape:
         (a, n), (b, m) = expression.shape, observed.shape
+        turned = expression.shape == observed.shape[::-1]
         raise BadResidual(
             f"residual {name!r} compares {n} points ({n}, {a}) with a block of shape ({m}, {b}); "
-            "they must be the same"
+            + (
+                f"it is transposed: the symbol of a block ({n}, {a}) is a matrix ({a}, {n}), and "
+                "is given as it is, as observed.symbol without .T"
+                if turned
+                else "they must be the same"
+            )
         )

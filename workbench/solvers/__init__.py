@@ -16,6 +16,7 @@ from workbench.solvers.line_search import backtracking, full_step
 from workbench.solvers.newton import Newton
 from workbench.solvers.nlopt import Nlopt
 from workbench.solvers.oracle import exact_hessian, gauss_newton_hessian
+from workbench.solvers.run import Run
 from workbench.solvers.scaling import columns, identity
 from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
@@ -105,6 +106,7 @@ __all__ = [
     "Newton",
     "Nlopt",
     "RadiusRule",
+    "Run",
     "Scipy",
     "Solution",
     "SolveStage",

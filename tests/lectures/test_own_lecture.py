@@ -1,0 +1,77 @@
+"""A lecture in a folder of its own: listed, shown, run, handed out and checked like the others."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.lectures.answered import marks_here
+from workbench.cli.app import app
+from workbench.course.grades import CheckState
+from workbench.course.own_lecture import lecture_named, own_lecture
+from workbench.course.withheld_files import of_a_lecture
+from workbench.errors import BadFile, UnknownName
+from workbench.scaffolds import write_scaffold
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr("sys.modules", {**sys.modules})  # whose package it is
+    return write_scaffold("lecture", "of_my_own")
+
+
+def test_every_command_takes_the_folder(folder: Path) -> None:
+    def typed(*arguments: str, code: int = 0) -> str:
+        done = CliRunner().invoke(app, ["lecture", *arguments])
+        assert done.exit_code == code, done.output
+        return done.output
+
+    name = str(folder)
+    assert "One wrong measurement" in typed("list", name)
+    assert f"workbench lecture start {name} FOLDER" in typed("show", name)
+    assert "mean with a wrong one" in typed("run", name)
+    assert (Path("runs") / folder.name / "figure-1.png").stat().st_size > 5_000
+    assert f"workbench lecture check {name}" in typed("start", name, ".")
+    said = typed("check", name, code=1)  # although a file of the folder's name is beside it
+    assert said.count("not attempted") == 3
+    assert "4 of 4 points" in typed("check", name, str(folder / "solutions.py"))
+
+
+def test_its_checks_reject_every_mistake_by_its_hint(folder: Path) -> None:
+    lecture = own_lecture(folder)
+    assert len(lecture.exercises) == 3
+    for exercise in lecture.exercises:
+        rejected = 0
+        for mistake in lecture.mistakes:
+            if mistake.exercise != exercise:
+                continue
+            (one,) = marks_here(lecture, exercise, mistake.answer)
+            assert one.state is CheckState.FAILED
+            assert one.hint == mistake.hint
+            rejected += 1
+        assert rejected >= 2
+
+
+def test_its_solutions_are_withheld(folder: Path) -> None:
+    assert of_a_lecture(folder.resolve() / "solutions.py")
+    assert not of_a_lecture(folder.resolve() / "exercises.py")
+
+
+def test_what_is_no_lecture_is_refused_in_a_sentence(folder: Path) -> None:
+    with pytest.raises(UnknownName, match="no lecture is called '99'"):
+        lecture_named("99")
+    with pytest.raises(BadFile, match="give the number of a lecture"):
+        lecture_named("nowhere")
+    (folder / "checks.py").unlink()
+    with pytest.raises(BadFile, match=r"it has no checks\.py"):
+        lecture_named(str(folder))
+    other = write_scaffold("lecture", "another")
+    (other / "outline.py").write_text("LECTURE = 1")
+    with pytest.raises(BadFile, match="must define LECTURE"):
+        own_lecture(other)
+    taken = write_scaffold("lecture", "third").rename("lec02_rotations")
+    with pytest.raises(BadFile, match="the course has a lecture of this name"):
+        own_lecture(taken)

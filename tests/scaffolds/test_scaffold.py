@@ -1,0 +1,101 @@
+"""Files to begin with: names, refusals, and every command that is printed with one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.scaffolds import SCAFFOLDS, write_scaffold
+from workbench.scaffolds.scaffold import TEMPLATES
+
+
+def test_every_template_is_one_of_the_kinds() -> None:
+    there = {path.name for path in TEMPLATES.iterdir() if not path.name.startswith("__")}
+    assert there == {scaffold.template for scaffold in SCAFFOLDS.values()}
+
+
+@pytest.mark.parametrize("kind", SCAFFOLDS)
+def test_the_name_is_put_in_and_public_names_are_enough(kind: str, tmp_path: Path) -> None:
+    path = write_scaffold(kind, "my_own", tmp_path / "deep" / "folder")
+    files = sorted(path.glob("*.py")) if path.is_dir() else [path]
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert "NAME" not in text
+        assert "lec00" not in text
+        compile(text, file.name, "exec", dont_inherit=True)
+    if kind != "lecture":
+        imported = [line for line in files[0].read_text().splitlines() if "workbench" in line]
+        modules = {line.split()[1] for line in imported if line.startswith(("import", "from"))}
+        assert modules <= {"workbench", "workbench.solvers"}
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    for kind in ("problem", "lecture"):
+        path = write_scaffold(kind, "tea", tmp_path)
+        file = path / "checks.py" if path.is_dir() else path
+        file.write_text("mine")
+        with pytest.raises(BadFile, match="exists already and was left as it is"):
+            write_scaffold(kind, "tea", tmp_path)
+        assert file.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("My", "begins with a small letter"),
+        ("2fast", "begins with a small letter"),
+        ("a/b", "without folder and without .py"),
+        ("tea.py", "without folder and without .py"),
+        ("", "begins with a small letter"),
+        ("läufer", "begins with a small letter"),
+        ("lambda", "no word of Python's own"),
+        ("random", "would hide"),
+        ("numpy", "would hide"),
+        ("workbench", "would hide"),
+        ("x" * 41, "at most 40 characters"),
+    ],
+)
+def test_bad_names_end_in_a_sentence(name: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(BadArgument, match=said):
+        write_scaffold("problem", name, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_other_refusals_say_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName, match="experiment, lecture, problem, residual, solver"):
+        write_scaffold("modle", "tea", tmp_path)
+    (tmp_path / "file").touch()
+    with pytest.raises(BadFile):
+        write_scaffold("problem", "tea", tmp_path / "file")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", SCAFFOLDS)
+def test_every_command_that_is_printed_works(kind: str, tmp_path: Path) -> None:
+    """As typed, in a folder of one's own: run, diagnosed, compared and sampled."""
+    typed(tmp_path, "new", kind, "my_own")
+    path = next(p.name for p in tmp_path.iterdir() if "my_own" in p.name)
+    for command in SCAFFOLDS[kind].tries:
+        words = command.replace("FILE", path).split()
+        code = 1 if words[:2] == ["lecture", "check"] else 0  # nothing is answered yet
+        said = typed(tmp_path, *words, code=code)
+        if words[0] == "compare":
+            assert "any clock" in said
+
+
+def typed(folder: Path, *arguments: str, code: int = 0) -> str:
+    paths = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-m", "workbench", *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": paths, "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout + done.stderr

@@ -1,0 +1,92 @@
+# %% [markdown]
+# # One wrong measurement
+#
+# **How far can a single wrong measurement move an estimate?**
+#
+# Somebody measures the length of a table ten times. The readings differ by a few millimetres, but
+# for one of them the tape began at the wrong end. Lengths are in metres.
+#
+# (This text is an example; put your own in its place. A lecture goes from a question to a naive
+# method, to its failure in a number and in a figure, to the idea that repairs it, and to the lines
+# of the library that do so.)
+
+# %%
+import numpy as np
+from numpy.typing import ArrayLike
+
+import workbench as wb
+from workbench.course import Picture, source
+from workbench.plots import house_style, sheet
+from workbench.residuals import Kernel, huber
+from workbench.residuals.kernels import Huber
+
+# %% [markdown]
+# ## The mean
+#
+# The estimate $x$ that minimises $\sum_i (x - y_i)^2$ is the mean of the readings $y_i$.
+
+# %%
+rng = np.random.default_rng(0)
+TRUTH, SIGMA = 1.200, 0.003  # m
+readings = TRUTH + SIGMA * rng.standard_normal(10)
+wrong = readings.copy()
+wrong[-1] += 0.100  # m, by which the tape was off
+
+print(f"mean of ten good readings: {readings.mean():.4f} m")
+print(f"mean with a wrong one:     {wrong.mean():.4f} m")
+
+# %% [markdown]
+# The wrong reading moves the mean by a tenth of its own error, whatever the others say.
+#
+# ## Errors that count less
+#
+# Huber's kernel counts a residual $r$ as its square up to $k$ standard deviations, and beyond that
+# only as a multiple of $|r|$. Its derivative, by which a reading pulls at the estimate, then no
+# longer grows.
+
+
+# %%
+def estimate(values: ArrayLike, kernel: Kernel) -> float:
+    """The length that minimises the sum of the kernel's costs, in m."""
+    length, given = wb.Block("length", (), "m"), np.asarray(values, dtype=float)
+    rows = wb.Residual("readings", length.symbol - given, sigma=SIGMA, unit="m", kernel=kernel)
+    problem = wb.Problem([rows], free="length", blocks=[length])
+    return float(wb.solve(problem, {"length": np.array(np.median(given))}).values["length"])
+
+
+robust = estimate(wrong, huber(1.345))
+print(f"Huber's estimate:          {robust:.4f} m")
+
+# %%
+offs = np.linspace(0.0, 0.1, 21)
+means, robusts = [], []
+for off in offs:
+    moved = readings.copy()
+    moved[-1] += off
+    means.append(1000 * (moved.mean() - TRUTH))
+    robusts.append(1000 * (estimate(moved, huber(1.345)) - TRUTH))
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.8)
+    ax.plot(1000 * offs, means, label="mean")
+    ax.plot(1000 * offs, robusts, label="Huber's estimate")
+    ax.set(xlabel="error of the wrong reading (mm)", ylabel="error of the estimate (mm)")
+    ax.legend()
+Picture(
+    figure,
+    "The mean follows the wrong reading without limit. Huber's estimate moves a little, and then "
+    "stays.",
+)
+
+# %% [markdown]
+# ## The library
+#
+# The kernel is a factor by which a residual shrinks before it is squared:
+
+# %%
+source(Huber.__call__)
+
+# %% [markdown]
+# ## What to remember
+#
+# A squared error lets one reading move the estimate as far as it likes. A kernel bounds the pull of
+# each reading.
