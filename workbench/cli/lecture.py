@@ -230,7 +230,8 @@ def notebooks(
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
     if repository:
-        add_links(notebook(lecture_named("1")), repository, at, "lec")  # mistakes are told before the work
+        first = notebook(lecture_named("1"))  # so that mistakes are told before the work
+        add_links(first, repository, at, "lec")
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
         done = executed(notebook(one), one, folder)

@@ -24,7 +24,7 @@ SYMBOLS = {
     **_named("sum prod int partial nabla infty ell", "∑∏∫∂∇∞ℓ"),
     **_named("times cdot pm circ top | lVert rVert", "×·±∘⊤‖‖‖"),
     **_named("approx ge geq le leq ne neq gg ll", "≈≥≥≤≤≠≠≫≪"),
-    **_named("propto in to mapsto leftarrow parallel", "∝∈→↦←∥"),
+    **_named("propto sim in to mapsto leftarrow parallel", "∝~∈→↦←∥"),
     **_named("Longleftrightarrow Rightarrow iff", "⟺⇒⟺"),
     **_named("mid langle rangle lfloor rfloor { }", "|⟨⟩⌊⌋{}"),
     **{name: name for name in ("sin", "cos", "tan", "log", "exp", "min", "max", "det", "arg")},
@@ -42,7 +42,10 @@ SYMBOLS = {
     "\\": "; ",
     **{name: "" for name in ("left", "right", "Big", "bigl", "bigr", "big", "displaystyle")},
 }
-ACCENTS = {"hat": "\u0302", "bar": "\u0304", "tilde": "\u0303", "dot": "\u0307", "vec": "\u20d7"}
+ACCENTS = {
+    **{"hat": "\u0302", "bar": "\u0304", "tilde": "\u0303", "vec": "\u20d7"},
+    **{"dot": "\u0307", "ddot": "\u0308"},
+}
 UPRIGHT = ("text", "mathrm", "operatorname", "mathcal", "mathbf", "boldsymbol")
 SUPERSCRIPTS = _named(
     "0 1 2 3 4 5 6 7 8 9 + - = ( ) n i j k a b c d T t x p m ⊤ ' *",

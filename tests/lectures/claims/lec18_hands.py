@@ -128,3 +128,7 @@ GIVEN = (
     "for which more than 80 % are reported by Santello, Flanders and Soechting, 1998",
     "# Forty-five angles by themselves",
 )
+
+GENERAL = (  # how a pose space was chosen, before this lecture
+    "until two components held about as much as those of measured hands",
+)
