@@ -422,7 +422,9 @@ Picture(
 # Now $\tau$ itself has to be estimated from the chain, and a chain that is too short makes its own memory look short.
 # The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods in Statistical
 # Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows. Besides, several
-# ensembles that began apart must agree. Until both hold, no number should be read from the draws. So the workbench
+# ensembles that began apart must agree: R-hat, the spread of all draws together over that within the ensembles, must
+# be close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
+# hold, no number should be read from the draws. So the workbench
 # puts its verdict before the numbers, and refuses an interval if the verdict is bad. We ask a chain of 100 steps for
 # an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count. Of
 # a short chain that is half of the steps.)

@@ -122,7 +122,7 @@ def _nothing(cell: Cell) -> None:
 def _show_code(cell: Cell) -> None:
     """Print a cell of code. It is called before the cell runs, whose output then stands below."""
     if not cell.prose:
-        Console().print(Syntax(cell.text, "python", background_color="default"))
+        Console().print(Syntax(cell.text, "python", background_color="default", word_wrap=True))
 
 
 def _show_prose(console: Console, text: str) -> None:
