@@ -182,6 +182,7 @@ def check(
 ) -> None:
     """Check answers, each file in its own process; print points, and hints for wrong answers.
 
+    In a browser there are no other processes: files run in the one that checks, without limits.
     Exits with 1 unless every check of every file passed.
     """
     if not seconds > 0:
@@ -285,6 +286,8 @@ def _print(console: Console, found: Grade) -> None:
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)
     console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
+    if found.note:
+        say(console, found.note)
 
 
 def _state(mark: CheckResult) -> str:
