@@ -143,7 +143,6 @@ def test_a_diagnosis_shows_its_directions() -> None:
     assert recorded_diagnosis(d, wb.load_body("small-scape"), ()) is None
 
 
-@pytest.mark.browser
 def test_a_posterior_shows_its_draws() -> None:
     o = outcome()
     posterior = wb.laplace(o.setup.problem, o.values, ("betas",), draws=200)

@@ -16,6 +16,7 @@ from rich.table import Table
 from workbench import course
 from workbench.cli import lecture_packs
 from workbench.cli.output import make_folder, print_page, say
+from workbench.cli.waiting import waiting
 from workbench.course.badges import add_links, requirements
 from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
@@ -193,7 +194,7 @@ def check(
     ]
     every: list[Grade] = []
     for path in paths:
-        with Console(stderr=True).status(f"checking {escape(str(path))}, which takes some seconds"):
+        with waiting(f"checking {escape(str(path))}, which takes some seconds"):
             found = grade(one, path, seconds)
         every.append(found)
         if not as_json:
@@ -246,7 +247,7 @@ def notebooks(
 def slides(number: Number, folder: Folder) -> None:
     """Write a lecture as slides for a browser, which need no network. Needs the extra `course`."""
     one, console = lecture_named(number), Console()
-    with Console(stderr=True).status(f"running lecture {one.number}"):
+    with waiting(f"running lecture {one.number}"):
         page = write_slides(one, folder)
     print_page(console, "slides", page)
 
