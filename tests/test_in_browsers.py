@@ -118,7 +118,7 @@ def test_the_command_checks_solutions_and_says_what_was_not_guarded(number: int)
     assert shown.exit_code == 0, shown.output
     assert "No other process can be started here" in " ".join(shown.output.split())
     told = CliRunner().invoke(app, ["lecture", "check", str(number), str(path), "--json"])
-    data = json.loads(told.output)
+    data = json.loads(told.stdout)
     assert data["points"] == data["of"] > 0
     assert "No other process" in data["note"]
 
