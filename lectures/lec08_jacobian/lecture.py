@@ -103,7 +103,7 @@ with house_style():
 Picture(
     figure,
     f"The {len(s)} singular values, largest first: how much the whitened residuals change for a step of "
-    "one radian in that direction. Those below the dashed line, the tolerance, are drawn hollow: they "
+    "one radian in that direction. Those below the dashed line, the tolerance of this matrix, are drawn hollow: they "
     "are zero but for rounding. Along these directions, named on the right, the pose can change and no "
     "joint moves.",
 )
@@ -112,8 +112,9 @@ Picture(
 # There are forty singular values, and then a cliff of more than twelve decades. The others would be zero if
 # computers did not round. Which singular values should count as zero, then? The library asks how large rounding
 # can make a singular value that ought to be zero: about as large as the largest one, times the machine's
-# precision, times the size of the matrix. It first scales every column to the length 1, so that the unit of an
-# unknown does not matter. Whatever is below this **tolerance** counts as zero:
+# precision, times the size of the matrix. (In the figure this is done for the Jacobian as it is.) For its verdict it
+# first scales every column to the length 1, so that the unit of an unknown does not matter, and the tolerance is
+# another number. Whatever is below this **tolerance** counts as zero:
 
 # %%
 columns = here.jacobian / np.where(here.column_norms > 0, here.column_norms, 1)

@@ -22,8 +22,8 @@ from workbench.sampling.mixing import integrated_time
 # %% [markdown]
 # ## A bone in one image
 #
-# A forearm of 0.25 m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a focal
-# length of $F = 1000$ px. It is turned out of the image plane by $\varphi$, away from the camera for
+# A forearm of the length $l = 0.25$ m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a
+# focal length of $F = 1000$ px. It is turned out of the image plane by $\varphi$, away from the camera for
 # $\varphi > 0$. The wrist is then seen
 #
 # $$ u(\varphi) = \frac{F\, l \cos \varphi}{D + l \sin \varphi} $$

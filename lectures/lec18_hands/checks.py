@@ -177,6 +177,9 @@ def joints_alone(seen_turns):
     equal(
         seen_turns(FINGER[:1], FINGER[1:2], HANGS[:1, :1]), 2, "what one point shows of one joint"
     )
+    joint, line = np.array([[1.0, 1.0, 0.0]]), np.array([[2.0, 1.0, 0.0], [3.0, 1.0, 0.0]])
+    both = np.ones((2, 1), dtype=bool)
+    equal(seen_turns(joint, line, both), 2, "what two points on a line through the joint show")
 
 
 @check("seen_turns", points=1)
@@ -211,5 +214,4 @@ def by_every_joint(joints, points, moved_by):
     "seen_turns", "the arm of a turn leads from the joint to the point, and not from the origin"
 )
 def about_the_origin(joints, points, moved_by):
-    found = solutions.seen_turns(np.zeros_like(joints), points, moved_by)
-    return found if len(joints) > 1 else found + 1
+    return solutions.seen_turns(np.zeros_like(joints), points, moved_by)

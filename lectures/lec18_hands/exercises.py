@@ -52,7 +52,8 @@ def seen_turns(joints: Array, points: Array, moved_by: Array) -> int:
     """How many independent small turns of the joints of a finger are seen in some points.
 
     A small turn w of a joint at j moves each point p that hangs on it by w x (p - j), and no other. There
-    are three numbers for each joint. Small singular values below 1e-9 are zero.
+    are three numbers for each joint. The points are rigid on their bones. Singular values below 1e-9 m count
+    as zero.
 
     joints (J, 3) m; points (M, 3) m; moved_by (M, J), whether the point hangs on the joint
     -> a whole number, up to 3 J

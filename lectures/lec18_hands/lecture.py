@@ -8,7 +8,7 @@
 # what was easy with a body becomes hard with a hand. Its joints turn together, most of their turns cannot be
 # seen from points, it comes in two sides, and its zero pose is one that nobody makes. This lecture goes
 # through these one by one, and ends with a body to which hands were sewn. **No hand was measured**: the
-# embedded hands and their poses are synthetic. Angles are in radians, and lengths in millimetres.
+# embedded hands and their poses are synthetic. Angles are in radians, and lengths in metres; errors are told in millimetres.
 
 # %%
 from dataclasses import replace
@@ -83,8 +83,9 @@ Picture(
 #
 # $$ \theta = \bar\theta + \sum_c z_c\, \theta_c , \qquad z_c \sim N(0, \sigma_c^2) . $$
 #
-# Rotation vectors do not add up, strictly speaking, but this is a *linear* map. A pose that is such a map of
-# $z$ may be handed to a body in place of the pose, and solvers and the diagnosis then see $z$.
+# Rotation vectors do not add up, strictly speaking, but this is a *linear* map. So a problem may have $z$ as its
+# unknowns in place of $\theta$: a body takes the expression $\bar\theta + \sum_c z_c\, \theta_c$ of a block $z$ where
+# it takes the symbol of a pose, and solvers and the diagnosis then see $z$.
 
 # %%
 source(type(space).poses)
@@ -202,7 +203,9 @@ for name, diagnosis in diagnoses.items():
 # %% [markdown]
 # From 16 joints, 23 of 48 numbers are seen: 3 of the wrist, and 4 of each finger. The last joint of a finger
 # moves no joint at all, and so its 3 numbers are open; and the first two may twist about their own bones. With
-# the tips the rank is 38. What is still open are twists, that of a bone undone by the next one.
+# the tips the rank is 38. A tip is a vertex of the skin, which follows more than one joint and their pose blend
+# shapes; rigid on the last bone, it would not notice a turn about the line from the last joint to it. What is
+# still open are twists, that of a bone undone by the next one.
 #
 # What 21 points leave open, people's poses decide. Here are hands of the pose space, with errors of 2 mm in
 # each coordinate of their points, fitted without a prior and with the prior of the pose space, limits and

@@ -115,13 +115,16 @@ Picture(
 #
 # ## What a mass on a spring does
 #
-# A mass on a spring that nothing drives obeys $\ddot s = -\omega^2 s - 2 \zeta \omega \dot s$. Seen at
-# frames, its path is exactly
+# A mass on a spring that nothing drives obeys $\ddot s = -\omega^2 s - 2 \zeta \omega \dot s$. Here $s$ is how
+# far it is from its place of rest, $\omega$ is $2 \pi$ times the frequency at which it would swing without
+# damping, and $\zeta$ is the damping, as a share of the one at which nothing swings any more. Seen at the frames
+# of a film, $f$ of them a second, its path is exactly
 #
 # $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 , $$
 #
 # because both solutions $z^t$, with $z = r e^{\pm i w}$, obey $z^2 = a_1 z + a_2$. These numbers $z$ are
-# the **poles**. Their angle is how far the swing gets in a frame, and their size is how much of it is left.
+# the **poles**. Their angle $w = \omega \sqrt{1 - \zeta^2} / f$ is how far the swing gets in a frame, and their size
+# $r = e^{-\zeta \omega / f}$ is how much of it is left.
 # The two frames before are what the pose cannot know: where the tissue is, and how fast it moves.
 
 # %%
@@ -230,13 +233,14 @@ source(MovingFrames.forces)
 #
 # $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} , \qquad z^2 v = z A_1 v + A_2 v , $$
 #
-# and if the largest one, whose size is the **spectral radius**, is above 1, each wobble is larger than the
-# one before. Least squares does not forbid this. With $s A_1$ and $s^2 A_2$ all poles are multiplied by $s$:
-# every wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
+# and in the long run, each frame multiplies what is left of a push by the size of the largest one, the
+# **spectral radius**. If that is above 1, the model blows up. Least squares does not forbid this. With $\rho A_1$
+# and $\rho^2 A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by $\rho^t$: every wobble
+# keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
 
 # %%
 tissue = tissues["and forces on parts"]
-pushed = np.zeros((180, tissue.n_coefficients))
+pushed = np.zeros((600, tissue.n_coefficients))
 pushed[0] = 1.0
 sizes = {}
 for wanted in (tissue.spectral_radius, 1.0, 1.02):
@@ -245,7 +249,7 @@ for wanted in (tissue.spectral_radius, 1.0, 1.02):
     sizes[wanted] = np.linalg.norm(run, axis=1)
     kept = np.abs(np.linalg.eigvals(companion(s * tissue.first, s**2 * tissue.second))).max()
     print(
-        f"spectral radius {kept:.3f}: 3 s after a push {sizes[wanted][-1] / sizes[wanted][0]:.1e} of it is left"
+        f"spectral radius {kept:.3f}: 10 s after a push {sizes[wanted][-1] / sizes[wanted][0]:.1e} of it is left"
     )
 
 with house_style():
@@ -255,14 +259,15 @@ with house_style():
     left.plot(tissue.poles.real, tissue.poles.imag, "o", ms=5)
     left.set(xlabel="real part", ylabel="imaginary part", aspect="equal")
     for wanted, size in sizes.items():
-        right.semilogy(np.arange(180) / FPS, size, label=f"spectral radius {wanted:.2f}")
+        right.semilogy(np.arange(600) / FPS, size, label=f"spectral radius {wanted:.2f}")
     right.set(xlabel="time after a push (s)", ylabel="size of the coefficients")
     right.legend()
 Picture(
     figure,
     "Left: the poles of the model that was learned, inside of the circle of size 1. Right: what is left of a "
-    "push, with all poles scaled by one factor. Inside it dies away, on the circle it does not, and "
-    "outside it grows.",
+    "push, with all poles scaled by one factor. At first it grows in all three, because the coefficients "
+    "of different shapes push each other; in the long run it dies away where the largest pole is inside of "
+    "the circle, stays where it is on it, and grows where it is outside.",
 )
 
 # %% [markdown]

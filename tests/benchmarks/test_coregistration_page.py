@@ -9,6 +9,7 @@ from benchmarks.coregistration import BEGIN, CONTROL, END, PAGE, RESULTS, page, 
 
 KNOWN = json.loads(RESULTS.read_text())
 ROWS = KNOWN["sets"]["holes"]
+MANY = RESULTS.with_name("many-scans.json")
 KINDS = ("clean", "holes", "holes and clutter")
 TOGETHER, HARD = "coregistration", "coregistration, hard registrations"
 BY_VERTICES, GIVEN = (
@@ -107,3 +108,12 @@ def test_limbs_that_begin_again_help_separate_registrations() -> None:
     before = KNOWN["limbs as they fall"]["clean"]["separate"]
     assert f"hidden vertices are {before:.1f} mm off on average" in text
     assert f"they are {now:.1f} mm off" in text
+
+
+def test_what_is_said_of_many_scans_is_what_was_measured() -> None:
+    text, known = " ".join(PAGE.read_text().split()), json.loads(MANY.read_text())
+    assert (known["scans"], known["people"], known["kills"]) == (200, 10, 3)
+    assert known["same_bits"] is True
+    told = "it took {:.0f} minutes on two cores that had other work to do, {:.0f} of processor time"
+    assert told.format(known["seconds"] / 60, known["cpu_seconds"] / 60) in text
+    assert f"never more than {known['memory_gb']:.1f} GB" in text

@@ -62,7 +62,7 @@ def test_there_are_two_or_more_in_every_lecture_that_has_any() -> None:
         for one in course()
         if one.there and (one.folder / "variants.py").is_file()
     }
-    assert set(range(1, 18)) <= counts.keys()
+    assert set(range(1, 20)) == counts.keys()
     assert min(counts.values()) >= 2
 
 

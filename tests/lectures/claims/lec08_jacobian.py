@@ -171,7 +171,7 @@ SAYS = {
 }
 
 GIVEN = (
-    "It first scales every column to the length 1",
+    "it first scales every column to the length 1",
     "If $J p = 0$, no equation notices the step.",
     "because $\\omega \\times e = 0$ where",
     "between 0 and 1. The sum of all shares",

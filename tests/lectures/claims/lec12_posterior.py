@@ -49,8 +49,8 @@ def tall(run: Run, beta: float) -> float:
 
 
 SAYS = {
-    "A forearm of 0.25 m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a "
-    "focal length of $F = 1000$ px.": lambda run: (run["LENGTH"], run["D"], run["F"]),
+    "A forearm of the length $l = 0.25$ m hangs on an elbow whose place is known, $D = 5$ m in front of a camera "
+    "with a focal length of $F = 1000$ px.": lambda run: (run["LENGTH"], run["D"], run["F"]),
     "with an error of $\\sigma = 3$ px. Before we see the image, we know that $\\varphi$ is 0 on average, with a "
     "standard deviation of $\\sigma_0 = 0.6$ rad": lambda run: (run["SIGMA"], 0, run["PRIOR"]),
     "A 90 % interval should hold the truth nine times out of ten.": lambda run: (

@@ -131,4 +131,5 @@ GIVEN = (
 
 GENERAL = (  # how a pose space was chosen, before this lecture
     "until two components held about as much as those of measured hands",
+    "a vertex of the skin, which follows more than one joint and their pose blend shapes",
 )
