@@ -1,6 +1,7 @@
 """How tests are divided among processes, and the wall time of the course and the examples."""
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,18 @@ TOGETHER = {  # files of tests that share what takes long, and a name for them
     "test_triangle_study.py": "triangles",
 }
 TAUGHT = ("tests/lectures/", "tests/test_examples", "tests/cli/test_lecture")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With `-m browser`, files without such tests are not imported.
+
+    They import libraries that an environment like a browser's does not have.
+    """
+    inside = collection_path.is_dir()
+    if config.option.markexpr != "browser" or not (inside or collection_path.suffix == ".py"):
+        return None
+    files = collection_path.rglob("test_*.py") if inside else [collection_path]
+    return not any("mark.browser" in file.read_text(encoding="utf-8") for file in files) or None
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups

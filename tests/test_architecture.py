@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1] / "workbench"
 
 FLOORS = (  # from the ground up; a room imports from lower floors and from itself
     ("errors", "arrays"),
-    ("writing", "reading", "installation", "homes"),
+    ("writing", "reading", "installation", "homes", "browser"),
     ("compiling", "threads", "interrupts", "processes"),
     ("blocks",),
     ("geometry",),  # half a floor up: a camera is made of blocks

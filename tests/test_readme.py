@@ -8,6 +8,7 @@ import pytest
 README = (Path(__file__).parents[1] / "README.md").read_text()
 
 
+@pytest.mark.browser
 def test_the_block_prints_its_output(capsys: pytest.CaptureFixture[str]) -> None:
     block, shown = re.search(r"```python\n(.*?)```\n\n```\n(.*?)```", README, re.S).groups()
     exec(compile(block, "README.md", "exec"), {})

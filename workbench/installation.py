@@ -5,10 +5,40 @@ this one. The distribution is therefore called `smpl-workbench`; the package tha
 the command that is typed are called `workbench`.
 """
 
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from types import ModuleType
+
+from workbench.errors import WorkbenchError
 
 DISTRIBUTION = "smpl-workbench"
 VERSION = "0.1.0"  # pyproject.toml reads it from here, so that a checkout knows it uninstalled
+
+# What only sampling needs of the distribution's dependencies, as pyproject.toml has it: a browser,
+# where compiled packages are few, runs everything else without them.
+SAMPLING = {
+    "emcee": "emcee>=3.1.6",
+    "arviz": "arviz>=0.20,<1",
+    "corner": "corner>=2.2.2",
+}
+
+
+class MissingLibrary(WorkbenchError):
+    """A library that this part of the workbench needs cannot be imported."""
+
+
+def library(name: str, purpose: str) -> ModuleType:
+    """One of the libraries of `SAMPLING`, imported when it is needed.
+
+    `purpose` begins the sentence of the error: "drawing a posterior". Raises MissingLibrary.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise MissingLibrary(
+            f"{purpose} needs {name}, which cannot be imported here ({error}); install it by "
+            f"`pip install '{SAMPLING[name]}'`. Everything else works without it"
+        ) from error
 
 
 def version_of(distribution: str) -> str | None:

@@ -39,6 +39,7 @@ def assert_contract(body: SkinnedBody | TriangleBody) -> None:
     np.testing.assert_array_equal(copied.template, body.template)
 
 
+@pytest.mark.browser
 @EACH
 def test_every_body_keeps_the_laws_of_bodies(name: str) -> None:
     assert_contract(load_body(name))

@@ -15,10 +15,23 @@ from workbench.course.picture import Picture, Source
 from workbench.lectures.outline import COURSE
 
 THERE = [one for one in COURSE if one.there]
-EACH = pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
-EXERCISES = [(one, exercise) for one in THERE for exercise in one.exercises]
+IN_BROWSERS = 8  # lectures 1 to 8 also run there
+
+
+def marks(lecture: Lecture) -> tuple[pytest.MarkDecorator, ...]:
+    return (pytest.mark.browser,) if lecture.number <= IN_BROWSERS else ()
+
+
+EACH = pytest.mark.parametrize(
+    "lecture", [pytest.param(one, marks=marks(one), id=one.folder_name) for one in THERE]
+)
 EACH_EXERCISE = pytest.mark.parametrize(
-    ("lecture", "exercise"), EXERCISES, ids=[f"{one.number}-{name}" for one, name in EXERCISES]
+    ("lecture", "exercise"),
+    [
+        pytest.param(one, exercise, marks=marks(one), id=f"{one.number}-{exercise}")
+        for one in THERE
+        for exercise in one.exercises
+    ],
 )
 LONGEST = 45.0  # s of one core, top to bottom: 30 where it was written, and slower machines differ
 

@@ -19,6 +19,8 @@ from workbench.plots import (
 from workbench.plots.body import back, front, lightness, side
 from workbench.plots.sheets import shape_gallery_sheet
 
+pytestmark = pytest.mark.browser
+
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], dtype=float)
 FACES = np.array(
     [

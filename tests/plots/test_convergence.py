@@ -11,6 +11,8 @@ from workbench.plots.convergence import best_cost, gap
 from workbench.plots.sheets import convergence_sheet
 from workbench.solvers import Evaluations, Iterate, Solution, Status
 
+pytestmark = pytest.mark.browser
+
 
 def solution(costs: list[float], status: Status = Status.CONVERGED) -> Solution:
     trace = tuple(

@@ -19,6 +19,8 @@ from workbench.plots import (
 )
 from workbench.plots.direction import close_up
 
+pytestmark = pytest.mark.browser
+
 
 def test_joints_are_named_above_the_pattern() -> None:
     found = diagnose(*cases.joints_only())

@@ -22,6 +22,8 @@ from workbench.plots.sheets import singular_values_sheet, sparsity_sheet
 from workbench.plots.singular_values import MOST, unseen
 from workbench.plots.sparsity import LINES, lines, squeezed
 
+pytestmark = pytest.mark.browser
+
 
 def linear(matrix: np.ndarray, terms: tuple[int, ...]) -> Diagnosis:
     """Of residuals A x, cut into terms of so many rows."""

@@ -13,6 +13,7 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench import residuals
 from workbench.blocks import Block, NumericPoints, Tree
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.problem import storage
 
 STORED = pytest.mark.parametrize("dense_from", [0, 10**9], ids=["sparse", "dense"])
@@ -39,7 +40,10 @@ class Web:
 
     @property
     def expression(self) -> cs.MX:
-        found = 0.5 * cs.fmax(cs.DM(self.A) @ self.a.symbol, 0) ** 2 + cs.DM(self.B) @ self.b.symbol
+        found = (
+            0.5 * cs.fmax(sparse_constant(self.A) @ self.a.symbol, 0) ** 2
+            + sparse_constant(self.B) @ self.b.symbol
+        )
         return cs.reshape(found, 3, self.count)
 
     @property

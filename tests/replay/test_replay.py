@@ -81,6 +81,7 @@ def test_the_first_and_the_last_iterate_are_kept(count: int) -> None:
     assert (np.diff(at) > 0).all()
 
 
+@pytest.mark.browser
 def test_a_run_is_recorded_as_it_went() -> None:
     (track,) = recording().data["runs"]
     trace = outcome().solution.trace
@@ -94,6 +95,7 @@ def test_a_run_is_recorded_as_it_went() -> None:
     assert track["condition"][-1] == pytest.approx(outcome().diagnosis.condition, rel=1e-5)
 
 
+@pytest.mark.browser
 def test_along_unseen_directions_the_data_do_not_change() -> None:
     d = outcome().data_alone
     assert d is not None
@@ -110,6 +112,7 @@ def test_along_unseen_directions_the_data_do_not_change() -> None:
         assert one["exact"][11] < 1.2 * first_order + 3 * second_order + 1e-3
 
 
+@pytest.mark.browser
 def test_draws_have_the_covariance_of_the_solution() -> None:
     d = outcome().diagnosis
     draws = numbers(recording().data["draws"]["x"]).reshape(40, -1)
@@ -118,6 +121,7 @@ def test_draws_have_the_covariance_of_the_solution() -> None:
     assert np.mean(whitened**2) == pytest.approx(1, abs=4 * np.sqrt(2 / whitened.size))
 
 
+@pytest.mark.browser
 def test_a_replay_is_small_and_asks_for_nothing() -> None:
     text = run_page(outcome(), {})
     found = recording()
@@ -129,6 +133,7 @@ def test_where_no_body_is_fitted_there_is_no_replay() -> None:
     assert recorded_run(run(find("nist-chwirut2", {}), compare=False)) is None
 
 
+@pytest.mark.browser
 def test_a_diagnosis_shows_its_directions() -> None:
     d, body = outcome().data_alone, outcome().setup.body
     assert d is not None

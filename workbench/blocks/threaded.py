@@ -16,13 +16,16 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks.batched import Batched, count
+from workbench.browser import in_browser
 
 WORTH = 2e-4  # seconds a row: handing rows to a thread takes about as long as one such row
 TRIED = 3  # calls that are timed on one core, and as many on all cores
 
 
 def available_cores() -> int:
-    """How many cores this process may use."""
+    """How many cores this process may use; one in a browser, which has no threads."""
+    if in_browser():
+        return 1
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 

@@ -15,11 +15,13 @@ from rich.table import Table
 
 from workbench import course
 from workbench.cli import lecture_packs
+from workbench.cli.grade_table import print_grade
 from workbench.cli.output import make_folder, print_page, say
+from workbench.cli.waiting import waiting
 from workbench.course.badges import add_links, requirements
 from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
-from workbench.course.grades import CheckResult, CheckState, Grade
+from workbench.course.grades import Grade
 from workbench.course.handing_out import hand_out
 from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import course as outline
@@ -32,11 +34,6 @@ from workbench.site.slides import write_slides
 from workbench.writing import replacing
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
-COLOUR = {
-    CheckState.PASSED: "green",
-    CheckState.FAILED: "bold red",
-    CheckState.NOT_ATTEMPTED: "dim",
-}
 
 Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
@@ -182,7 +179,7 @@ def check(
 ) -> None:
     """Check answers, each file in its own process; print points, and hints for wrong answers.
 
-    Exits with 1 unless every check of every file passed.
+    Exits with 1 unless every check passed. In a browser, files run in the process that checks.
     """
     if not seconds > 0:
         raise BadArgument(f"--seconds takes a number above 0, not {seconds}")
@@ -192,11 +189,11 @@ def check(
     ]
     every: list[Grade] = []
     for path in paths:
-        with Console(stderr=True).status(f"checking {escape(str(path))}, which takes some seconds"):
+        with waiting(f"checking {escape(str(path))}, which takes some seconds"):
             found = grade(one, path, seconds)
         every.append(found)
         if not as_json:
-            _print(console, found)
+            print_grade(console, found)
     if as_json:
         data = [found.data() for found in every]
         typer.echo(json.dumps(data if len(paths) > 1 else data[0], indent=2))
@@ -245,7 +242,7 @@ def notebooks(
 def slides(number: Number, folder: Folder) -> None:
     """Write a lecture as slides for a browser, which need no network. Needs the extra `course`."""
     one, console = lecture_named(number), Console()
-    with Console(stderr=True).status(f"running lecture {one.number}"):
+    with waiting(f"running lecture {one.number}"):
         page = write_slides(one, folder)
     print_page(console, "slides", page)
 
@@ -255,50 +252,6 @@ def site(folder: Folder) -> None:
     console = Console()
     page = write_course_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
     print_page(console, "site", page)
-
-
-def _print(console: Console, found: Grade) -> None:
-    console.print(
-        f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
-        f"[dim]{escape(found.file)}[/]",
-        soft_wrap=True,
-    )
-    if found.trouble:
-        say(console, f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}")
-        say(console, "nothing was graded")
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-    table.add_column()
-    table.add_column()
-    table.add_column(justify="right")
-    for k, (name, results) in enumerate(found.exercises.items(), 1):
-        reached, of = sum(m.points for m in results), sum(m.of for m in results)
-        table.add_row(f"[bold]{found.lecture.number}.{k} {name}[/]", "", f"[bold]{reached}/{of}[/]")
-        told: list[str] = []
-        for mark in [] if found.trouble else results:
-            table.add_row(_state(mark), escape(mark.check), f"[dim]{mark.points}/{mark.of}[/]")
-            lines = _lines(mark)
-            if lines:  # once, if all checks meet with the same
-                again = "[dim]not checked: see above[/]"
-                table.add_row("", again if lines == told else "\n".join(lines))
-            told = lines
-        if printed := found.printed.get(name):
-            table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
-    console.print(table, highlight=False)
-    console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
-
-
-def _state(mark: CheckResult) -> str:
-    return f"  [{COLOUR[mark.state]}]{mark.state.value}[/]"
-
-
-def _lines(mark: CheckResult) -> list[str]:
-    told = (("", mark.what), ("expected  ", mark.expected), ("returned  ", mark.came))
-    lines = [
-        f"[dim]{title}[/]" + escape(text).replace("\n", "\n" + " " * len(title))
-        for title, text in told
-        if text
-    ]
-    return lines + ([f"[yellow]perhaps[/]   {escape(mark.hint)}"] if mark.hint else [])
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import print_page, say
+from workbench.cli.waiting import waiting
 from workbench.course.packs.examples import try_file
 from workbench.course.packs.handed_in import collect
 from workbench.course.packs.keys import read_keys
@@ -94,7 +95,7 @@ def attempt(
     """
     console, wrong = Console(), 0
     for path in files:
-        with Console(stderr=True).status(f"trying {escape(str(path))}, which takes some seconds"):
+        with waiting(f"trying {escape(str(path))}, which takes some seconds"):
             found = try_file(path, Limits(seconds, memory))
         for one in found:
             right = one.points == one.of

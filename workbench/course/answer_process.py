@@ -90,18 +90,10 @@ def main(guard: Callable[[str], Sequence[str]] = withhold) -> None:
     _limit_memory()
     refusals = guard(file)
     send_answer(channel, 0, {"begun": True})
-    page = Page()
-    with kept(page):
-        try:
-            module = load(file)
-        except BaseException as error:
-            found = sys.modules.get("answers")
-            late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
-            if found is None or not late:
-                send_answer(channel, 1, {"trouble": error_in_words(error, file=file)})
-                return
-            module = found  # a script may end by sys.exit: what stands above is there
-    send_answer(channel, 1, {"loaded": page.text})
+    module, told = begun(file, exercises)
+    send_answer(channel, 1, told)
+    if module is None:
+        return
     answering = Answerer(module, refusals)
     while (question := receive_question(channel)) is not None:
         number, what, arguments = question
@@ -116,6 +108,24 @@ def main(guard: Callable[[str], Sequence[str]] = withhold) -> None:
             too_large = sealed(Described("an answer", "too large to be graded"))
             send_answer(channel, number, {"value": too_large})
     os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
+
+
+def begun(file: str, exercises: Sequence[str]) -> tuple[ModuleType | None, dict[str, str]]:
+    """Run a student's file: its module, and {"loaded": what it printed}.
+
+    If it cannot be loaded, this is None, and {"trouble": why not}.
+    """
+    page = Page()
+    with kept(page):
+        try:
+            module = load(file)
+        except BaseException as error:
+            found = sys.modules.get("answers")
+            late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
+            if found is None or not late:
+                return None, {"trouble": error_in_words(error, file=file)}
+            module = found  # a script may end by sys.exit: what stands above is there
+    return module, {"loaded": page.text}
 
 
 def load(file: str) -> ModuleType:

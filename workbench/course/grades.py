@@ -1,5 +1,6 @@
 """The results of the checks of a student's file."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any
@@ -59,6 +60,7 @@ class Grade:
         results: one for each check, in the lecture's order.
         trouble: why the file as a whole could not be read.
         printed: what the file printed for each exercise, and under "" while it was loaded.
+        note: what has to be known of how it was graded, in whole sentences; usually nothing.
     """
 
     lecture: Lecture
@@ -66,6 +68,7 @@ class Grade:
     results: tuple[CheckResult, ...]
     trouble: str = ""
     printed: dict[str, str] = field(default_factory=dict)
+    note: str = ""
 
     @property
     def points(self) -> int:
@@ -100,6 +103,7 @@ class Grade:
             "of": self.of,
             "passed": self.passed,
             "trouble": self.trouble,
+            "note": self.note,
             "exercises": [
                 {
                     "number": f"{self.lecture.number}.{k}",
@@ -115,3 +119,12 @@ class Grade:
                 for k, (name, results) in enumerate(self.exercises.items(), 1)
             ],
         }
+
+
+def not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[CheckResult]:
+    """The results of checks that could not be run, all of them failed, for the reason `what`."""
+    return [
+        CheckResult(check.exercise, check.name, check.points, CheckState.FAILED, what)
+        for check in lecture.checks
+        if check.exercise in exercises
+    ]

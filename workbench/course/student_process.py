@@ -8,12 +8,14 @@ from types import MappingProxyType, ModuleType, TracebackType
 from typing import Any, Self, TypeVar
 
 import workbench
+from workbench.browser import in_browser
 from workbench.course.answers import without_warnings
 from workbench.course.channel import receive_answer, send_question
-from workbench.course.grades import CheckResult, CheckState, Grade
+from workbench.course.grades import CheckResult, Grade, not_done
 from workbench.course.grading import Ended, grade_exercise
 from workbench.course.outline import Lecture
 from workbench.course.plain import Malformed
+from workbench.course.same_process import grade_here
 from workbench.course.words import legible
 from workbench.errors import BadArgument, BadFile
 from workbench.processes.channel import Channel
@@ -32,8 +34,9 @@ def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade
     The file runs in a process of its own, which answers; the checks run here, on the plain values
     that it sends. All answers to an exercise together may take `seconds`. An exercise that takes
     longer, or ends the process, fails; the others are answered by a new process. Accidents are
-    thus contained, and results cannot be forged, but this is no sandbox. Raises BadFile,
-    BadArgument.
+    thus contained, and results cannot be forged, but this is no sandbox. In a browser, where there
+    are no other processes, the file runs in this one without a limit of time, and the grade's note
+    says so. Raises BadFile, BadArgument.
     """
     if not seconds > 0:
         raise BadArgument(f"the time limit must be a number of seconds above 0, not {seconds}")
@@ -42,6 +45,8 @@ def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade
         raise BadFile(
             f"there is no file {path}; `workbench lecture start {lecture.asked} FOLDER` makes one"
         )
+    if in_browser():
+        return grade_here(lecture, path)
     file, found, printed = str(path.resolve()), dict[str, list[CheckResult]](), dict[str, str]()
     _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
     while left := [name for name in lecture.exercises if name not in found]:
@@ -50,10 +55,10 @@ def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade
                 printed[LOADING] = answers.loaded()
             except Ended as ended:
                 if not found:
-                    results = _not_done(lecture, left, "the file could not be loaded")
+                    results = not_done(lecture, left, "the file could not be loaded")
                     return Grade(lecture, str(path), tuple(results), str(ended), printed)
                 again = f"the file could not be loaded again: {ended}"
-                found |= {name: _not_done(lecture, [name], again) for name in left}
+                found |= {name: not_done(lecture, [name], again) for name in left}
                 break
             for name in left:
                 try:
@@ -61,19 +66,11 @@ def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade
                         found[name] = grade_exercise(lecture, name, answers)
                     printed[name] = answers.printed()
                 except Ended as ended:
-                    found[name] = _not_done(lecture, [name], str(ended))
+                    found[name] = not_done(lecture, [name], str(ended))
                     break
     results = [result for name in lecture.exercises for result in found[name]]
     printed = {name: text for name, text in printed.items() if text}
     return Grade(lecture, str(path), tuple(results), printed=printed)
-
-
-def _not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[CheckResult]:
-    return [
-        CheckResult(check.exercise, check.name, check.points, CheckState.FAILED, what)
-        for check in lecture.checks
-        if check.exercise in exercises
-    ]
 
 
 class StudentProcess:

@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Index
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.errors import BadMesh
 from workbench.geometry.triangles import edge_matrix
 
@@ -101,7 +102,7 @@ class Stitching:
         """`solve` in symbols: two triangular solves, as sparse as the factors."""
         lu, kept = self._factors
         order = np.argsort(lu.perm_r)  # row i of the factors is row order[i] of what is kept
-        L, U = (cs.MX(cs.DM(_sorted(factor))) for factor in (lu.L, lu.U))
+        L, U = (cs.MX(sparse_constant(factor)) for factor in (lu.L, lu.U))
         found = cs.solve(U, cs.solve(L, pulls[kept[order].tolist(), :]))
         place = np.full(self.n_vertices, len(kept))  # the pinned ones: a row of zeros at the end
         place[kept] = lu.perm_c
@@ -145,9 +146,3 @@ def banded_factor(stitching: Stitching) -> tuple[Array, Index]:
     below = rows >= columns
     banded[(rows - columns)[below], columns[below]] = near.data[below]
     return np.asarray(cholesky_banded(banded, lower=True)), kept[places]
-
-
-def _sorted(factor: Any) -> csc_array:
-    matrix = csc_array(factor)
-    matrix.sort_indices()
-    return matrix

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.arrays import Array, Index
+from workbench.installation import library
 from workbench.plots.body import Look, front, side
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
@@ -69,8 +70,7 @@ def _corner() -> Any:
     """corner.py; it imports ArviZ, which announces its next version at every import."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
-        import corner
-    return corner.corner
+        return library("corner", "a figure of each pair of entries of a posterior").corner
 
 
 def plot_traces(

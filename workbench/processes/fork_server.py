@@ -18,12 +18,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
+from workbench.browser import in_browser
+from workbench.errors import WorkbenchError
 from workbench.processes import orphans
 from workbench.processes.channel import Channel
 
 FORKING = hasattr(os, "fork") and hasattr(socket, "send_fds")
 NUMBER = struct.Struct("!q")
 FORK, WAIT = b"f", b"w"
+
+
+class NoProcesses(WorkbenchError):
+    """A process cannot be started, because this one runs in a browser."""
 
 
 class ForkServer:
@@ -143,7 +149,8 @@ class Started:
     """A Python process in a process group of its own, which reads and prints nothing.
 
     The last of its arguments is the handle of a socket; `connection` is the other end. The process
-    ends by itself after this one if it calls `orphans.end_with_parent`.
+    ends by itself after this one if it calls `orphans.end_with_parent`. Raises NoProcesses in a
+    browser.
 
     Attributes:
         pid: the number of the process.
@@ -153,6 +160,11 @@ class Started:
     def __init__(
         self, arguments: Sequence[str], environment: Mapping[str, str], folder: Path | None = None
     ) -> None:
+        if in_browser():
+            raise NoProcesses(
+                "this needs a process of its own, and none can be started in a browser; use an "
+                "installation of Python"
+            )
         self.connection, theirs = socket.socketpair()
         posix = os.name == "posix"
         with theirs:

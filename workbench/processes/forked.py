@@ -4,12 +4,13 @@ import os
 import signal
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from workbench.errors import WorkbenchError
 from workbench.processes.orphans import end_with
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 Result = TypeVar("Result")
 FORKING = hasattr(os, "fork")
@@ -30,8 +31,10 @@ def forked(work: Callable[[int], Result], jobs: int, workers: int) -> Generator[
         for k in range(jobs):
             yield k, work(k)
         return
-    context, left, at = get_context("fork"), list(range(jobs))[::-1], dict[Connection, int]()
-    processes = []
+    from multiprocessing import connection, get_context  # which cannot be imported in a browser
+
+    context, left = get_context("fork"), list(range(jobs))[::-1]
+    at, processes = dict[connection.Connection, int](), []
     try:
         for _ in range(min(workers, jobs)):
             ours, theirs = context.Pipe()
@@ -44,8 +47,8 @@ def forked(work: Callable[[int], Result], jobs: int, workers: int) -> Generator[
             at[ours] = left.pop()
             ours.send(at[ours])
         while at:
-            for ready in wait(list(at)):
-                assert isinstance(ready, Connection)
+            for ready in connection.wait(list(at)):
+                assert isinstance(ready, connection.Connection)
                 k = at.pop(ready)
                 try:
                     failed, found = ready.recv()
@@ -63,7 +66,9 @@ def forked(work: Callable[[int], Result], jobs: int, workers: int) -> Generator[
             process.join()
 
 
-def _serve(work: Callable[[int], Any], channel: Connection, other: Connection, parent: int) -> None:
+def _serve(
+    work: Callable[[int], Any], channel: "Connection", other: "Connection", parent: int
+) -> None:
     """Do what is asked for until nobody asks any more; only the parent hears Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     other.close()

@@ -20,6 +20,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, NumericPoints, PointsAt, PointSource, Tree
 from workbench.blocks.points import jacobian_of, pattern_of
+from workbench.blocks.sparse_constants import sparse_constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +146,7 @@ class HeldContacts:
         vertices = self.surface.expression
         if vertices is None:
             return None
-        W = self.slopes.tocsc()
-        W.sort_indices()
-        sparsity = cs.Sparsity(*W.shape, W.indptr.tolist(), W.indices.tolist())
-        moved = cs.MX(cs.DM(sparsity, W.data.tolist())) @ cs.vec(cs.densify(vertices))
+        moved = cs.MX(sparse_constant(self.slopes)) @ cs.vec(cs.densify(vertices))
         return cs.reshape(moved, *self.at_zero.shape[::-1]) + cs.DM(self.at_zero.T)
 
     @property

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Index
 from workbench.blocks import Points
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.errors import BadResidual
 from workbench.geometry.triangles import edge_matrix
 from workbench.residuals.arguments import expressed, given, named_after, numbered
@@ -37,7 +38,7 @@ def stitching(
             f"residual {name!r} needs two edges for each of {len(faces)} faces, a block of shape "
             f"({2 * len(faces)}, 3), not {target.shape[::-1]}"
         )
-    A = cs.MX(cs.DM(edge_matrix(faces, placed.shape[1]).T.tocsc()))
+    A = cs.MX(sparse_constant(edge_matrix(faces, placed.shape[1]).T))
     labels = tuple(
         f"face {f}, {e}, {a}"
         for f in range(len(faces))

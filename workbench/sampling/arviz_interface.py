@@ -10,7 +10,6 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any
@@ -18,7 +17,9 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.installation import library
 
+PURPOSE = "smoothing importance weights, or InferenceData of a posterior,"
 HOMES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 
 
@@ -26,15 +27,15 @@ def arviz() -> ModuleType:
     """The module ArviZ, without the announcement that it makes when it is imported.
 
     It keeps the date of its last announcement in the user's home. Where that cannot be written, it
-    is imported with another home.
+    is imported with another home. Raises MissingLibrary where it is not installed.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
         try:
-            return import_module("arviz")
+            return library("arviz", PURPOSE)
         except (OSError, RuntimeError):  # also where nobody knows of a home
             with _another_home():
-                return import_module("arviz")
+                return library("arviz", PURPOSE)
 
 
 @contextmanager

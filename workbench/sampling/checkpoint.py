@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import emcee
 import h5py
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadFile
+from workbench.sampling.emcee_interface import emcee
 from workbench.writing import Keeping, replacing
 
 SETTINGS = "workbench"  # the attribute that says what was sampled, and how
@@ -89,7 +89,7 @@ def image(ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> by
         for e, saved in enumerate(ensembles):
             steps, walkers, k = saved.chain.shape
             inside = file.create_group(group(e))
-            inside.attrs["version"] = emcee.__version__
+            inside.attrs["version"] = emcee().__version__
             inside.attrs["nwalkers"], inside.attrs["ndim"] = walkers, k
             inside.attrs["has_blobs"], inside.attrs["iteration"] = False, steps
             for i, part in enumerate(saved.random_state):
@@ -215,10 +215,10 @@ def refuse_unlike(
         )
 
 
-def memory(saved: SavedEnsemble) -> emcee.backends.Backend:
-    """A backend in memory that continues from this state."""
+def memory(saved: SavedEnsemble) -> Any:
+    """A backend of emcee's in memory that continues from this state."""
     steps, walkers, k = saved.chain.shape
-    backend = emcee.backends.Backend()
+    backend = emcee().backends.Backend()
     backend.reset(walkers, k)
     backend.chain, backend.log_prob = saved.chain.copy(), saved.log_prob.copy()
     backend.accepted = saved.accepted.copy()

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import emcee
 import numpy as np
 
 from workbench.arrays import Array
@@ -23,6 +22,7 @@ from workbench.sampling.checkpoint import (
     save,
 )
 from workbench.sampling.descent import Mode, mode_from
+from workbench.sampling.emcee_interface import emcee
 from workbench.sampling.ensemble_settings import (
     Callback,
     EnsembleSettings,
@@ -125,9 +125,7 @@ def _drawn(
 class _Team:
     """The samplers, and the last complete step of each."""
 
-    def __init__(
-        self, samplers: list[tuple[emcee.EnsembleSampler, Any]], plan: EnsembleSettings
-    ) -> None:
+    def __init__(self, samplers: list[tuple[Any, Any]], plan: EnsembleSettings) -> None:
         self._plan = plan
         self._backends = [sampler.backend for sampler, _ in samplers]
         self._done = [self._mark(backend) for backend in self._backends]
@@ -203,8 +201,8 @@ def _fresh(
     rng = np.random.default_rng(seed)
     start = walkers_at(target, found, plan.walkers, rng)
     random = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
-    sampler = _sampler(target, plan, emcee.backends.Backend())
-    return sampler, emcee.State(start, log_prob=target(start), random_state=random.get_state())
+    sampler = _sampler(target, plan, emcee().backends.Backend())
+    return sampler, emcee().State(start, log_prob=target(start), random_state=random.get_state())
 
 
 def _taken_up(target: LogDensity, plan: EnsembleSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
@@ -214,7 +212,7 @@ def _taken_up(target: LogDensity, plan: EnsembleSettings, saved: SavedEnsemble) 
 
 def _sampler(target: LogDensity, plan: EnsembleSettings, backend: Any) -> Any:
     k = target.subspace.size
-    sampler = emcee.EnsembleSampler(
+    sampler = emcee().EnsembleSampler(
         plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
     )
     # emcee's own way takes each number apart, and prints a traceback of every interrupt

@@ -10,15 +10,16 @@ walker after the other, which costs more than a compiled posterior does.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import emcee
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import WorkbenchError
+from workbench.sampling.emcee_interface import emcee
 
-Moves = Sequence[tuple[emcee.moves.Move, float]]  # with weights
+Moves = Sequence[tuple[Any, float]]  # moves of emcee's, or of the same form, with weights
 SNOOKER_GAMMA = 1.7  # ter Braak and Vrugt 2008
 JUMPS = 0.1  # of the steps
 
@@ -47,19 +48,22 @@ def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, Mask]:
     return state, accepted
 
 
-class DifferentialEvolution(emcee.moves.DEMove):  # type: ignore[misc]  # emcee has no types
-    """emcee's move of this name, in array operations on all proposals of a step."""
+@dataclass(frozen=True)
+class Together:
+    """A red-blue move of emcee's, in array operations on all proposals of a step.
 
-    propose = propose_together
+    Attributes:
+        proposals: the move that proposes.
+    """
+
+    proposals: Any
+
+    def propose(self, model: Any, state: Any) -> tuple[Any, Mask]:
+        """The ensemble after a step, and which walkers (W,) have moved."""
+        return propose_together(self.proposals, model, state)
 
 
-class Stretch(emcee.moves.StretchMove):  # type: ignore[misc]
-    """emcee's move of this name, in array operations on all proposals of a step."""
-
-    propose = propose_together
-
-
-class Snooker(emcee.moves.RedBlueMove):  # type: ignore[misc]
+class Snooker:
     r"""A step along the line to another walker (ter Braak and Vrugt 2008, eq. 3 and 4).
 
     With u the unit vector from walker z to x, and two more walkers z1 and z2,
@@ -67,7 +71,12 @@ class Snooker(emcee.moves.RedBlueMove):  # type: ignore[misc]
         y = x + gamma u u'(z1 - z2),   accepted by p(y) |y - z|^(k-1) / (p(x) |x - z|^(k-1)).
     """
 
+    nsplits = 2  # as emcee's red-blue moves: halves of the ensemble in turn, drawn anew
+    randomize_split = True
     propose = propose_together
+
+    def setup(self, coords: Array) -> None:
+        """Nothing depends on where the walkers are; emcee's moves may have it otherwise."""
 
     def get_proposal(
         self, s: Array, c: Sequence[Array], random: np.random.RandomState
@@ -97,8 +106,9 @@ def _three(n: int, count: int, random: np.random.RandomState) -> tuple[Index, ..
 
 def differential_evolution() -> Moves:
     """Nine steps of differential evolution to a jump."""
-    whole = DifferentialEvolution(gamma0=1.0)
-    return ((DifferentialEvolution(), 1 - JUMPS), (whole, JUMPS))
+    steps = Together(emcee().moves.DEMove())
+    jumps = Together(emcee().moves.DEMove(gamma0=1.0))
+    return ((steps, 1 - JUMPS), (jumps, JUMPS))
 
 
 def with_snooker() -> Moves:
@@ -108,7 +118,7 @@ def with_snooker() -> Moves:
 
 def stretch() -> Moves:
     """Goodman and Weare's, emcee's own default: some four times slower to mix."""
-    return ((Stretch(), 1.0),)
+    return ((Together(emcee().moves.StretchMove()), 1.0),)
 
 
 MOVES: Mapping[str, Callable[[], Moves]] = {
@@ -126,15 +136,15 @@ def refuse_biased(moves: Moves) -> None:
     The check tries what the move does, whatever its version says.
     """
     for move, _ in moves:
-        if isinstance(move, emcee.moves.DESnookerMove) and not _right_snooker(move):
+        if isinstance(move, emcee().moves.DESnookerMove) and not _right_snooker(move):
             raise BiasedMove(
-                f"emcee {emcee.__version__}'s DESnookerMove does not leave the posterior as it is "
-                "(github.com/dfm/emcee/pull/531): its draws are too narrow. Use "
+                f"emcee {emcee().__version__}'s DESnookerMove does not leave the posterior as it "
+                "is (github.com/dfm/emcee/pull/531): its draws are too narrow. Use "
                 "workbench.sampling.moves.Snooker, or differential evolution"
             )
 
 
-def _right_snooker(move: emcee.moves.Move) -> bool:
+def _right_snooker(move: Any) -> bool:
     """Whether proposals grow with the walkers, and factors are (k - 1) times a log ratio."""
     rng = np.random.default_rng(0)
     s, c = rng.standard_normal((1, 3)), [rng.standard_normal((1, 3)) for _ in range(3)]

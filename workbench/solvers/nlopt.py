@@ -141,7 +141,8 @@ class Nlopt:
         problem, x, cost = run.problem, x0, run.best.cost
         descends = self.abilities.derivative is Derivative.GRADIENT and not self.abilities.is_global
         while True:
-            optimizer.optimize(np.clip(x * scale, problem.lower * scale, problem.upper * scale))
+            y = np.clip(x * scale, problem.lower * scale, problem.upper * scale)
+            _optimize_quietly(optimizer, y)
             gave_up = optimizer.last_optimize_result() in GAVE_UP
             if not (descends and gave_up and run.best.violation <= 1 and run.best.cost < cost):
                 return
@@ -152,11 +153,21 @@ class Nlopt:
 
     def _optimizer(self, algorithm: str, n: int) -> nlopt.opt:
         optimizer = nlopt.opt(getattr(nlopt, algorithm), n)
-        optimizer.set_exceptions_enabled(False)
+        if hasattr(optimizer, "set_exceptions_enabled"):  # from NLopt 2.10 on
+            optimizer.set_exceptions_enabled(False)
         optimizer.set_ftol_rel(self.cost_tolerance)
         optimizer.set_maxeval(self.max_evaluations + 1)
         optimizer.set_maxtime(max(self.max_seconds, 1e-3))
         return optimizer
+
+
+def _optimize_quietly(optimizer: nlopt.opt, y: Array) -> None:
+    """Optimize from y (n,). What NLopt before 2.10 raises is what its last result says too."""
+    try:
+        optimizer.optimize(y)
+    except (nlopt.ForcedStop, nlopt.RoundoffLimited, nlopt.exception):
+        if optimizer.last_optimize_result() > 0:
+            raise
 
 
 def _constrain(optimizer: nlopt.opt, objective: Objective, there: ConstraintSet) -> None:

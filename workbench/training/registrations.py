@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from workbench.arrays import Array, Index
+from workbench.browser import in_browser
 from workbench.errors import BadArgument
 
 Item = TypeVar("Item")
@@ -205,7 +206,9 @@ def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
 
 
 def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
-    """The results of a function for each half of the items, on two threads."""
+    """The results of a function for each half of the items, on two threads where there are any."""
+    if in_browser():
+        return [work(half) for half in halves(items)]
     with ThreadPoolExecutor() as threads:
         return list(threads.map(work, halves(items)))
 

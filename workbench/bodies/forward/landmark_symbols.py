@@ -8,6 +8,7 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array
 
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.rest_points import RestPoints
@@ -36,10 +37,10 @@ def posed_landmarks(
     if offsets is None:
         regressor, used = landmarks.of_vertices
         posed = surface.posed(body, *symbols, used)
-        return posed @ cs.MX(cs.DM(regressor.T.tocsc()))
+        return posed @ cs.MX(sparse_constant(regressor.T))
     pairs = landmarks.regressor.tocoo()  # a vertex of two landmarks is displaced by each
     owner, vertices = (np.asarray(axis, dtype=np.int64) for axis in pairs.coords)
     each = np.arange(len(owner))
     own = csc_array((np.ones(len(owner)), (owner, each)), shape=(len(landmarks.names), len(owner)))
-    posed = surface.posed(body, *symbols, vertices.tolist(), offsets @ cs.DM(own))
-    return posed @ cs.MX(cs.DM(csc_array(own.T.multiply(pairs.data[:, None]))))
+    posed = surface.posed(body, *symbols, vertices.tolist(), offsets @ sparse_constant(own))
+    return posed @ cs.MX(sparse_constant(own.T.multiply(pairs.data[:, None])))

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.skinning import blend_points
 
@@ -118,9 +119,9 @@ class RestPoints:
         rest = cs.reshape(cs.DM(self.template) + shaped + bent, P, 3).T  # (3, P)
         if offsets is not None:
             displaced = csc_array((self.mass, (self.landmark, np.arange(P))), shape=(L, P))
-            rest = rest + offsets @ cs.DM(displaced)
+            rest = rest + offsets @ sparse_constant(displaced)
         own = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
-        moved = blend_points(rest, cs.DM(self.mass), G, cs.DM(own))
+        moved = blend_points(rest, cs.DM(self.mass), G, sparse_constant(own))
         edges = np.append(self.first, P)
         means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, L))
-        return moved @ cs.DM(means)
+        return moved @ sparse_constant(means)

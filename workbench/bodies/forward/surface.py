@@ -8,6 +8,7 @@ from __future__ import annotations
 import casadi as cs
 import numpy as np
 
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.forward.features import Posture
 from workbench.bodies.forward.kinematics import binding_motions
@@ -54,7 +55,7 @@ def rest_joints(body: SkinnedArrays, betas: cs.MX) -> cs.MX:
     if "J_regressor" in body.free:
         return shaped(body, betas) @ body.free["J_regressor"].symbol
     if body.rest_joints is None and body.free.keys() & {"template", "shapedirs"}:
-        return shaped(body, betas) @ cs.MX(cs.DM(body.J_regressor.T.tocsc()))
+        return shaped(body, betas) @ cs.MX(sparse_constant(body.J_regressor.T))
     return Skeleton.of(body).joints(betas)
 
 

@@ -12,6 +12,7 @@ from scipy.sparse import csr_array, kron
 
 from workbench.arrays import Array
 from workbench.blocks import Block
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.numeric_sources import BodyPointsAt, Named
 from workbench.bodies.forward.rows import Target, write
@@ -55,7 +56,7 @@ def mean_points(
 
     def express() -> cs.MX:
         vertices = surface.posed(arithmetic.packed, *at.symbols, free)
-        return vertices @ cs.MX(cs.DM(regressor.T.tocsc()))
+        return vertices @ cs.MX(sparse_constant(regressor.T))
 
     return BodySource(
         at,

@@ -7,10 +7,10 @@ from math import prod
 
 import casadi as cs
 import numpy as np
-from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Block
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.bodies.forward.kinematics import world_rotations
 from workbench.bodies.triangles.packed import PackedTriangles
 
@@ -27,7 +27,7 @@ def posed(
     for i, edges in enumerate(deformed(of, pose, betas, free)):
         pulls += _edges(of, i).T @ edges
     V = of.stitching.solve_symbolic(pulls)
-    root = cs.MX(cs.DM(of.root_row.tocsc()))
+    root = cs.MX(sparse_constant(of.root_row))
     shift = root @ _array(of, "template", free).T + trans.T - root @ V  # (1, 3)
     return (V + cs.repmat(shift, N, 1)).T
 
@@ -42,7 +42,7 @@ def deformed(
     F, J = of.near.shape
     R = world_rotations(pose, of.parents)  # (3, 3) each
     # faces run down the rows; of a 3 x 3 matrix B[:, 3 c + r] is row r, column c
-    B = cs.MX(cs.DM(of.weights.tocsc())) @ cs.vertcat(*[cs.vec(R_k).T for R_k in R])
+    B = cs.MX(sparse_constant(of.weights)) @ cs.vertcat(*[cs.vec(R_k).T for R_k in R])
     shaped = _array(of, "shapedirs", free).T @ betas
     D = _identities(F) + cs.reshape(shaped, 9, F).T  # D[:, 3 r + c]
     twists = cs.reshape(pose[:, of.near.ravel().tolist()], 3 * J, F)  # of each face
@@ -60,7 +60,7 @@ def deformed(
 
 def _edges(of: PackedTriangles, i: int) -> cs.MX:
     """The matrix (F, N) from vertices to edge i of every face."""
-    return cs.MX(cs.DM(csc_array(of.stitching.A[i::2].tocsc())))
+    return cs.MX(sparse_constant(of.stitching.A[i::2]))
 
 
 def _array(of: PackedTriangles, name: str, free: Mapping[str, Block]) -> cs.MX:

@@ -17,6 +17,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
+from workbench.blocks.sparse_constants import sparse_constant
 from workbench.bodies.triangles import TriangleBody
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, vertices
@@ -68,7 +69,7 @@ class SymbolicTriangles:
 
     def smooth_subjects(self, smoothness: float) -> list[Residual]:
         """E_D: `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, as residuals."""
-        tied = cs.MX(cs.DM(neighbour_differences(self.body.faces).tocsc()))
+        tied = cs.MX(sparse_constant(neighbour_differences(self.body.faces)))
         found = []
         for s, subject in enumerate(self.subjects):
             block = subject.free["shapedirs"]

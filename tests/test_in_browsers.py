@@ -1,0 +1,131 @@
+"""What does not work in a browser says so, and what to do; everything else works.
+
+Lectures, bodies, figures and pages have tests of their own that bear the same mark.
+"""
+
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from typer.testing import CliRunner
+
+import workbench as wb
+from workbench import browser
+from workbench.blocks.threaded import available_cores
+from workbench.cli.app import app
+from workbench.course.grades import CheckState
+from workbench.course.outline import lecture
+from workbench.course.student_process import grade
+from workbench.installation import SAMPLING, MissingLibrary
+from workbench.plots import plot_corner
+from workbench.processes.fork_server import NoProcesses
+from workbench.training.registrations import over_halves
+
+pytestmark = pytest.mark.browser
+
+ANSWERS = """
+import os, sys
+import numpy as np
+from workbench.errors import Unsolved
+print("begun")
+def hat(w):
+    return np.array([[0, w[2], -w[1]], [-w[2], 0, w[0]], [w[1], -w[0], 0]])
+def rodrigues(w):
+    sys.exit(3)
+def nearest_rotation(M):
+    print("asked")
+    U, _, Vt = np.linalg.svd(M)
+    return U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+def shorter(w):
+    raise Unsolved("shorter")
+"""
+
+
+@pytest.fixture
+def in_a_browser(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(browser, "PLATFORMS", (sys.platform,))
+
+
+@pytest.fixture
+def without_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in (*SAMPLING, "rtree"):
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+def line() -> wb.Problem:
+    x = wb.Block("x", (2,))
+    return wb.Problem((wb.Residual("near", x.symbol - np.arange(2.0), 0.1),), ("x",), blocks=(x,))
+
+
+@pytest.mark.usefixtures("without_libraries")
+def test_what_needs_a_missing_library_says_which_and_laplace_needs_none() -> None:
+    with pytest.raises(MissingLibrary, match=r"needs emcee.*pip install 'emcee>=3\.1\.6'"):
+        wb.sample(line(), {"x": np.zeros(2)})
+    found = wb.laplace(line(), {"x": np.arange(2.0)}, draws=200)
+    np.testing.assert_allclose(found.sd, 0.1, rtol=0.2)  # of 200 draws
+    with pytest.raises(MissingLibrary, match=r"needs arviz.*pip install 'arviz>=0\.20,<1'"):
+        found.inference_data()
+    with pytest.raises(MissingLibrary, match=r"needs corner.*pip install 'corner>=2\.2\.2'"):
+        plot_corner(found, (0, 1), Figure())
+
+
+@pytest.mark.usefixtures("without_libraries")
+def test_the_command_ends_with_the_sentence(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["sample", "landmarks", "--steps", "50"])
+    assert isinstance(ended.exception, MissingLibrary), ended.output
+    assert "pip install 'emcee>=3.1.6'" in str(ended.exception)
+
+
+def test_libraries_are_asked_for_as_the_distribution_asks() -> None:
+    text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    assert set(SAMPLING.values()) < set(tomllib.loads(text)["project"]["dependencies"])
+
+
+@pytest.mark.usefixtures("in_a_browser")
+def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
+    path, before = tmp_path / "mine.py", list(sys.path)
+    path.write_text(ANSWERS)
+    found = grade(lecture(2), path)
+    assert "no limit of time" in found.note
+    assert found.printed[""] == "begun"
+    assert found.printed["nearest_rotation"].startswith("asked")
+    results = found.exercises
+    assert {one.state for one in results["shorter"]} == {CheckState.NOT_ATTEMPTED}
+    assert "sys.exit(3)" in results["rodrigues"][0].came
+    assert all(one.state is CheckState.PASSED for one in results["nearest_rotation"])
+    (turned,) = results["hat"]
+    assert "v x w" in turned.hint
+    assert results["angle_between"][0].came == "no such name in the file"
+    assert sys.path == before
+    assert "answers" not in sys.modules
+    assert [one.name for one in tmp_path.iterdir()] == ["mine.py"]
+    path.write_text("import numpy as np\n1 / 0\n")
+    lost = grade(lecture(2), path)
+    assert lost.trouble == "line 2: ZeroDivisionError: division by zero"
+    assert lost.note
+    assert not lost.points
+
+
+@pytest.mark.usefixtures("in_a_browser")
+@pytest.mark.parametrize("number", [1, 8])
+def test_the_command_checks_solutions_and_says_what_was_not_guarded(number: int) -> None:
+    path = lecture(number).folder / "solutions.py"
+    shown = CliRunner().invoke(app, ["lecture", "check", str(number), str(path)])
+    assert shown.exit_code == 0, shown.output
+    assert "No other process can be started here" in " ".join(shown.output.split())
+    told = CliRunner().invoke(app, ["lecture", "check", str(number), str(path), "--json"])
+    data = json.loads(told.stdout)
+    assert data["points"] == data["of"] > 0
+    assert "No other process" in data["note"]
+
+
+@pytest.mark.usefixtures("in_a_browser")
+def test_what_needs_other_processes_or_threads_says_so_or_does_without() -> None:
+    with pytest.raises(NoProcesses, match="none can be started in a browser"):
+        wb.compare(["landmarks"], ["trust-region"])
+    assert available_cores() == 1
+    assert over_halves(sum, [1, 2, 3, 4, 5]) == [3, 12]
