@@ -101,7 +101,7 @@ def test_every_block_has_a_yardstick(
     unit: str, values: list[float], size: float, said: str
 ) -> None:
     x, other = Block("x", (2,), unit), Block("image", (2,), "px")
-    r = Residual("r", x.symbol - other.symbol, 1.0, blocks=(x, other))
+    r = Residual("r", cs.vertcat(x.symbol, other.symbol), 1.0, blocks=(x, other))
     at: Values = {
         "x": np.array(values),
         "image": np.full(2, 600.0) if unit == "px" else np.zeros(2),

@@ -320,7 +320,7 @@ def test_what_is_no_answer_is_refused(garbled: str) -> None:
         sender.start()  # a large message waits for its reader
         began = time.perf_counter()
         with pytest.raises((Malformed, Ended)):
-            grading._came(receive_answer(Channel(ours), 5, seconds=20))
+            grading.received(receive_answer(Channel(ours), 5, seconds=20))
         assert time.perf_counter() - began < 5
         ours.close()
         sender.join()

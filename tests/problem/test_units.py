@@ -115,3 +115,12 @@ def test_what_nobody_reads_and_points_that_nobody_gave_are_named() -> None:
 def test_a_transposed_symbol_is_named_as_such() -> None:
     with pytest.raises(BadResidual, match=r"it is transposed: .* observed.symbol without .T"):
         wb.residuals.landmarks(JOINTS, SEEN.symbol.T, sigma=0.01)
+
+
+def test_a_speed_times_one_second_is_a_way() -> None:
+    """CasADi leaves the factor out."""
+    start, speed = wb.Block("start", (), "m"), wb.Block("speed", (), "m/s")
+    seen = [start.symbol + t * speed.symbol - 2.0 for t in (0.5, 1.0, 2.0)]
+    residual = wb.Residual("seen", cs.vertcat(*seen), sigma=0.1, unit="m")
+    problem = wb.Problem([residual], ["start", "speed"], blocks=[start, speed])
+    assert wb.solve(problem, {"start": 0.0, "speed": 0.0}).cost < 1e-9

@@ -3,7 +3,8 @@
 A CasADi symbol carries only a name; the units are those of the blocks that the symbols stand for.
 Points of bodies are in metres. A sum has the unit of each of its summands. A product, a quotient or
 a function may change the unit, so that nothing is concluded about what it returns:
-`observed.symbol / 1000` has no known unit.
+`observed.symbol / 1000` has no known unit. CasADi leaves out a factor of 1, so that a speed in m/s
+may stand for the way of one second: nothing is concluded of units that are put together either.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,6 +18,7 @@ from workbench.problem.constraint import Constraint
 from workbench.residuals import Residual
 
 NONE = "1"  # the unit of a block of which nobody said one
+TOGETHER = "/*^ "  # letters of a unit that is put together of others
 METRES = "m"
 MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
 SUMS = (cs.OP_ADD, cs.OP_SUB)
@@ -44,18 +46,24 @@ def check_units(
 ) -> None:
     """Raise BadResidual if a residual or a constraint adds or subtracts different units.
 
-    Both units must be known: those of blocks whose unit is "1" are not, nor those of products.
+    Both units must be known: those of blocks whose unit is "1" are not, nor those of products, nor
+    units such as `m/s`.
     """
     known = {b.symbol.__hash__(): Measured(b.unit, b.name) for b in blocks.values()}
     known |= {
         p.symbol.__hash__(): Measured(METRES, p.name) for p in points if p.symbol.shape[0] == 3
     }
-    known = {key: one for key, one in known.items() if one.unit != NONE}
+    known = {key: one for key, one in known.items() if one.unit != NONE and simple(one.unit)}
     if len({one.unit for one in known.values()}) < 2:
         return
     for part in parts:
         if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
             Units(known, f"{type(part).__name__.lower()} {part.name!r}").of(part.expression)
+
+
+def simple(unit: str) -> bool:
+    """Whether a unit is a single one, such as `m`, and not one such as `m/s`."""
+    return not set(unit) & set(TOGETHER)
 
 
 @dataclass
