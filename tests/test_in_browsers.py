@@ -6,6 +6,7 @@ Lectures, bodies, figures and pages have tests of their own that bear the same m
 import json
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ import workbench as wb
 from workbench import browser
 from workbench.blocks.threaded import available_cores
 from workbench.cli.app import app
+from workbench.comparison import workers
 from workbench.course.grades import CheckState
 from workbench.course.outline import lecture
 from workbench.course.student_process import grade
@@ -124,7 +126,10 @@ def test_the_command_checks_solutions_and_says_what_was_not_guarded(number: int)
 
 
 @pytest.mark.usefixtures("in_a_browser")
-def test_what_needs_other_processes_or_threads_says_so_or_does_without() -> None:
+def test_what_needs_other_processes_or_threads_says_so_or_does_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(workers, "pool", cache(workers.Pool))  # without workers of other tests
     with pytest.raises(NoProcesses, match="none can be started in a browser"):
         wb.compare(["landmarks"], ["trust-region"])
     assert available_cores() == 1

@@ -234,7 +234,7 @@ source(MovingFrames.forces)
 # $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} , \qquad z^2 v = z A_1 v + A_2 v , $$
 #
 # and in the long run, each frame multiplies what is left of a push by the size of the largest one, the
-# **spectral radius**. If that is above 1, the model blows up. Least squares does not forbid this. With $\rho A_1$
+# **spectral radius**. If that is above one, the model blows up. Least squares does not forbid this. With $\rho A_1$
 # and $\rho^2 A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by $\rho^t$: every wobble
 # keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
 
