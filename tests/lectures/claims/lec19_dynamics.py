@@ -124,6 +124,5 @@ SAYS = {
 GIVEN = (
     "(Pons-Moll et al., 2015; Loper et al., 2015)",
     "1 is perfect, 0 is as good as a tissue that keeps its mean place, and below 0 is worse.",
-    "is above 1, each wobble is larger than the one before",
     "(Le and Deng, 2012; the fits of lecture 4 in turn with rigid motions)",
 )
