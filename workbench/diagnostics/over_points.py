@@ -64,7 +64,7 @@ class PointsDiagnosis:
 
     @property
     def count(self) -> int:
-        """M."""
+        """M, the number of points at which the problem was diagnosed."""
         return len(self.ranks)
 
     @property

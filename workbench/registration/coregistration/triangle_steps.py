@@ -80,7 +80,7 @@ class Persons:
         return np.asarray(self.prior @ (self.here[0].D - self.fitted).ravel())
 
     def forth(self, j: int, x: Array) -> Array:
-        """B dD (Q e)."""
+        """The change B dD (Q e) of every edge, for a change dD (9 F,) of the deformations."""
         at = self.here[j]
         moved = np.einsum("fab,fbc,fic->fia", at.B, x.reshape(-1, 3, 3), at.bent, optimize=True)
         return np.asarray(moved.reshape(-1, 3))
@@ -125,7 +125,7 @@ class Bends:
         return np.asarray((self.body.posedirs - self.first).ravel() / self.bends**2)
 
     def forth(self, j: int, x: Array) -> Array:
-        """B D dP e, dP being the change of posedirs times the twists."""
+        """The change B D dP e of every edge, dP being the change of posedirs times the twists."""
         at, e = self.here[j], self.body.arithmetic.packed.edges
         turned = np.einsum("facj,fj->fac", x.reshape(self.body.posedirs.shape), at.twists)
         moved = (at.B @ at.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
