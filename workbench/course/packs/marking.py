@@ -107,7 +107,7 @@ def marks_of(path: Path, keys: Sequence[ExerciseKey], limits: Limits) -> list[Ex
 
 
 def _mark(key: ExerciseKey, answers: StudentProcess) -> ExerciseMark:
-    """Raises Ended."""
+    """The mark of one exercise. Raises Ended if the process of the answers ends."""
     match answers.begin(key.exercise, key.parameters):
         case {"unfit": None}:
             pass

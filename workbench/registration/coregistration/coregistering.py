@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_gaussian
@@ -66,6 +66,12 @@ class Fitted:
     pose: Array
     betas: Array
     trans: Array
+
+
+def median_betas(fits: Sequence[Fitted], subject: Index) -> list[Array]:
+    """The median (B,) of the betas of each subject's scans; `subject` (J,) says of whom each is."""
+    betas = np.stack([fit.betas for fit in fits])
+    return [np.median(betas[subject == s], axis=0) for s in range(subject.max() + 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +130,7 @@ class Coregistration:
     def first(self, fits: Sequence[Fitted]) -> State:
         """The state that begins: every subject has the median of the betas of its scans."""
         body, subject = self.body, self.scans.subject
-        betas = np.stack([fit.betas for fit in fits])
-        each = [np.median(betas[subject == s], axis=0) for s in range(subject.max() + 1)]
+        each = median_betas(fits, subject)
         templates = np.stack([body.template + body.shapedirs @ one for one in each])
         estimate = Estimate(
             templates,

@@ -179,12 +179,12 @@ def _on_scan(pull: Pull, one: _One, values: Values) -> OnScan:
         values[VERTICES],
         values["pose"],
         values["trans"],
-        sum(_cost(residual, values) for residual in one.scan),
+        sum(cost_of_scan(residual, values) for residual in one.scan),
         pulled(one.scan, values[VERTICES], pull.coupling),
     )
 
 
-def _cost(residual: Residual, values: Values) -> float:
+def cost_of_scan(residual: Residual, values: Values) -> float:
     """The cost of a residual of vertices alone."""
     return Problem((residual,), (VERTICES,)).linearize({VERTICES: values[VERTICES]}).cost
 

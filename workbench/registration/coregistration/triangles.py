@@ -37,8 +37,8 @@ from workbench.geometry.solids import area
 from workbench.geometry.triangles import edges
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import unblocked
-from workbench.registration.coregistration.coregistering import Fitted
-from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans
+from workbench.registration.coregistration.coregistering import Fitted, median_betas
+from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
 from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import (
     Bends,
@@ -104,8 +104,7 @@ class TriangleCoregistration:
         `vertices` (J, N, 3) m are registrations of each scan by itself.
         """
         subject, F = self.scans.subject, self.body.n_faces
-        betas = np.stack([fit.betas for fit in fits])
-        each = [np.median(betas[subject == s], axis=0) for s in range(subject.max() + 1)]
+        each = median_betas(fits, subject)
         columns = self.body.shapedirs.reshape(9 * F, -1) @ np.stack(each, axis=1)
         body = replace(self.body, shapedirs=columns.reshape(F, 3, 3, -1))
         poses = np.stack([fit.pose for fit in fits])
@@ -265,6 +264,5 @@ def _register(
         values: Values = {"pose": theta, "betas": one, VERTICES: V}
         ends = Settled(plan.settled) if plan.settled > 0 else None
         values = values | plan.solver.solve(problem, values, callback=ends).values
-        cost = Problem((scan,), (VERTICES,)).linearize({VERTICES: values[VERTICES]}).cost
-        found.append((values["pose"], values[VERTICES], cost))
+        found.append((values["pose"], values[VERTICES], cost_of_scan(scan, values)))
     return found

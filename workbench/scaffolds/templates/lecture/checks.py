@@ -39,7 +39,7 @@ def moves_by_all_of_it(count: int, off: float) -> float:
 
 @mistake("influence", "this divides by the number of the other readings")
 def divides_by_the_others(count: int, off: float) -> float:
-    """One too few."""
+    """Its sum is right; it divides by count - 1 in place of count."""
     return off / (count - 1)
 
 
