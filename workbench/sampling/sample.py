@@ -31,6 +31,7 @@ from workbench.sampling.with_the_rest import drawn_with_the_rest
 from workbench.threads import limited_threads
 
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
+LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
 WARM_UP = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
 
 
@@ -69,8 +70,8 @@ def sample(
 
     There are `ensembles` independent ensembles of `walkers` walkers (64, or more than twice the
     number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
-    usable; Hamiltonian Monte Carlo takes at most as many leapfrog steps once more. One of every
-    `thin` steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`,
+    usable; Hamiltonian Monte Carlo takes at most twice as many leapfrog steps. One of every `thin`
+    steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`,
     which is a file in emcee's HDF5 format that is replaced every few seconds, a run that was
     stopped or killed continues where it was, and its result is the same; draws of Hamiltonian Monte
     Carlo are not in that file and are made again. If the checkpoint cannot be written, for example
@@ -167,7 +168,8 @@ def _with_the_rest(
 ) -> Posterior:
     """Draws of all free numbers in place of those along the ridge, unless only these are usable."""
     assert along.importance is not None
-    settings = HamiltonianSettings(plan.ensembles, plan.walkers, plan.steps, plan.whole)
+    most = LEAPFROG * plan.steps
+    settings = HamiltonianSettings(plan.ensembles, plan.walkers, most, plan.whole)
     try:
         whole = drawn_with_the_rest(target, settings, plan.generator(2), callback)
     except KeyboardInterrupt:
