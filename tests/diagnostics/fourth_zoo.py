@@ -3,6 +3,18 @@
 They come from fields that the first three do not touch, and were written by somebody who had not
 worked on the functions. All predictions were committed before any of these problems was diagnosed.
 Gauges, numbers and acts are counted as in `zoo.py`.
+
+In the first run the numbers were as predicted in 17 of 17, the acts in 17, and the kinds of gauges
+in 11. The other six were mended afterwards:
+
+- `rig_in_a_frame_of_its_own`: turns of the rig's frame had no name;
+- `homographies_of_a_board`: moves of the line at infinity and factors of matrices were called
+  translations of the rows of a homography;
+- `two_uncalibrated_views`: moves of the plane at infinity had no name, as was known;
+- `statics_of_a_seismic_line`: offsets that two blocks can each undo were called one block against
+  another;
+- `photometric_stereo` and `ideal_points_of_voters`: rows of coefficients were called points that
+  turn, stretch and shear, where columns of two factors are mixed.
 """
 
 import casadi as cs

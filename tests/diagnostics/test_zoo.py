@@ -6,15 +6,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.diagnostics.fourth_zoo import FOURTH_ZOO
 from tests.diagnostics.second_zoo import SECOND_ZOO
 from tests.diagnostics.third_zoo import THIRD_ZOO
 from tests.diagnostics.zoo import ZOO, Specimen
 from workbench import Diagnosis, diagnose
 
 EVERY = pytest.mark.parametrize(
-    "specimen", [*ZOO, *SECOND_ZOO, *THIRD_ZOO], ids=lambda one: one.name
+    "specimen", [*ZOO, *SECOND_ZOO, *THIRD_ZOO, *FOURTH_ZOO], ids=lambda one: one.name
 )
-GAUGES = ("translation", "rotation", "scale", "offset", "mixing", "gauge")
+GAUGES = ("translation", "rotation", "scale", "offset", "mixing", "projective", "gauge")
 
 
 @cache

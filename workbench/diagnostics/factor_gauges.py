@@ -8,12 +8,12 @@ a principal component analysis.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout
+from workbench.blocks import Block, Layout
 from workbench.diagnostics.gauge_names import named_gauge, single_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.undoing import Unseen, places_of, undone
@@ -36,28 +36,18 @@ class FactorGauge:
 def factor_gauges(free: Layout, x: Array, unseen: Unseen) -> Iterator[FactorGauge]:
     """Rows of one matrix are mixed, and columns of the next mixed back; all else may take part.
 
-    Two vectors are the factors of a matrix of rank one.
+    Where the product is A B', with a row of each for a row and a column of it, columns of both are
+    mixed; numbers with a unit of length are then points, and no factors. Two vectors are the
+    factors of a matrix of rank one.
     """
     blocks = [b for b in free.blocks if b.whole is None]
-    for first in [b for b in blocks if len(b.shape) == 2]:
-        for second in [b for b in blocks if len(b.shape) == 2 and b is not first]:
-            h = first.shape[0]
-            if second.shape[1] != h or h * h > MOST:
-                continue
-            at_a, at_b = places_of(free, first), places_of(free, second)
-            A, B = x[at_a].reshape(first.shape), x[at_b].reshape(second.shape)
-            rest = np.setdiff1d(np.arange(free.size), np.concatenate([at_a, at_b]))
-            for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
-                E = np.zeros((h, h))
-                E[i, j] = 1.0
-                v = np.zeros((free.size, 1))
-                v[at_a, 0], v[at_b, 0] = (E @ A).ravel(), -(B @ E).ravel()
-                row = f"row {i} of {first.name}"
-                said = f"a factor of {row}" if i == j else f"row {j} of {first.name} added to {row}"
-                for w, _ in undone(v, rest, unseen) if v.any() else ():
-                    kind = "scale" if i == j else "mixing"
-                    motion = single_gauge(kind, f"{said}, undone by {second.name}", w)
-                    yield FactorGauge(motion, (first.name, second.name), h)
+    wide = [b for b in blocks if len(b.shape) == 2]
+    for first, second in permutations(wide, 2):
+        if second.shape[1] == first.shape[0]:
+            yield from _mixed(free, x, unseen, first, second, by_columns=False)
+    for first, second in combinations([b for b in wide if b.unit == "1"], 2):
+        if first.shape[1] == second.shape[1]:
+            yield from _mixed(free, x, unseen, first, second, by_columns=True)
     for first, second in combinations([b for b in blocks if len(b.shape) == 1], 2):
         change = np.zeros(free.size)
         at_a, at_b = places_of(free, first), places_of(free, second)
@@ -66,6 +56,31 @@ def factor_gauges(free: Layout, x: Array, unseen: Unseen) -> Iterator[FactorGaug
         if both and (within := unseen.within(change)) is not None:
             name = f"a common factor of {first.name}, undone by {second.name}"
             yield FactorGauge(single_gauge("scale", name, within), (first.name, second.name))
+
+
+def _mixed(
+    free: Layout, x: Array, unseen: Unseen, first: Block, second: Block, *, by_columns: bool
+) -> Iterator[FactorGauge]:
+    """The changes of E A that B undoes, in B A; or in A B', where columns are mixed, of A E."""
+    at_a, at_b = places_of(free, first), places_of(free, second)
+    A, B = x[at_a].reshape(first.shape), x[at_b].reshape(second.shape)
+    A = A.T if by_columns else A
+    h, what = len(A), "column" if by_columns else "row"
+    if h * h > MOST:
+        return
+    rest = np.setdiff1d(np.arange(free.size), np.concatenate([at_a, at_b]))
+    for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
+        E = np.zeros((h, h))
+        E[i, j] = 1.0
+        one = (E @ A).T if by_columns else E @ A
+        v = np.zeros((free.size, 1))
+        v[at_a, 0], v[at_b, 0] = one.ravel(), -(B @ E).ravel()
+        own = f"{what} {i} of {first.name}"
+        said = f"a factor of {own}" if i == j else f"{what} {j} of {first.name} added to {own}"
+        for w, _ in undone(v, rest, unseen) if v.any() else ():
+            kind = "scale" if i == j else "mixing"
+            motion = single_gauge(kind, f"{said}, undone by {second.name}", w)
+            yield FactorGauge(motion, (first.name, second.name), h)
 
 
 def offsets_of_factors(

@@ -12,7 +12,8 @@ from workbench.diagnostics.similarities import similarity
 from workbench.diagnostics.things import in_space, row_label, things
 from workbench.errors import some_of
 
-MOVES = 1e-6  # of the largest entry: less is rounding
+MOVES = 1e-6  # of the largest entry: less is not named
+ROUNDING = 1e-15  # of the largest entry: less is none
 LISTED = 3  # things that move, or that undo it, by name
 
 
@@ -74,5 +75,5 @@ def _rows(block: Block, entries: Index) -> str:
 
 def single_gauge(kind: str, name: str, v: Array) -> NamedSubspace:
     """A motion v (n,) under its name."""
-    entries = np.flatnonzero(abs(v) > MOVES * abs(v).max())
+    entries = np.flatnonzero(abs(v) > ROUNDING * abs(v).max())
     return NamedSubspace(kind, name, (), entries, (v / np.linalg.norm(v))[entries, None])

@@ -2,9 +2,10 @@
 
 Rows of points may move by a similarity (translations, rotations and a scale), rows of numbers by a
 common offset or a common factor, and a factor of a matrix product by a matrix that the next factor
-undoes. Such a motion is a gauge where the other unknowns can undo it: where some of their changes,
-together with it, lie in the null space. This is a linear question, whatever the form in which
-cameras are written. Of all changes that undo it the smallest is taken.
+undoes; points that cameras see as matrices may be mapped projectively. Such a motion is a gauge
+where the other unknowns can undo it: where some of their changes, together with it, lie in the null
+space. This is a linear question, whatever the form in which cameras are written. Of all changes
+that undo it the smallest is taken.
 
 Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general.
 """
@@ -20,6 +21,7 @@ from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics.factor_gauges import factor_gauges, offsets_of_factors
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
+from workbench.diagnostics.projective_gauges import homogeneous_factors, moves_of_infinity
 from workbench.diagnostics.similarities import (
     along_axes,
     axis_of,
@@ -79,6 +81,9 @@ def gauges(
     mixed = [*factor_gauges(free, x, unseen)]
     yield from (factor.motion for factor in mixed)
     factored = {name for factor in mixed for name in factor.blocks}
+    for name, motion in homogeneous_factors(free, x, unseen):
+        factored.add(name)
+        yield motion
     islands = _islands(free, pattern)
     for island in islands:
         yield from offsets_of_factors(free, unseen, island, mixed)
@@ -112,9 +117,10 @@ def _declared(
 def _points(
     free: Layout, x: Array, unseen: Unseen, island: Index, factored: Set[str], units: Array
 ) -> Iterator[NamedSubspace]:
-    """Similarities of the rows of a block of points, and then stretches and shears.
+    """Similarities of the rows of a block of points; stretches and shears; projective maps.
 
-    All else in the island may undo them. Rows that a matrix mixes are coefficients and no points.
+    All else in the island may undo them. Rows that a matrix mixes are coefficients and no points,
+    and neither are the rows of a matrix that may have any factor.
     """
     blocks = [b for b in free.blocks if in_space(b) and b.size > b.shape[-1]]
     blocks = [b for b in blocks if b.name not in factored]
@@ -136,15 +142,17 @@ def _points(
             same = (x / size, step.coefficients)
             yield named_gauge(step.kind, step.name, v, free, [block], own, same, least=unseen.same)
         if unseen.count > coefficients.shape[1]:
-            for said, along in stretches(X):
+            more = [("mixing", *one) for one in stretches(X)]
+            more += [("projective", *one) for one in moves_of_infinity(X)]
+            for kind, said, along in more:
                 moves = np.zeros((free.size, 1))
                 moves[own, 0] = along
                 for v, _ in undone(moves, others, unseen):
-                    yield named_gauge("mixing", said, v, free, [block], own, least=unseen.same)
+                    yield named_gauge(kind, said, v, free, [block], own, least=unseen.same)
 
 
 def _bodies(problem: Problem, x: Array, unseen: Unseen) -> Iterator[NamedSubspace]:
-    """A place or a body's root moves, and other places and turns, such as cameras', undo that."""
+    """A place, a body's root or a frame moves, and other places and turns undo that."""
     free, n = problem.free, problem.free.size
     poses = {name for tree in problem.trees for name in tree.blocks}
     spatial = [b for b in free.blocks if b.size == 3 and b.name not in poses]
@@ -172,6 +180,11 @@ def _bodies(problem: Problem, x: Array, unseen: Unseen) -> Iterator[NamedSubspac
             moves[root] = slopes_by_turns(x[root])
             main = free.block_of(root[0])[0]
             yield from along("rotation", "a rotation about", moves, spatial, main)
+    for block in turns if len(turns) > 1 else ():
+        moves, at = np.zeros((n, 3)), places_of(free, block)
+        moves[at] = slopes_by_turns(x[at])
+        others = [b for b in spatial if b is not block]
+        yield from along("rotation", "a rotation about", moves, others, block)
 
 
 def _numbers(
@@ -193,21 +206,25 @@ def _numbers(
             ):
                 continue
             alike = [j for j, (b, _) in enumerate(parts) if kind == "scale" or b.unit == block.unit]
-            others = columns[:, [j for j in alike if j != k and columns[:, j].any()]]
-            others = others / np.linalg.norm(others, axis=0)
-            v = undone_alike(columns[:, k], others, unseen)
-            if v is None:
-                continue
-            amounts = columns.T @ v / np.maximum(np.sum(columns**2, axis=0), 1e-300)
-            amounts /= amounts[k]
-            moving = np.flatnonzero(abs(amounts) > unseen.same)
-            rough = max(1e-5, unseen.same)
-            if max(parts[j][1].size for j in moving) < 2 or (
-                kind == "offset" and not np.allclose(abs(amounts[moving]), 1, rtol=rough)
-            ):
-                continue
-            main = [block, *(parts[j][0] for j in moving if amounts[j] > 0 and j != k)]
-            yield named_gauge(kind, said, v, free, main, own, least=unseen.same)
+            able = [j for j in alike if j != k and columns[:, j].any()]
+            # all others together, or one of several that can each undo it
+            for some in [able, *([j] for j in able if len(able) > 1)]:
+                others = columns[:, some] / np.linalg.norm(columns[:, some], axis=0)
+                v = undone_alike(columns[:, k], others, unseen)
+                if v is None:
+                    continue
+                amounts = columns.T @ v / np.maximum(np.sum(columns**2, axis=0), 1e-300)
+                amounts /= amounts[k]
+                moving = np.flatnonzero(abs(amounts) > unseen.same)
+                rough = max(1e-5, unseen.same)
+                if max(parts[j][1].size for j in moving) < 2 or (
+                    kind == "offset" and not np.allclose(abs(amounts[moving]), 1, rtol=rough)
+                ):
+                    continue
+                main = [block, *(parts[j][0] for j in moving if amounts[j] > 0 and j != k)]
+                yield named_gauge(kind, said, v, free, main, own, least=unseen.same)
+                if len(some) == len(able):
+                    break
 
 
 def _sizes(

@@ -34,8 +34,8 @@ class Direction:
 
     Attributes:
         name: what the direction is called in reports.
-        kind: of gauges `translation`, `rotation`, `scale`, `offset`, `mixing` or `gauge`; of others
-            `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
+        kind: of gauges `translation`, `rotation`, `scale`, `offset`, `mixing`, `projective` or
+            `gauge`; of others `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
         joints: the joints that it turns, as far as they are known.
         vector: (n,) the direction.
         change: |J d|, in sigmas per unit of the direction.

@@ -68,16 +68,16 @@ def named_steps(coefficients: Array, d: int, size: float) -> Iterator[Step]:
     S = coefficients - T @ (T.T @ coefficients)
     S = _orthonormal(S - R @ (R.T @ S))
     for s in along_axes(S, slice(-1, None)):
-        about = "" if T.shape[1] == d else f" about {_place(-size * s[:d])}"
+        about = "" if T.shape[1] == d else f" about {_place(-size * s[:d], size)}"
         yield Step("scale", f"a scale{about}", s)
 
 
 def _rotation(r: Array, d: int, size: float) -> str:
     if d == 2:
-        about = f" about {_place(size * np.array([-r[1], r[0]]) / r[2])}" if size else ""
+        about = f" about {_place(size * np.array([-r[1], r[0]]) / r[2], size)}" if size else ""
         return f"a rotation{about}"
     t, omega = r[:3], r[3:6]
-    about = f" through {_place(size * np.cross(omega, t) / float(omega @ omega))}" if size else ""
+    about = f" through {_place(size * np.cross(omega, t) / (omega @ omega), size)}" if size else ""
     return f"a rotation about {axis_of(omega)}{about}"
 
 
@@ -88,8 +88,9 @@ def axis_of(v: Array) -> str:
     return "xyz"[main] if abs(v[main]) > 1 - 1e-6 else _place(v)
 
 
-def _place(v: Array) -> str:
-    v = np.where(abs(v) > SAME * abs(v).max(initial=0.0), v, 0.0)
+def _place(v: Array, size: float = 0.0) -> str:
+    """A place, or a direction, in words; what is nothing beside it, or beside `size`, is 0."""
+    v = np.where(abs(v) > SAME * max(size, abs(v).max(initial=0.0)), v, 0.0)
     return f"({', '.join(f'{c:.3g}' for c in v)})"
 
 

@@ -13,8 +13,8 @@ after half of the warm-up a square root of the covariance of all chains. The ste
 the warm-up until 95 % of the ends are accepted. A longer step would suit most places, but in a bent
 ridge chains would hardly ever leave those where the density is narrow, and its tails would be
 explored slowly. Each chain takes a random fraction of the step, and trajectories have random
-lengths, so that none returns to where it began. An end beyond bounds or constraints is refused, so that many active
-bounds make chains slow.
+lengths, so that none returns to where it began. An end beyond bounds or constraints is refused, so
+that many active bounds make chains slow.
 """
 
 import time
