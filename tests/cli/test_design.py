@@ -57,7 +57,7 @@ def test_predictions_are_checked_by_fits(workbench: Run, line: Path) -> None:
     ("arguments", "said"),
     [
         (["nobody"], "no experiment is called 'nobody'"),
-        (["line.py", "--candidates", "poses"], "there are cameras, keypoints, markers, own, views"),
+        (["line.py", "--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),
         (["line.py", "--candidates", "cameras"], "are of a body at one moment"),
         (["line.py", "--criterion", "f"], "no criterion is called 'f'"),
         (["line.py", "--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),

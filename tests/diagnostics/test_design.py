@@ -382,6 +382,41 @@ def test_bad_input_gets_a_sentence() -> None:
         with_candidates(problem, several, ["far"])
 
 
+def test_equations_hold_exactly_and_bounds_are_named() -> None:
+    """Three numbers of four in a plane: the covariance is that of what is left of the plane."""
+    rng = np.random.default_rng(3)
+    x = wb.Block("x", (N,), "m")
+    A, normal = rng.normal(size=(N - 1, N)), rng.normal(size=N)  # with the plane: just enough
+    at = {"x": rng.normal(size=N)}
+    tie = wb.Constraint("tie", cs.dot(cs.DM(normal), x.symbol), normal @ at["x"], normal @ at["x"])
+    touched = {"x": (np.where(np.arange(N) == 1, at["x"], -np.inf), np.inf)}
+    problem = wb.Problem([rows("known", A, x)], ["x"], touched, [x], constraints=[tie])
+    several = {f"c{i}": rows(f"c{i}", rng.normal(size=(1, N)), x) for i in range(4)}
+    Z = np.linalg.svd(normal[None])[2][1:].T
+
+    def known(*names: str) -> Array:
+        J = with_candidates(problem, several, names).linearize(at).dense @ Z
+        return Z @ np.linalg.inv(J.T @ J) @ Z.T
+
+    for criterion, size in (
+        (sd_of("x[2]"), lambda C: np.sqrt(C[2, 2])),
+        (e_optimal, lambda C: np.sqrt(np.linalg.eigvalsh(C)[-1])),
+        (d_optimal, lambda C: np.prod(np.linalg.eigvalsh(C)[1:]) ** (1 / 2 / (N - 1))),
+    ):
+        found = design(problem, several, at, criterion=criterion)
+        assert not found.undetermined
+        assert found.before.sd == pytest.approx(size(known()), rel=1e-9)
+        by_hand = {name: size(known(name)) for name in several}
+        assert {one.name: one.sd for one in found.ranking} == pytest.approx(by_hand, rel=1e-9)
+    assert found.uncounted == (f"x[1] >= {at['x'][1]:g}",)
+    assert f"x[1] >= {at['x'][1]:g} is active and does not count" in found.report()
+    np.testing.assert_allclose(found.sd_before, np.sqrt(np.diag(known())), rtol=1e-9)
+    all_known = wb.Constraint("all", x.symbol, at["x"], at["x"])
+    held = wb.Problem([rows("known", A, x)], ["x"], blocks=[x], constraints=[all_known])
+    with pytest.raises(BadArgument, match="equations hold all that matters"):
+        design(held, several, at)
+
+
 def test_simulated_fits_spread_as_predicted() -> None:
     """Linear, 150 fits: a standard deviation is known to 5.8 %, and 4 of these are allowed."""
     problem, several, at, _ = linear(7)

@@ -18,6 +18,7 @@ from workbench.fitting.measurement_candidates import (
     marker_candidates,
     pose_candidates,
     stature_of,
+    without_hidden,
 )
 from workbench.fitting.observations import photograph
 from workbench.fitting.repeated_fits import repeated_fits
@@ -101,6 +102,24 @@ def test_a_camera_is_the_residual_of_its_keypoints(
         cameras_on_a_sphere(body, [0, 0])
     with pytest.raises(BadArgument, match="above zero"):
         cameras_on_a_sphere(body, centre, distance=0)
+
+
+def test_a_body_hides_its_own_face_from_behind(
+    body: SkinnedBody, problem: wb.Problem, at: wb.Values
+) -> None:
+    still = at | {"pose": np.zeros((24, 3))}
+    around = cameras_on_a_sphere(body, body.joints(**still)[0], around=(0, 180), up=(0,))
+    found = without_hidden(body, around, still)
+    names = body.landmark_names(landmark_set(body))
+    front, back = (one.values["candidate/seen"] for one in found.values())
+    assert front.all()
+    hidden = {name for name, seen in zip(names, back, strict=True) if not seen}
+    assert {"nose", "left_eye", "right_eye", "left_big_toe", "right_big_toe"} <= hidden
+    assert not hidden & {"left_hip", "right_hip", "left_elbow", "right_knee", "left_heel"}
+    sees_all, sees_some = (wb.design(problem, several, still) for several in (around, found))
+    by_name = [{one.name: one.nats for one in d.ranking} for d in (sees_all, sees_some)]
+    assert by_name[1]["0 around, 0 up"] == pytest.approx(by_name[0]["0 around, 0 up"], rel=1e-9)
+    assert by_name[1]["180 around, 0 up"] < by_name[0]["180 around, 0 up"]
 
 
 def test_all_keypoints_together_are_the_camera(

@@ -19,6 +19,7 @@ from workbench.fitting.measurement_candidates import (
     keypoint_candidates,
     marker_candidates,
     stature_of,
+    without_hidden,
 )
 from workbench.fitting.observations import Photograph
 from workbench.fitting.setup import Setup, View
@@ -51,6 +52,22 @@ def held_out_views(setup: Setup, values: Values) -> Given:
     return cameras_of(_body(setup), [_photograph(view, values) for view in views])
 
 
+def cameras_around_occluded(setup: Setup, values: Values) -> Given:
+    """The same 36 cameras, none of which sees what the body hides from it."""
+    body = _skinned(setup)
+    around = cameras_on_a_sphere(body, _joints(body, values)[0])
+    return without_hidden(body, around, values)
+
+
+def held_out_views_occluded(setup: Setup, values: Values) -> Given:
+    """The real cameras that were held out, none of which sees what the body hides from it."""
+    views = [_photograph(view, values) for view in setup.views if view.held_out]
+    if not views:
+        return held_out_views(setup, values)  # which says so
+    body = _skinned(setup)
+    return without_hidden(body, cameras_of(body, views), values)
+
+
 def markers_worn(setup: Setup, values: Values) -> Given:
     """Each of the 41 default markers."""
     body = _skinned(setup)
@@ -67,6 +84,8 @@ CANDIDATES: Mapping[str, Callable[[Setup, Values], Given]] = {
     OWN: own_candidates,
     "cameras": cameras_around,
     "views": held_out_views,
+    "cameras-occluded": cameras_around_occluded,
+    "views-occluded": held_out_views_occluded,
     "markers": markers_worn,
     "keypoints": keypoints_seen,
 }

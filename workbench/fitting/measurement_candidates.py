@@ -1,9 +1,10 @@
 """Measurements of a body that could be made: cameras, keypoints, markers and frames by name.
 
-All of them see every landmark, also those that the body itself hides.
+All of them see every landmark, also those that the body itself hides; of cameras these can be left
+out (`without_hidden`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import casadi as cs
@@ -22,6 +23,7 @@ from workbench.fitting.keypoint_problem import camera_values, landmark_set
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.markers import OFFSET_SIGMA, SIGMA
 from workbench.fitting.observations import Photograph, pinhole
+from workbench.fitting.self_occlusion import hidden_landmarks
 from workbench.fitting.stature import stature_expression
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
@@ -95,6 +97,26 @@ def cameras_of(
     return _cameras(
         body, {photo.name: camera_values(camera, photo) for photo in photographs}, sigma
     )
+
+
+def without_hidden(
+    body: SkinnedBody, cameras: Mapping[str, Candidate], values: Values
+) -> dict[str, Candidate]:
+    """Cameras of `cameras_on_a_sphere` or `cameras_of`, without what the body hides from each.
+
+    What is hidden is decided where the values put the body, and does not change with the body; see
+    `hidden_landmarks`.
+    """
+    name = landmark_set(body)
+    seen = Block(PREFIX + "seen", (len(body.landmark_names(name)),), "1")
+    found = {}
+    for called, one in cameras.items():
+        (rows,) = one.residuals
+        t, R = (np.asarray(one.values[PREFIX + part]) for part in ("translation", "rotation"))
+        hidden = hidden_landmarks(body, name, values, -matrix_from_vector(R).T @ t)
+        rows = _keypoints(body, Camera(PREFIX), seen.symbol, rows.sigma)
+        found[called] = Candidate((rows,), one.values | {seen.name: np.where(hidden, 0.0, 1.0)})
+    return found
 
 
 def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:

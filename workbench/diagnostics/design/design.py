@@ -15,6 +15,11 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.diagnostics.design.candidates import Candidate, Given, checked, rows_of
 from workbench.diagnostics.design.criteria import Criterion, d_optimal
+from workbench.diagnostics.design.held import (
+    active_inequalities,
+    combinations_left,
+    directions_left,
+)
 from workbench.diagnostics.design.measurement_design import MeasurementDesign, Ranked
 from workbench.diagnostics.design.search import Board, Progress, Search, automatic, null
 from workbench.diagnostics.design.uncertainty import Uncertainty
@@ -45,9 +50,12 @@ def design(
 
     The problem's own residuals, its priors and what has been observed already, count as known.
     Where they leave null directions, candidates that determine more of what matters come first,
-    then those that determine more of all. Bounds and constraints are not looked at. Kernels count
-    as they are at the point. Raises BadArgument, UnknownName for a candidate that reads an unknown
-    block, NotFinite, TooLarge, and what `Problem.split` raises for the values.
+    then those that determine more of all. Equations among the constraints and equal bounds hold
+    exactly. Other bounds and constraints do not count, as an estimate may leave them; those that
+    are active at a point are named in the result (`uncounted`), because standard deviations are
+    then too large where the true values lie there as well. Kernels count as they are at the point.
+    Raises BadArgument, UnknownName for a candidate that reads an unknown block, NotFinite,
+    TooLarge, and what `Problem.split` raises for the values.
     """
     if not isinstance(problem, Problem):
         raise BadArgument(f"a design is for a Problem, not a {type(problem).__name__}")
@@ -61,13 +69,22 @@ def design(
         raise BadArgument(f"1 to {len(known)} of the candidates can be chosen, not {choose}")
     names, sizes, words, unit = tuple(known), [], "", ""
     before, gradients, rows = [], [], []
+    uncounted: dict[str, None] = {}
     made: dict[object, Problem] = {}
     for at in several:
         point = _point(problem, at)
         size, words = point.yardsticks.sizes, words or str(point.yardsticks)
         gradient, unit = _gradients(problem, criterion, at, size, made)
         seen = rows_of(problem, known, at, made)
-        before.append(Uncertainty.of(point.here.scaled(size)))
+        left = directions_left(point, size)
+        if left is not None:
+            gradient = combinations_left(gradient, left)
+            if not gradient.shape[1]:
+                raise BadArgument(
+                    "equations hold all that matters, so that no candidate adds to it"
+                )
+        before.append(Uncertainty.of(point.here.scaled(size), left))
+        uncounted |= dict.fromkeys(active_inequalities(point))
         gradients.append(gradient)
         rows.append({name: A * size for name, A in seen.items()})
         sizes.append(size)
@@ -95,6 +112,7 @@ def design(
         found.how,
         {tuple(names[i] for i in some): count for some, count in single.items()},
         tuple(direction.name for direction in directions),
+        tuple(uncounted),
         problem.free,
         np.stack(sizes),
         board.before,

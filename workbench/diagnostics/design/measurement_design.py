@@ -54,6 +54,7 @@ class MeasurementDesign:
         search: what the search did, in a sentence.
         single: by the choices that are best at single points, at how many of them.
         undetermined: the names of the null directions before, at the first point.
+        uncounted: the bounds and inequalities that are active at a point, which do not count.
         free: the layout of the unknowns.
         yardsticks: (T, n) of the unknowns at each point.
         known_before: what is known at each point.
@@ -71,6 +72,7 @@ class MeasurementDesign:
     search: str
     single: Mapping[tuple[str, ...], int]
     undetermined: tuple[str, ...]
+    uncounted: tuple[str, ...]
     free: Layout = field(repr=False)
     yardsticks: Array = field(repr=False)
     known_before: State = field(repr=False)
@@ -115,6 +117,17 @@ class MeasurementDesign:
         same = (n for some, n in self.single.items() if set(some) == set(self.chosen))
         return sum(same) / self.points
 
+    @property
+    def without_bounds(self) -> str:
+        """Which active bounds do not count, and what that means; empty where none is active."""
+        if not self.uncounted:
+            return ""
+        are = "is active and does" if len(self.uncounted) == 1 else "are active and do"
+        return (
+            f"{some_of(self.uncounted)} {are} not count: if the true values lie there, "
+            "uncertainties are smaller than these"
+        )
+
     def report(self) -> str:
         """The design as text."""
         averaged = f", averaged over {self.points} points" if self.points > 1 else ""
@@ -128,6 +141,8 @@ class MeasurementDesign:
             lines += [f"    {one}" for one in self.yardstick.split("; ")]
         if self.undetermined:
             lines.append(f"  nothing determines {some_of(self.undetermined)}")
+        if self.uncounted:
+            lines.append(f"  {self.without_bounds}")
         lines += [f"EACH CANDIDATE BY ITSELF ({self.unit}; gain in nats)"]
         width = max(len(one.name) for one in self.ranking)
         for place, one in enumerate(self.ranking[:SHOWN], 1):
@@ -171,6 +186,7 @@ class MeasurementDesign:
             "steps": [number(score.sd) for score in self.steps],
             "agreement": self.agreement,
             "undetermined": list(self.undetermined),
+            "uncounted": list(self.uncounted),
             "ranking": [
                 {"name": r.name, "sd": number(r.sd), "nats": r.nats, "sees": r.sees}
                 for r in self.ranking

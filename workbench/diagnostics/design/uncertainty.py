@@ -10,7 +10,7 @@ Methods for Discrete Sequential Estimation, 1977). By the determinant lemma the 
 the sum of log(1 + s^2) / 2, in nats.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,30 +29,35 @@ class Uncertainty:
         half: (n, r) H, with H H' the covariance of what is determined.
         null: (n, d) an orthonormal basis of the directions that nothing determines.
         triangle: (k, n) R with R'R = J'J; without rows where everything is determined.
+        left: (n, p) an orthonormal basis of the directions that equations leave free; None where
+            there are no equations. In all others everything is known exactly.
     """
 
     half: Array
     null: Array
     triangle: Array
+    left: Array | None = None
 
     @staticmethod
-    def of(here: Linearization) -> "Uncertainty":
+    def of(here: Linearization, left: Array | None = None) -> "Uncertainty":
         """By the singular values of a linearization. Raises NotFinite, TooLarge."""
-        spectrum = here.spectrum
+        spectrum = (here if left is None else here.along_columns(left)).spectrum
         s, Vt = spectrum.determined
-        null = spectrum.Vt[spectrum.rank :].T
+        half, null = Vt.T / s, spectrum.Vt[spectrum.rank :].T
+        if left is not None:
+            half, null = left @ half, left @ null
         R = here.R if null.shape[1] else np.zeros((0, here.shape[1]))
-        return Uncertainty(Vt.T / s, null, R)
+        return Uncertainty(half, null, R, left)
 
     def seeing(self, rows: Array) -> "Uncertainty":
         """What is known after whitened rows (m, n) were measured as well."""
         if self.null.shape[1]:
             stacked = np.vstack([self.triangle, rows])
-            return Uncertainty.of(Linearization(np.zeros(len(stacked)), stacked))
+            return Uncertainty.of(Linearization(np.zeros(len(stacked)), stacked), self.left)
         _, s, Vt = np.linalg.svd(rows @ self.half, full_matrices=False)
         root = np.sqrt(1 + s**2)
         shrunk = s**2 / (root * (1 + root))  # 1 - 1 / root, without its rounding errors
-        return Uncertainty(self.half - (self.half @ Vt.T * shrunk) @ Vt, self.null, self.triangle)
+        return replace(self, half=self.half - (self.half @ Vt.T * shrunk) @ Vt)
 
     def nats(self, rows: Array) -> float:
         """The information that rows (m, n) add on what is determined, 1/2 log det(I + A C A')."""
