@@ -13,6 +13,7 @@ from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
+from workbench.replay import recorded_posterior
 from workbench.reports import write_posterior
 from workbench.reports.posterior_summary import BlockPosterior
 from workbench.sampling import fixed, laplace, sample
@@ -109,6 +110,19 @@ def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
         blocks = [setup.made_of[block.name] for block in setup.body.blocks()]
         np.testing.assert_allclose(setup.body.vertices(*blocks), setup.truth, atol=1e-12)
     assert find("balance-monocular").setup().made_of is None  # a photograph
+
+
+def test_draws_are_seen_by_held_out_cameras_too() -> None:
+    """The problem does not read these cameras, so that their numbers are those of the setup."""
+    setup = find("balance-monocular").setup()
+    p = laplace(setup.problem, setup.start, "trans", rest=fixed, draws=500)
+    recording = recorded_posterior(p, "trans", setup.body, setup.views, setup.start)
+    assert recording is not None
+    views = recording.data["views"]
+    assert [view["held_out"] for view in views].count(False) == 1
+    assert len(views) == 4
+    for view, one in zip(setup.views, views, strict=True):
+        assert one["focal"] == pytest.approx(setup.start[view.camera.focal.name])
 
 
 def test_a_truth_is_drawn_in_every_figure() -> None:

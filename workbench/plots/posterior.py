@@ -18,6 +18,7 @@ from workbench.sampling import Posterior
 
 MOST = 6  # entries in a corner: more cannot be read
 SHOWN = 5000  # draws
+BESIDE_CORNER = 0.95  # inches for names and numbers, left of a corner and below it
 
 
 def widest(posterior: Posterior, approximation: Posterior | None, most: int = MOST) -> list[int]:
@@ -62,7 +63,9 @@ def plot_corner(
     )
     for ax in figure.axes:
         ax.tick_params(labelsize=7)
-    figure.subplots_adjust(left=0.13, bottom=0.15, right=0.99, top=0.99)
+    width, height = figure.get_size_inches()
+    left, bottom = BESIDE_CORNER / width, BESIDE_CORNER / height
+    figure.subplots_adjust(left=left, bottom=bottom, right=0.99, top=0.99)
     return figure
 
 
@@ -113,7 +116,7 @@ def plot_beside_laplace(
         where = (truth - approximation.mean) / approximation.sd
         ax.plot(where, place, "x", color=VERMILLION, markersize=6, label="truth (synthetic)")
     ax.set_yticks(place, [plain(label) for label in posterior.labels], fontsize=8)
-    ax.invert_yaxis()
+    ax.set_ylim(posterior.size - 0.4, -0.6)  # the first entry on top
     ax.set_xlabel("distance from Laplace's mean (its standard deviations)")
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0)
     return ax
@@ -211,11 +214,12 @@ def caption_beside_laplace(said: Sequence[str], synthetic: bool = False) -> str:
     )
 
 
-def caption_spray(count: int, where: str, synthetic: bool = False) -> str:
-    """What `plot_spray` and `plot_spray_in_view` show."""
+def caption_spray(count: int, where: str, synthetic: bool = False, held: bool = False) -> str:
+    """What `plot_spray` and `plot_spray_in_view` show; `held` if some unknowns are held fixed."""
     return (
         f"{count} bodies drawn from the posterior, {where}: white pixels are covered by none, "
         "full blue by all. Where the outline is blurred, data and priors do not determine the "
-        "body; unknowns that were not sampled are the same in all of them."
+        "body."
+        + (" Unknowns that are held fixed are the same in all of them." if held else "")
         + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )

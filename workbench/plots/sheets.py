@@ -98,7 +98,7 @@ def corner_sheet(
 ) -> Figure:
     """Draws of pairs of entries; `truth` (k,) is marked if it is known."""
     with house_style():
-        size = max(3.6, 1.25 * len(entries) + 0.6)
+        size = max(3.6, 1.25 * len(entries) + 1.0)
         figure = Figure(figsize=(size, size))
         plot_corner(posterior, entries, figure, truth)
     return figure

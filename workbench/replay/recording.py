@@ -113,13 +113,18 @@ def recorded_diagnosis(
 
 
 def recorded_posterior(
-    posterior: Posterior, name: str, body: Body | None, views: Sequence[View] = ()
+    posterior: Posterior,
+    name: str,
+    body: Body | None,
+    views: Sequence[View] = (),
+    cameras: Values | None = None,
 ) -> Recording | None:
     """The replay of the posterior of the unknowns that are called `name`: bodies drawn from it.
 
-    None if no body is sampled, or one that a page cannot pose.
+    `cameras` are the numbers of cameras that the problem does not read, such as held-out ones. None
+    if no body is sampled, or one that a page cannot pose.
     """
-    problem, at = posterior.problem, posterior.given
+    problem, at = posterior.problem, dict(cameras or {}) | dict(posterior.given)
     found = shown_with_row(body, problem, at)
     if found is None:
         return None

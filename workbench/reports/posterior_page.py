@@ -74,7 +74,9 @@ def _recordings(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, 
     found = {}
     for anchor, part in parts.items():
         p, body = part.posterior, setup.body
-        recording = recorded_posterior(p, part.name, body, setup.views) if p.mixed else None
+        if not p.mixed:
+            continue
+        recording = recorded_posterior(p, part.name, body, setup.views, setup.start)
         if recording is not None:
             found[anchor] = recording
     return found
@@ -147,7 +149,7 @@ def _spray(p: Posterior, setup: Setup) -> Shown | None:
     bodies[..., 1] -= bodies[:DRAWN, :, 1].min()
     figure = sheets.spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
     where = "turned upright, from the front and from the side"
-    return shown(figure, plots.caption_spray(DRAWN, where, known))
+    return shown(figure, plots.caption_spray(DRAWN, where, known, p.conditional))
 
 
 def _views(p: Posterior, setup: Setup) -> list[Shown]:
@@ -166,7 +168,7 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
         figure = sheets.spray_in_view_sheet(
             pixels, body.faces, view.observed, view.confidence, view.name + told, true
         )
-        said = plots.caption_spray(DRAWN, f"as {view.name}{told} sees them", known)
+        said = plots.caption_spray(DRAWN, f"as {view.name}{told} sees them", known, p.conditional)
         found.append(shown(figure, said))
     return found
 
