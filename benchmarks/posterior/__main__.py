@@ -10,7 +10,8 @@
     python -m benchmarks.posterior coverage      # five minutes
     python -m benchmarks.posterior page          # the page from the numbers that there are
 
-Each writes its numbers to results/posterior-PART.json, and POSTERIOR.md from all of them.
+Each writes its numbers to results/posterior-PART.json, and POSTERIOR.md from all of them. `known`
+with `--pieces FILE` keeps every run in a file and continues where it was stopped.
 """
 
 import argparse
@@ -70,12 +71,14 @@ def _throughput(asked: argparse.Namespace) -> dict[str, Any]:
 
 
 def _known(asked: argparse.Namespace) -> dict[str, Any]:
-    from benchmarks.posterior import known
+    from benchmarks.posterior import known, known_person
+    from benchmarks.posterior.pieces import Pieces
 
     names = [name for name in known.DENSITIES if name not in known.TUNING]
+    pieces, seeds = Pieces(asked.pieces), range(200, 200 + asked.seeds)
     return {
-        "densities": known.of_densities(names, range(200, 200 + asked.seeds)),
-        "person": known.of_a_person(range(200, 203)),
+        "densities": known.of_densities(names, seeds, pieces),
+        "person": known_person.of_a_person(seeds, pieces),
     }
 
 
@@ -108,6 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--people", type=int, default=10, help="made up, for one-person")
     parser.add_argument("--seeds", type=int, default=20, help="of each density, for known")
     parser.add_argument("--fits", type=int, default=200, help="of each problem, for coverage")
+    parser.add_argument("--pieces", type=Path, help="of known: where its runs are kept")
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     asked = parser.parse_args(arguments)
     if asked.part != "page":

@@ -5,6 +5,7 @@ Four densities were looked at beforehand (`TUNING`) and are not reported.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import casadi as cs
@@ -12,18 +13,13 @@ import numpy as np
 import scipy.stats
 
 import workbench as wb
-from benchmarks.posterior.fitted import monocular
-from benchmarks.posterior.nuts import NutsSettings, nuts
+from benchmarks.posterior.pieces import Pieces
 from workbench.arrays import Array
-from workbench.blocks.entries import entries
-from workbench.sampling import Posterior, fixed, laplace, sample
-from workbench.sampling.descent import Mode
+from workbench.sampling import sample
 
 LEVEL = 0.9
 OFF = 0.15  # of the width of an interval: more, and it is wrong
 EXACT = 2_000_000  # exact draws, where no formula gives the quantiles
-NUTS = NutsSettings(draws=3000, warm=1500, accepted=0.95)
-PERSON = ("trans", "pose[left_elbow]", "betas")  # of balance-monocular
 TUNING = ("banana", "two modes", "bounded", "Gaussian, 10")
 
 
@@ -216,13 +212,14 @@ def judged(known: Known, seed: int) -> dict[str, Any]:
     }
 
 
-def of_densities(names: Sequence[str], seeds: Sequence[int]) -> dict[str, Any]:
+def of_densities(names: Sequence[str], seeds: Sequence[int], pieces: Pieces) -> dict[str, Any]:
     """Every density with every seed."""
     every = {name: DENSITIES[name]() for name in names}
     found: dict[str, Any] = {name: [] for name in names}
     for seed in seeds:
         for name, known in every.items():
-            found[name].append(judged(known, seed))
+            run = pieces.once(f"{name}, seed {seed}", partial(judged, known, seed))
+            found[name].append(run)
         wrong = {name: counted(runs) for name, runs in found.items()}
         print(f"seed {seed}: {wrong}", flush=True)
     return found
@@ -237,41 +234,4 @@ def counted(runs: Sequence[dict[str, Any]]) -> dict[str, int]:
         "usable": sum(run["usable"] for run in runs),
         "wrong": sum(run["usable"] and not fine for run, fine in zip(runs, right, strict=True)),
         "refused": sum(not run["usable"] and fine for run, fine in zip(runs, right, strict=True)),
-    }
-
-
-def of_a_person(seeds: Sequence[int]) -> dict[str, Any]:
-    """balance-monocular: NUTS on all 85 unknowns, and beside it the intervals of some ways."""
-    fitted = monocular()
-    problem, at = fitted.problem, fitted.values
-    x, given = problem.split(at)
-    here = problem.linearize_at(x, given)
-    mode = Mode(x, here.cost, np.linalg.cholesky(here.covariance), 0.0)
-    draws, said = nuts(problem, x, given, np.arange(len(x)), mode, NUTS, seed=1)
-    return {"nuts": said} | beside_nuts(draws.reshape(-1, len(x)), seeds)
-
-
-def beside_nuts(draws: Array, seeds: Sequence[int]) -> dict[str, Any]:
-    """The intervals of some ways for some blocks, beside those of draws (N, 85)."""
-    fitted = monocular()
-    problem, at = fitted.problem, fitted.values
-    blocks = {}
-    for block in PERSON:
-        known = np.quantile(draws[:, entries(problem.free, block)], [0.05, 0.95], axis=0)
-        ways = {f"sample, seed {seed}": sample(problem, at, block, seed=seed) for seed in seeds}
-        ways["Laplace"] = laplace(problem, at, block, against=next(iter(ways.values())))
-        ways["held fixed"] = sample(problem, at, block, rest=fixed)
-        blocks[block] = {name: _beside(p, known) for name, p in ways.items()}
-        print(block, blocks[block], flush=True)
-    return {"blocks": blocks}
-
-
-def _beside(posterior: Posterior, known: Array) -> dict[str, Any]:
-    found = np.quantile(posterior.flat, [0.05, 0.95], axis=0)
-    return {
-        "verdict": posterior.judgement[0].name,
-        "usable": posterior.usable,
-        "ratio": (np.ptp(found, axis=0) / np.ptp(known, axis=0)).tolist(),
-        "end": (abs(found - known).max(axis=0) / np.ptp(known, axis=0)).tolist(),
-        "seconds": round(posterior.seconds, 2),
     }

@@ -10,6 +10,7 @@ from benchmarks.posterior import known_tables
 from benchmarks.posterior.counted import Found
 from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES, USUAL, NutsSettings
 
+BUSY = 2.0  # processes for each core
 HEAD = """# Posteriors, measured
 
 Written by `python -m benchmarks.posterior PART` from the numbers in `results/`; `--help` lists the
@@ -100,7 +101,7 @@ def _usual(found: Found) -> str:
 OVER = "sd over Laplace's"
 
 
-def _throughput(found: Found, _: Mapping[str, Found]) -> str:
+def _throughput(found: Found, results: Mapping[str, Found]) -> str:
     lines = [
         "## Posterior densities per second\n",
         "The table says how many values of the density emcee computes per second of processor time "
@@ -130,6 +131,13 @@ def _throughput(found: Found, _: Mapping[str, Found]) -> str:
         "interpreter's lock while it works, and each process would have to build a problem's "
         "symbols anew. Threads are used only where they are measured to be faster.\n",
     ]
+    facts = results["throughput"]["machine"]
+    if max(facts["load"][0], facts["load after"][0]) > BUSY * facts["cores"]:
+        lines.append(
+            "Other work ran on the machine meanwhile. Shares are of one run and hold; rates of "
+            "processor time suffer a little, and those of the pendulum, which are of the time on "
+            "the clock, say nothing about an idle machine.\n"
+        )
     return "\n".join(lines)
 
 

@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from benchmarks.posterior import coverage, known, page
 from benchmarks.posterior.__main__ import PARTS
+from benchmarks.posterior.pieces import Pieces
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
@@ -52,6 +54,16 @@ def test_a_few_simulated_fits() -> None:
         assert found["failed"] == 0
         assert len(found["covered"]) == len(found["labels"])
         assert max(found["covered"]) == 2
+
+
+def test_what_was_measured_is_not_measured_again(tmp_path: Path) -> None:
+    file = tmp_path / "some" / "runs.jsonl"
+    assert Pieces(file).once("a", lambda: {"off": 0.1}) == {"off": 0.1}
+    again = Pieces(file)
+    assert again.once("a", lambda: pytest.fail("measured twice")) == {"off": 0.1}
+    again.once("b", lambda: {"off": 0.2})
+    assert len(file.read_text().splitlines()) == 2
+    assert Pieces().once("a", lambda: {"off": 0.3}) == {"off": 0.3}
 
 
 def test_an_interval_is_wrong_by_its_width_or_by_an_end() -> None:
