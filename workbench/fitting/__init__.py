@@ -44,6 +44,7 @@ from workbench.fitting.measurement_candidates import (
     marker_candidates,
     pose_candidates,
     stature_of,
+    without_hidden,
 )
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
@@ -146,4 +147,5 @@ __all__ = [
     "usual_priors",
     "video_fit",
     "wider",
+    "without_hidden",
 ]
