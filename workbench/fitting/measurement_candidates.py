@@ -112,9 +112,10 @@ def without_hidden(
     found = {}
     for called, one in cameras.items():
         (rows,) = one.residuals
+        sigma = float(np.max(rows.sigma))  # one for all, as these functions make them
         t, R = (np.asarray(one.values[PREFIX + part]) for part in ("translation", "rotation"))
         hidden = hidden_landmarks(body, name, values, -matrix_from_vector(R).T @ t)
-        rows = _keypoints(body, Camera(PREFIX), seen.symbol, rows.sigma)
+        rows = _keypoints(body, Camera(PREFIX), seen.symbol, sigma)
         found[called] = Candidate((rows,), one.values | {seen.name: np.where(hidden, 0.0, 1.0)})
     return found
 
