@@ -5,7 +5,7 @@ from typing import Any
 
 from scipy.stats import beta
 
-from benchmarks.posterior.known import OFF, counted
+from benchmarks.posterior.known import DENSITIES, OFF, counted
 
 Found = dict[str, Any]
 LARGE = ("2 of 50 named", "bent rest", "Student, 2 of 40 named")
@@ -38,7 +38,12 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
     refused = [name for name, one in counts.items() if one["refused"]]
     if refused:
         said = ", ".join(refused)
-        lines.append(f"The runs that are refused although they are right are of: {said}.\n")
+        lines.append(
+            f"The runs that are refused although they are right are of: {said}. Their chains stay "
+            "for long where the density is narrow, so that their autocorrelation time has not "
+            f"settled within the {_steps(refused)} steps that they have here (the default is "
+            "20,000).\n"
+        )
     if "person" in found:
         lines.append(_person(found["person"]))
     return "\n".join(lines)
@@ -106,9 +111,15 @@ def _person(one: Found) -> str:
             )
     lines.append(
         "\n`sample` and `Laplace` give marginal intervals, `held fixed` conditional ones. The "
-        "verdict on Laplace's is that beside the draws of the first seed.\n"
+        "verdict on Laplace's is that beside the draws of the first seed."
+        + (f" {one['note']}" if "note" in one else "")
+        + "\n"
     )
     return "\n".join(lines)
+
+
+def _steps(names: list[str]) -> str:
+    return " or ".join(f"{steps:,}" for steps in sorted({DENSITIES[n]().steps for n in names}))
 
 
 def _times(runs: int) -> str:

@@ -30,6 +30,8 @@ def test_no_interval_called_usable_is_wrong() -> None:
     for name, runs in found["densities"].items():
         assert known.counted(runs)["wrong"] == 0, name
         assert known.counted(runs)["runs"] > 0, name
+    counts = [known.counted(runs) for runs in found["densities"].values()]
+    assert sum(one["refused"] for one in counts) <= 0.05 * sum(one["right"] for one in counts)
     for block, ways in found["person"]["blocks"].items():
         for name, way in ways.items():
             assert not way["usable"] or max(way["end"]) < known.OFF, (block, name)
