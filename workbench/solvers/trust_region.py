@@ -1,7 +1,9 @@
 """The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +13,11 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.attempts import PATIENCE, beyond_saddle, is_doubtful, once_more
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
 from workbench.solvers.run import Run
-from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.solution import Callback, Solution, Status
 
 TAKEN = 1e-4  # gain ratio above which a step is taken
 POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may grow from GOOD on
@@ -23,6 +26,7 @@ AHEAD = 0.1  # of a step: where its bend is measured
 BENT = 0.75  # of the length of a step: 2 |a| of a bend that is trusted
 UNSEEN = 1e-9  # of the cost: a smaller predicted decrease says nothing of the linear model
 SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
+SHORTER = 0.1  # of the first radius: that of a second attempt
 
 
 @dataclass(frozen=True)
@@ -49,11 +53,20 @@ class TrustRegion:
     nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
     inside.
 
-    Raises BadArgument for a first radius that is not positive and finite.
+    A second attempt is made where the first end is a saddle, from the lower point beside it, and,
+    with at most 20 unknowns, where the end is LOST, a VALLEY, or was approached so slowly that a
+    lower minimum is likely elsewhere (`solvers.attempts.is_doubtful`): from the same start, with a
+    tenth of the first radius. The lower end is returned with its own trace, and with the
+    evaluations of both attempts. An attempt that is not lower after half as many evaluations as
+    the first is given up.
+
+    Raises BadArgument for a first radius that is not positive and finite, and for less than one
+    attempt.
 
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
             start.
+        attempts: how often it starts at most; 1 for no second attempt.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
         max_iterations: the largest number of steps.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
@@ -65,6 +78,7 @@ class TrustRegion:
     """
 
     first_radius: float | None = None
+    attempts: int = 2
     linear_algebra: LinearAlgebra = sparing
     max_iterations: int = 2_000
     max_evaluations: int = 10_000
@@ -77,6 +91,8 @@ class TrustRegion:
                 "`first_radius` must be a positive, finite length in the units of the unknowns, or "
                 f"None for the length of the start, not {self.first_radius}"
             )
+        if self.attempts < 1:
+            raise BadArgument(f"`attempts` must be 1 or more, not {self.attempts}")
 
     @property
     def abilities(self) -> Abilities:
@@ -90,11 +106,52 @@ class TrustRegion:
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
+        first = self._attempt(problem, start, callback)
+        return self._again(first, problem, start, callback) if self.attempts > 1 else first
+
+    def _again(
+        self, first: Solution, problem: Problem, start: Values, callback: Callback
+    ) -> Solution:
+        """The first end, or a lower one that a further attempt finds within what is left."""
+        limits = (
+            self.max_iterations - first.iterations,
+            self.max_evaluations - first.evaluations.total,
+            self.max_seconds - first.seconds,
+        )
+        if min(limits) <= 0:
+            return first
+
+        def attempt(values: Mapping[str, Any], told: Callback, radius: float) -> Solution:
+            left = replace(
+                self,
+                first_radius=radius,
+                attempts=self.attempts - 1,
+                max_iterations=limits[0],
+                max_evaluations=limits[1],
+                max_seconds=limits[2],
+            )
+            return left.solve(problem, dict(values), callback=told)
+
+        if first.status is Status.SADDLE and first.lower is not None:
+            pack = problem.free.pack
+            way = float(np.linalg.norm(pack(first.lower) - pack(first.values)))
+            return beyond_saddle(first, partial(attempt, radius=way), start, callback)
+        if is_doubtful(first, problem, self.gradient_tolerance):
+            radius = SHORTER * self._first_radius(problem.free.pack(first.trace[0].values))
+            return once_more(first, lambda told: attempt(start, told, radius), callback, PATIENCE)
+        return first
+
+    def _first_radius(self, x: Array) -> float:
+        """The radius at the start x (n,); see `trust_radius.first_radius`."""
+        return self.first_radius or float(np.linalg.norm(x)) or 1.0
+
+    def _attempt(self, problem: Problem, start: Values, callback: Callback) -> Solution:
+        """One attempt."""
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
-            size = float(np.linalg.norm(x))
-            radius = self.first_radius or size or 1.0  # see `trust_radius.first_radius`
-            damping, slow, least = 0.0, False, SHORTEST * max(size, radius)
+            radius = self._first_radius(x)
+            damping, slow = 0.0, False
+            least = SHORTEST * max(float(np.linalg.norm(x)), radius)
             unseen = True  # so far, steps have been too short for the cost to show them
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
