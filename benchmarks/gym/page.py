@@ -93,6 +93,21 @@ def read(path: Path) -> dict[str, Any]:
     return found
 
 
+def renewed(before: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of before, with those of the solvers that were run again in their places.
+
+    If all were run again, or the cases are others, nothing of before is left.
+    """
+    again = list(found["solvers"])
+    if before["cases"] != found["cases"] or set(before["solvers"]) <= set(again):
+        return dict(found)
+    return {
+        **before,
+        "solvers": {**before["solvers"], **found["solvers"]},
+        "again": {"solvers": again, "machine": found["machine"]},
+    }
+
+
 def efforts(found: Mapping[str, Any], solvers: Sequence[str], by: str) -> Array:
     """(P, S) evaluations or effort until the target, infinite where it was not met."""
     columns = [
@@ -173,9 +188,17 @@ def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:
             yield f"- {name} ({family})"
         yield ""
     yield from _families(families, found, names)
-    facts = found.get("machine", {})
-    if facts:
-        yield f"Measured on {facts.get('processor', 'one machine')}, {facts.get('date', '')}.\n"
+    if found.get("machine"):
+        yield f"Measured on {_where(found['machine'])}.\n"
+    if "again" in found:
+        names = ", ".join(found["again"]["solvers"][:-1])
+        last = found["again"]["solvers"][-1]
+        told = f"{names} and {last} were" if names else f"{last} was"
+        yield f"Of these, {told} measured again on {_where(found['again']['machine'])}.\n"
+
+
+def _where(facts: Mapping[str, Any]) -> str:
+    return f"{facts.get('processor', 'one machine')}, {facts.get('date', '')}"
 
 
 def _families(

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.solvers.iterate import Iterate
-from workbench.solvers.limits import Stop, stop_asked
+from workbench.solvers.limits import stop_asked
 from workbench.solvers.no_minimum import LOOSE
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.saddle import FEW
@@ -79,29 +79,30 @@ def after(first: Solution, iterate: Iterate) -> Iterate:
 
 
 def once_more(
-    first: Solution, attempt: Callable[[Callback], Solution], callback: Callback, patience: float
+    first: Solution,
+    attempt: Callable[[Callback], Solution],
+    callback: Callback,
+    patience: float = PATIENCE,
 ) -> Solution:
     """The lower one of the `first` end and that of a further `attempt`, which takes a callback.
 
     The attempt is given up if it is not lower after so many times the evaluations of the first. An
     interrupt, or a `callback` that returns True, ends it, and the result is STOPPED.
     """
-    asked: list[Stop] = []
-    longest = patience * first.evaluations.total
+    longest, in_vain = patience * first.evaluations.total, False
 
     def told(iterate: Iterate) -> bool:
-        stop = None if callback is None else stop_asked(callback(after(first, iterate)))
-        if stop is not None:
-            asked.append(stop)
-        in_vain = iterate.evaluations.total > longest and not (
-            iterate.cost < first.cost * (1 - LOWER)
-        )
-        return bool(asked) or in_vain
+        nonlocal in_vain
+        asked = None if callback is None else stop_asked(callback(after(first, iterate)))
+        lower = iterate.cost < first.cost * (1 - LOWER)
+        in_vain = asked is None and not lower and iterate.evaluations.total > longest
+        return in_vain or asked is not None
 
-    with Interrupts() as interrupts:
-        found = joined(first, attempt(told))
-    if asked or interrupts.pressed:
-        why = asked[0].message if asked else INTERRUPTED
+    with Interrupts() as interrupts:  # also between the attempts
+        second = attempt(told)
+    found = joined(first, second)
+    if (second.status is Status.STOPPED and not in_vain) or interrupts.pressed:
+        why = INTERRUPTED if interrupts.pressed else second.message
         return replace(found, status=Status.STOPPED, message=why)
     return found
 

@@ -1,9 +1,7 @@
 """The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -13,11 +11,11 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
-from workbench.solvers.attempts import PATIENCE, beyond_saddle, is_doubtful, once_more
+from workbench.solvers.attempts import is_doubtful, once_more
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
 from workbench.solvers.run import Run
-from workbench.solvers.solution import Callback, Solution, Status
+from workbench.solvers.solution import Callback, Solution
 
 TAKEN = 1e-4  # gain ratio above which a step is taken
 POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may grow from GOOD on
@@ -53,12 +51,11 @@ class TrustRegion:
     nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
     inside.
 
-    A second attempt is made where the first end is a saddle, from the lower point beside it, and,
-    with at most 20 unknowns, where the end is LOST, a VALLEY, or was approached so slowly that a
-    lower minimum is likely elsewhere (`solvers.attempts.is_doubtful`): from the same start, with a
-    tenth of the first radius. The lower end is returned with its own trace, and with the
-    evaluations of both attempts. An attempt that is not lower after half as many evaluations as
-    the first is given up.
+    A long first step may lead past the nearest minimum. So, with at most 20 unknowns, a second
+    attempt with a tenth of the first radius is made where a lower minimum is likely elsewhere: the
+    end is LOST or a VALLEY, or it was approached slowly (`solvers.attempts.is_doubtful`). The
+    solution is the lower end with its own trace, and the evaluations of both attempts. An attempt
+    that is not lower after half as many evaluations as the first took is given up.
 
     Raises BadArgument for a first radius that is not positive and finite, and for less than one
     attempt.
@@ -113,33 +110,25 @@ class TrustRegion:
         self, first: Solution, problem: Problem, start: Values, callback: Callback
     ) -> Solution:
         """The first end, or a lower one that a further attempt finds within what is left."""
-        limits = (
+        if not is_doubtful(first, problem, self.gradient_tolerance):
+            return first
+        x = problem.free.pack(first.trace[0].values)
+        left = (
             self.max_iterations - first.iterations,
             self.max_evaluations - first.evaluations.total,
             self.max_seconds - first.seconds,
         )
-        if min(limits) <= 0:
+        if min(left) <= 0:
             return first
-
-        def attempt(values: Mapping[str, Any], told: Callback, radius: float) -> Solution:
-            left = replace(
-                self,
-                first_radius=radius,
-                attempts=self.attempts - 1,
-                max_iterations=limits[0],
-                max_evaluations=limits[1],
-                max_seconds=limits[2],
-            )
-            return left.solve(problem, dict(values), callback=told)
-
-        if first.status is Status.SADDLE and first.lower is not None:
-            pack = problem.free.pack
-            way = float(np.linalg.norm(pack(first.lower) - pack(first.values)))
-            return beyond_saddle(first, partial(attempt, radius=way), start, callback)
-        if is_doubtful(first, problem, self.gradient_tolerance):
-            radius = SHORTER * self._first_radius(problem.free.pack(first.trace[0].values))
-            return once_more(first, lambda told: attempt(start, told, radius), callback, PATIENCE)
-        return first
+        second = replace(
+            self,
+            first_radius=SHORTER * self._first_radius(x),
+            attempts=self.attempts - 1,
+            max_iterations=left[0],
+            max_evaluations=left[1],
+            max_seconds=left[2],
+        )
+        return once_more(first, lambda told: second.solve(problem, start, callback=told), callback)
 
     def _first_radius(self, x: Array) -> float:
         """The radius at the start x (n,); see `trust_radius.first_radius`."""
