@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from tests.solvers.problems import decay, rosenbrock
-from workbench import Block, Problem, Residual, Status, TrustRegion, Values
+from workbench import (
+    Block,
+    LevenbergMarquardt,
+    Problem,
+    Residual,
+    Staged,
+    Starts,
+    Status,
+    TrustRegion,
+    Values,
+)
 from workbench.errors import BadArgument
 from workbench.solvers.attempts import LOWER, MANY, NEAR, is_doubtful, joined
 from workbench.solvers.iterate import Iterate
@@ -139,3 +149,35 @@ def test_the_lower_end_counts_and_a_tie_is_the_first() -> None:
 def test_no_attempt_is_refused(attempts: int) -> None:
     with pytest.raises(BadArgument, match=f"`attempts` must be 1 or more, not {attempts}"):
         TrustRegion(attempts=attempts)
+
+
+def ridge() -> tuple[Problem, Values]:
+    """(x^2 - 1)^2 + y^2 from the ridge between its two minima."""
+    x = Block("x", (2,)).symbol
+    rows = cs.vertcat(x[0] ** 2 - 1, x[1])
+    return Problem((Residual("ridge", rows, 1.0),), ("x",)), {"x": np.array([0.0, 1.0])}
+
+
+def test_starts_and_stages_go_on_beyond_a_saddle() -> None:
+    problem, start = ridge()
+    alone = LevenbergMarquardt().solve(problem, start)
+    assert alone.status is Status.SADDLE
+    for solver in (Starts(1), Starts([start], workers=2), Staged((("x",),))):
+        seen: list[Iterate] = []
+        solution = solver.solve(problem, start, callback=seen.append)
+        assert solution.converged
+        np.testing.assert_allclose(np.abs(solution.values["x"]), [1, 0], atol=1e-6)
+        assert solution.evaluations.total > alone.evaluations.total
+        assert solution.trace[-1].cost < 1e-12 < alone.cost
+    stopped = Starts(1).solve(problem, start, callback=lambda iterate: iterate.cost < 0.5)
+    assert stopped.status is Status.STOPPED
+    assert stopped.cost < 0.5
+
+
+def test_the_trace_of_a_stage_has_no_attempt_that_was_given_up() -> None:
+    """Each stage is one where the second attempt of the default is the lower one."""
+    problem, start = decays()
+    first = TrustRegion(attempts=1).solve(problem, start)
+    staged = Staged((("b",),), TrustRegion()).solve(problem, start)
+    assert staged.trace[0].evaluations.total == first.evaluations.total + 1
+    assert staged.trace[staged.stages[0]].cost < 1e-20

@@ -7,12 +7,12 @@ minima (Bates and Watts, Nonlinear Regression Analysis and Its Applications, 198
 shorter first step from the same start often leads to a lower one.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.solvers.iterate import Iterate
@@ -20,7 +20,7 @@ from workbench.solvers.limits import stop_asked
 from workbench.solvers.no_minimum import LOOSE
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.saddle import FEW
-from workbench.solvers.solution import Callback, Solution, Status
+from workbench.solvers.solution import Callback, Solution, Solver, Status
 
 NEAR, MANY = 1.1, 10  # times the cost of the end; so many iterates below that are a slow approach
 STATIONARY = 1e-6  # the `Problem.optimality` of iterates that are not counted any more
@@ -108,16 +108,12 @@ def once_more(
 
 
 def beyond_saddle(
-    first: Solution,
-    attempt: Callable[[Mapping[str, Any], Callback], Solution],
-    start: Mapping[str, Any],
-    callback: Callback,
+    first: Solution, solver: Solver, problem: Problem, start: Values, callback: Callback
 ) -> Solution:
-    """Go on from the lower point beside a saddle, if that is where the `first` attempt ended.
-
-    `attempt` takes values and a callback.
-    """
+    """Go on from the lower point beside a saddle, if that is where the `first` attempt ended."""
     if first.status is not Status.SADDLE or first.lower is None:
         return first
-    values = {**start, **first.lower}
-    return once_more(first, lambda told: attempt(values, told), callback, np.inf)
+    beside = {**start, **first.lower}
+    return once_more(
+        first, lambda told: solver.solve(problem, beside, callback=told), callback, np.inf
+    )
