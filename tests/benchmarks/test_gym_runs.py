@@ -212,15 +212,18 @@ def test_the_page_is_written_from_the_numbers_that_are_kept() -> None:
 
 @pytest.mark.parametrize("half", ["tuning", "untouched"])
 def test_the_default_is_within_two_points_of_the_best_at_every_factor(half: str) -> None:
-    """By evaluations; and a third fewer of them than Levenberg-Marquardt where both succeed."""
+    """By evaluations; and a quarter fewer of them than Levenberg-Marquardt where both succeed.
+
+    This is a geometric mean: where the second attempt succeeds, a sum would count little else.
+    """
     found = page.read(PLACE / "results" / f"gym-{half}.json")
     assert page.profiled(found)[0] == DEFAULT
     shares = page.profile(found, list(np.geomspace(1, 1000, 300)))
     assert (shares[:, 0] >= shares.max(axis=1) - 0.02).all()
     ours, theirs = (found["solvers"][name] for name in (DEFAULT, "levenberg-marquardt"))
     both = np.array(ours["solved"], bool) & np.array(theirs["solved"], bool)
-    spent, before = (np.array(one["evaluations"])[both].sum() for one in (ours, theirs))
-    assert 0.6 < spent / before < 0.7
+    spent, before = (np.log(np.array(one["evaluations"])[both]) for one in (ours, theirs))
+    assert 0.7 < np.exp(np.mean(spent - before)) < 0.8
 
 
 def test_every_run_of_nists_regressions_is_solved_by_the_default() -> None:
