@@ -210,10 +210,9 @@ def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:
     if found.get("machine"):
         yield f"Measured on {_where(found['machine'])}.\n"
     if "again" in found:
-        names = ", ".join(found["again"]["solvers"][:-1])
-        last = found["again"]["solvers"][-1]
-        told = f"{names} and {last} were" if names else f"{last} was"
-        yield f"Of these, {told} measured again on {_where(found['again']['machine'])}.\n"
+        *others, last = found["again"]["solvers"]
+        which = f"{', '.join(others)} and {last} were" if others else f"{last} was"
+        yield f"Of these, {which} measured again on {_where(found['again']['machine'])}.\n"
 
 
 def _where(facts: Mapping[str, Any]) -> str:
