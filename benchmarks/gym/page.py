@@ -63,6 +63,9 @@ were reached slowly, and a shorter first step led to the lower minimum. So the d
 second attempt where its end is doubtful (`solvers/attempts.py`), which was found on the cases for
 tuning alone. The second look measured the default alone; the numbers of all others are those of the
 first. Of the three cases, the default now reaches two, and as it comes the third as well.
+With its own limits, it makes a second attempt on 47 of the 281 cases for tuning that have at most
+20 unknowns, and 6 of these end lower. All runs together take 15 % more evaluations than with
+`attempts=1`, and where a second attempt is made, the median is 51 % more.
 
 A performance profile (Dolan and Moré 2002) says for each factor which share of the cases a solver
 solves with at most this factor times the evaluations of the solver in the table that needs the

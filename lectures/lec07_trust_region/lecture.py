@@ -439,7 +439,7 @@ source(next_radius)
 # a worse one. Such an end often shows by how it was reached. Near a minimum with a small residual, the last steps
 # are Gauss-Newton steps and few; where the residual is as long as the radius of curvature of the model, they are
 # many. For a problem of at most twenty unknowns that ends in this way, the workbench tries once more from the same
-# start, with a tenth of the first radius, and keeps the lower end. Here both attempts end at the same minimum.
+# start, with a tenth of the first radius, and keeps the lower end.
 
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})
