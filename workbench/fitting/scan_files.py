@@ -61,11 +61,13 @@ def read_scan(
 ) -> ReadScan:
     """Read a scan of a person or of a part of one from a file, with or without faces.
 
-    Formats are .ply, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z and
-    perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are guessed
-    if they are not given: see `unit_of` and `up_axis`. `name` is the array of points in an .npz
-    file. `camera_position` (3,), in the file's own unit and axes, is from where all points were
-    seen; an .npz file may hold it. Of a cloud of more than `most` points so many are drawn.
+    Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
+    and perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are
+    guessed if they are not given: see `unit_of` and `up_axis`. `name` is the array of points in an
+    .npz file. `camera_position` (3,), in the file's own unit and axes, is from where all points
+    were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there 0 0 0 is
+    what programs write that do not know it, and is not taken. Of a cloud of more than `most` points
+    so many are drawn.
 
     Normals are those of the file, of its faces, or of neighbouring points; of the last it is not
     known on which side they are, unless the camera's position is. Weights are areas in m^2.
