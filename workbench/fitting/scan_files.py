@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, cut
 from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_cleaning import cleaned, drawn, isolated, points_are
+from workbench.fitting.scan_cleaning import cleaned, isolated, points_are
 from workbench.fitting.scan_contents import Contents, contents_of
 from workbench.fitting.scan_normals import with_normals
 from workbench.fitting.scan_outline import outline
@@ -124,12 +124,11 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
     weights = areas_of_faces(points, faces)
     if not weights.any():
         raise BadScan("its faces have no area")
-    if len(points) <= most:
-        return Scan(points, normals, faces, weights), ()
-    chosen = drawn(len(points), most)
-    cloud = Scan(points, normals, None, weights * (weights.sum() / weights[chosen].sum()))
-    note = f"{most:,} of {len(points):,} points are drawn at random, without the faces between them"
-    return cloud.some(chosen), (note,)
+    scan = Scan(points, normals, faces, weights).thinned(most)
+    if scan.n_points == len(points):
+        return scan, ()
+    note = f"{scan.n_points:,} of {len(points):,} points are drawn at random, without the faces"
+    return scan, (f"{note} between them",)
 
 
 def _place(given: ArrayLike) -> Array:
