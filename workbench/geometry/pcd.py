@@ -78,9 +78,9 @@ def parse_pcd(content: bytes) -> PointCloudFile:
     """Points, and normals and viewpoint if the file has them. Raises ValueError with the reason."""
     header = _header(content)
     if not header.has(POSITION):
-        names = ", ".join(shown(field.name) for field in header.fields[:10])
+        found = ", ".join(shown(field.name) for field in header.fields[:10])
         raise ValueError(
-            f"its points have no x, y and z, one number each, but {names or 'nothing'}"
+            f"its points have no x, y and z, one number each, but {found or 'nothing'}"
         )
     names = POSITION + (NORMAL if header.has(NORMAL) else ())
     read = {"ascii": _in_text, "binary": _in_rows, "binary_compressed": _in_columns}[header.kind]
