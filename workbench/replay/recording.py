@@ -60,11 +60,16 @@ def recorded_run(outcome: Outcome) -> Recording | None:
         values,
         OF_RUN,
         setup.views,
-        runs=tracks(outcome.compared, setup.problem, row, setup.start),
+        runs=tracks(outcome.compared, setup.problem, row, setup.start, _data_alone(outcome)),
         directions=moves(known, row, shown.surface),
         draws=(GAUSSIAN, draws),
         series=[*_stages(outcome.solution, row), *_ends(outcome.solution, row)],
     )
+
+
+def _data_alone(outcome: Outcome) -> Problem | None:
+    """The problem of an outcome without its priors; None if it has none."""
+    return None if outcome.data_alone is None else outcome.data_alone.problem
 
 
 def recorded_solution(

@@ -79,7 +79,10 @@ class Replay {
     return this.kept(`${run.name}/${i}`, () => this.surface(run.x.subarray(i * this.size, (i + 1) * this.size)));
   }
 
-  places(surface) { return means(this.landmarks, this.landmarks.names.length, surface); } // (3 M) m
+  places(surface) { // (3 M) m
+    if (this.landmarks.joints) return Float32Array.from(surface.joints.flat());
+    return means(this.landmarks, this.landmarks.names.length, surface);
+  }
 
   get one() { return this.mode.startsWith("series") ? this.series[this.mode.slice(6)] : null; }
 
@@ -160,7 +163,8 @@ class Replay {
       return found;
     };
     let [low, high, out] = extent(this.whole);
-    const most = 0.8 * (high - low); // what has run away does not make the others small
+    const together = this.series.some(one => one.surfaces && one.columns.length > 1); // none has run away
+    const most = together ? Infinity : 0.8 * (high - low); // what has run away does not make the others small
     for (const other of this.series.flatMap(one => one.some)) {
       const [under, over, beside] = extent(other);
       low = Math.max(Math.min(low, under), Math.min(low, -most));
@@ -168,7 +172,7 @@ class Replay {
       out = Math.min(Math.max(out, beside), Math.max(out, most));
     }
     this.middle = middle.map((x, d) => x + (low + high) / 2 * scene.up[d]);
-    this.room = [1.9 * out, 1.05 * (high - low)]; // m, across and upwards
+    this.room = [(together ? 2.3 : 1.9) * out, (together ? 1.2 : 1.05) * (high - low)]; // m, across and upwards
   }
 
   paint() {
@@ -240,7 +244,7 @@ class Replay {
     if (!lens) {
       for (const [name, point] of labels.length > 1 ? labels : []) {
         const [x, y] = scene.place(point), [next] = scene.place(point.map((p, d) => p + this.room[0] * scene.axes()[0][d]));
-        g.fillText(name, x, y, 0.95 * (next - x)); // condensed to the room of a body
+        g.fillText(name, x, Math.max(2, y), 0.95 * (next - x)); // condensed to the room of a body
       }
       return;
     }
@@ -391,6 +395,7 @@ class Replay {
         ["optimality", run => run.optimality],
         ["damping", run => run.damping],
         ["condition number of the Jacobian", run => run.condition],
+        ["rank of the data alone", run => run.rank ?? [], true],
       ], share => { this.stop(); this.take(share); });
     }
     this.sync();
@@ -505,6 +510,7 @@ for (const root of document.querySelectorAll("[data-replay]")) {
     root.replay = new Replay(place, await read(root.querySelector("script")), await bodyOf(root.dataset.body));
     root.dataset.ready = Math.round(performance.now() - begun);
     document.querySelector("[data-without-replay]")?.remove();
+    root.dispatchEvent(new Event("ready", { bubbles: true }));
   } catch (error) { // an old browser; the page's figures say the same
     place.remove();
     root.hidden = true;
