@@ -232,7 +232,7 @@ near = np.linalg.norm(middles - body.joints()[elbow], axis=1) < 0.22  # m
 some, numbers = np.unique(faces[near], return_inverse=True)
 
 
-def bent(model):
+def elbow_of(model):
     """The surface of a model with its elbow bent by an angle."""
     return lambda angle: model.vertices(np.where(np.abs(pose) > 0, angle, 0))
 
@@ -256,7 +256,13 @@ Picture(
     lambda: recorded_side_by_side(
         faces,
         np.radians(np.arange(0, 141, 5)),
-        {"elbow": {"SMPL": bent(body), "SCAPE": bent(rigid), "BlendSCAPE": bent(blended)}},
+        {
+            "elbow": {
+                "SMPL": elbow_of(body),
+                "SCAPE": elbow_of(rigid),
+                "BlendSCAPE": elbow_of(blended),
+            }
+        },
         "The same elbow by SMPL, which blends points, and by both models of triangles, which "
         "blend nothing or rotations. Drag the bodies to look at the elbow from other sides.",
         opens=0.65,

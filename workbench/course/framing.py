@@ -1,19 +1,24 @@
 """A page inside another page, in the place of a figure that stands still.
 
-The frame has no height until the page in it says that it is ready. So wherever something is missing
-(scripts, WebGL 2, or the frame itself, which some viewers of notebooks take away), nothing is seen of
-it, and the figure is there as if nothing else had been. Once it is ready, the figure is folded.
+The frame has no height until the page in it says that it is ready. So wherever something is
+missing (scripts, WebGL 2, or the frame itself, which some viewers of notebooks take away), nothing
+is seen of it, and the figure is there as ever. Once the page is ready, the figure is folded.
 """
 
 from html import escape
 
 FOLDED = "The still figure"
 INSIDE = """
-<style>main { padding: 0; max-width: none; } footer { display: none; } .replay { margin: 0; }</style>
+<style>
+main { padding: 0; max-width: none; }
+footer { display: none; }
+main .replay { margin: 0; }
+</style>
 <script>
 document.addEventListener("ready", () => {
-  const main = document.querySelector("main");
-  const tell = () => parent.postMessage({ height: Math.ceil(main.getBoundingClientRect().height) }, "*");
+  const main = document.querySelector("main"), room = 4; // px
+  const bottom = () => Math.ceil(main.getBoundingClientRect().bottom + scrollY);
+  const tell = () => parent.postMessage({ height: bottom() + room }, "*");
   new ResizeObserver(tell).observe(main);
 });
 </script>

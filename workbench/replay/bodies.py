@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from workbench.bodies.body import Body
 from workbench.blocks import Values
+from workbench.bodies.body import Body
 from workbench.errors import BadArgument, NotSupported
 from workbench.fitting.setup import View
 from workbench.replay.assembling import recording

@@ -4,6 +4,7 @@
 // Okabe and Ito's colours, one a solver, as in the figures
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
 const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
+const HANDLE = [0.05, 0.45, 0.7];
 const PATH = [0.45, 0.55, 0.65];
 const PALE_ORANGE = [0.95, 0.66, 0.42];
 const BEHIND = 0.02; // m: points of a scan are seen through as much of a body
@@ -125,10 +126,11 @@ class Replay {
 
   shown() { // surfaces with their paint, and the runs they belong to
     if (this.one) return this.one.shown();
+    if (this.mode === "ends") return this.live.basins.shown();
     if (this.mode === "runs") {
       const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
       if (!this.live || (this.lens && found.length)) return found;
-      return [{ name: "start", surface: this.surface(this.hand), paint: GREY }, ...found];
+      return [{ name: "start", surface: this.surface(this.hand), paint: GREY, moved: true }, ...found];
     }
     const surface = this.surface(this.moved()), paint = new Float32Array(surface.points.length);
     for (let i = 0; i < paint.length; i += 3) {
@@ -188,12 +190,17 @@ class Replay {
     scene.middle = this.middle.map((x, d) => x + (this.one?.travelled(this.one.at)[d] ?? 0));
     scene.begin(this.lens);
     const [right, up] = scene.axes(), labels = [];
-    all.forEach(({ surface, paint, name }, i) => {
+    this.byHand = null;
+    all.forEach(({ surface, paint, name, moved }, i) => {
       const row = Math.floor(i / columns), inRow = Math.min(columns, all.length - row * columns);
       const across = (i % columns - (inRow - 1) / 2) * wide, above = ((rows - 1) / 2 - row) * tall;
       const shift = right.map((x, d) => x * across + up[d] * above);
       scene.mesh(surface, this.body.faces, paint, shift);
       if (!this.lens) this.paintObserved(surface, shift);
+      if (moved && !this.lens) { // its joints can be dragged
+        this.byHand = { joints: surface.joints, shift };
+        scene.dots(Float32Array.from(surface.joints.flat()), HANDLE, shift, 7);
+      }
       if (name) labels.push([name, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
     });
     this.paintOver(all, labels);
@@ -279,6 +286,7 @@ class Replay {
 
   said() {
     if (this.one) return this.one.text + this.offInImage;
+    if (this.mode === "ends") return this.live.basins.text;
     if (this.mode === "draws")
       return `Draw ${this.draw + 1} of ${this.draws.count} from ${this.draws.by}. The farther a point is from the solution, the more orange it is, up to 5 cm.`;
     if (this.mode === "directions") {
@@ -428,7 +436,7 @@ class Replay {
     this.caption.hidden = this.mode !== this.captioned; // it is about what the page opens with
     one?.states.forEach((state, i) => state.setAttribute("aria-pressed", i === one.at));
     one?.chips.forEach((chip, i) => chip.setAttribute("aria-pressed", one.on[i]));
-    this.sliding.style.display = one && one.count < 2 ? "none" : "";
+    this.sliding.style.display = (one && one.count < 2) || this.mode === "ends" ? "none" : "";
     this.slider.step = one && one.count > 1 ? 1000 / (one.count - 1) : 1;
     this.side.hidden = this.mode !== "runs";
     this.columns.classList.toggle("alone", this.side.hidden);
@@ -440,7 +448,7 @@ class Replay {
   }
 
   get given() { // the slider's place, from 0 to 1
-    if (this.mode === "runs") return this.share;
+    if (this.mode === "runs" || this.mode === "ends") return this.share;
     if (this.mode === "directions") return (this.amount + 1) / 2;
     if (this.one) return this.one.count > 1 ? this.one.at / (this.one.count - 1) : 0;
     return this.draws.count > 1 ? this.draw / (this.draws.count - 1) : 0;
