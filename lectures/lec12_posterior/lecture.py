@@ -491,7 +491,10 @@ Picture(
         setup.body,
         {
             f"draws, {name}": {f"draw {k + 1}": one for k, one in enumerate(posterior.values(40))}
-            for name, posterior in (("one camera", drawn), ("four", people["four-cameras"][2]))
+            for name, posterior in (
+                ("one camera", drawn),
+                ("four cameras", people["four-cameras"][2]),
+            )
         },
         "People drawn from the posterior: first what one camera leaves possible, then what four do. "
         "Look from the side to see how far they are apart in depth, and through the first camera to see that "

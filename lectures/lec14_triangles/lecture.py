@@ -233,8 +233,8 @@ some, numbers = np.unique(faces[near], return_inverse=True)
 
 
 def elbow_of(model):
-    """The surface of a model with its elbow bent by an angle."""
-    return lambda angle: model.vertices(np.where(np.abs(pose) > 0, angle, 0))
+    """The surface of a model near its elbow, which is bent by an angle."""
+    return lambda angle: model.vertices(np.where(pose > 0, angle, 0))[some]
 
 
 with house_style():
@@ -254,7 +254,7 @@ Picture(
     "from a neighbour's. Left: with one rotation for each part, all of the bend is between two rows of triangles. "
     "Right: with blended rotations it is shared by more rows, and the arm has less volume.",
     lambda: recorded_side_by_side(
-        faces,
+        numbers.reshape(-1, 3),
         np.radians(np.arange(0, 141, 5)),
         {
             "elbow": {

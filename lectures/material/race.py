@@ -1,6 +1,6 @@
 """A race of solvers in the plane of two unknowns, on a clock of effort."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,12 +9,14 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.replay.packing import packed
+from workbench.replay.tracks import as_numbers
 from workbench.reports.flat_page import flat_page
 from workbench.reports.replay_page import ReplayPage
 
 SCRIPT = Path(__file__).with_suffix(".js")
 GRID = 81  # places along each axis at which the cost is computed
 MOST = 200  # iterates of a run
+ABOVE = 1e-3  # is added to costs, so that lines of their logarithm end near the minimum
 CAPTION = (
     "Drag the effort, or press play: every solver stands where this much work has brought it. The ways lie in "
     "the plane of the unknowns, with lines of equal cost. Beside it: how much of the decrease of the cost is left. "
@@ -47,7 +49,7 @@ class Plane:
         ways: the runs by the name of their solver.
     """
 
-    cost: Any
+    cost: Callable[[Array], Array]
     best: Array
     ways: Mapping[str, Way]
 
@@ -59,31 +61,24 @@ def race_page(planes: Mapping[str, Plane], target: float) -> ReplayPage:
 
 
 def _problem(name: str, plane: Plane, target: float) -> dict[str, Any]:
-    every = np.vstack([plane.best, *(way.x for way in plane.ways.values())])
-    low, high = (
-        np.percentile(every, share, axis=0) for share in (4, 96)
-    )  # what has run away is cut
-    start = next(iter(plane.ways.values())).x[0]
-    low, high = (
-        np.minimum.reduce([low, start, plane.best]),
-        np.maximum.reduce([high, start, plane.best]),
-    )
+    ways = tuple(plane.ways.values())
+    every, kept = np.vstack([way.x for way in ways]), np.array([ways[0].x[0], plane.best])
+    # what has run away is cut off, but not the start, nor the best end
+    low, high = (np.percentile(every, share, axis=0) for share in (4, 96))
+    low, high = np.minimum(low, kept.min(axis=0)), np.maximum(high, kept.max(axis=0))
     room = 0.12 * np.maximum(high - low, 0.3)
     low, high = low - room, high + room
-    axes = np.linspace(low, high, GRID).T
-    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    cost = np.asarray(plane.cost(places))
-    above = np.log10(
-        cost - min(cost.min(), float(np.ravel(plane.cost(plane.best[None]))[0])) + 1e-3
-    )
+    axes = [np.linspace(low[d], high[d], GRID) for d in (0, 1)]
+    cost = plane.cost(np.vstack([plane.best, np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)]))
+    above = np.log10(cost[1:] - cost.min() + ABOVE)
     return {
         "name": name,
-        "x": [low[0], high[0]],
-        "y": [low[1], high[1]],
+        "x": as_numbers([low[0], high[0]]),
+        "y": as_numbers([low[1], high[1]]),
         "n": GRID,
         "values": packed(above, "f4"),
-        "levels": np.linspace(*np.percentile(above, (3, 97)), 12).tolist(),
-        "best": plane.best.tolist(),
+        "levels": as_numbers(np.linspace(*np.percentile(above, (3, 97)), 12)),
+        "best": as_numbers(plane.best),
         "target": target,
         "runs": [_run(solver, way) for solver, way in plane.ways.items()],
     }
@@ -91,15 +86,5 @@ def _problem(name: str, plane: Plane, target: float) -> dict[str, Any]:
 
 def _run(solver: str, way: Way) -> dict[str, Any]:
     at = np.unique(np.linspace(0, len(way.x) - 1, MOST).astype(int))
-    return {
-        "solver": solver,
-        "x": _digits(way.x[at]),
-        "effort": _digits(way.effort[at]),
-        "left": _digits(way.left[at]),
-    }
-
-
-def _digits(array: Array | Sequence[float]) -> Any:
-    if np.ndim(array):
-        return [_digits(one) for one in np.asarray(array)]
-    return float(f"{float(np.asarray(array)):.6g}")
+    numbers = {"x": way.x, "effort": way.effort, "left": way.left}
+    return {"solver": solver} | {key: as_numbers(every[at]) for key, every in numbers.items()}

@@ -25,6 +25,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.fitting.setup import Setup
+from workbench.replay.answering import begin_events, say, sent
 from workbench.replay.arguments import Row, row_of_body
 from workbench.replay.dragging import Puppet
 from workbench.replay.many_starts import basins, in_words, starts_about
@@ -135,9 +136,9 @@ class LiveServer:
         own_hosts = (f"{ADDRESS}:{port}", f"localhost:{port}")
         origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
         if host not in own_hosts or origin not in (None, *(f"http://{own}" for own in own_hosts)):
-            _say(request, 403, "only pages of this server may ask it")
+            say(request, 403, "only pages of this server may ask it")
         elif asked.path == f"/{self._token}/":
-            _say(request, 200, self._page, "text/html; charset=utf-8")
+            say(request, 200, self._page, "text/html; charset=utf-8")
         elif asked.path == f"/{self._token}/solve":
             self._solve(request, given, self._stream)
         elif asked.path == f"/{self._token}/ends":
@@ -148,9 +149,9 @@ class LiveServer:
             stop = self._stops.get(given.get("run", ""))
             if stop is not None:
                 stop.set()
-            _say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
+            say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
         else:
-            _say(request, 404, "there is nothing here; open the address that was printed")
+            say(request, 404, "there is nothing here; open the address that was printed")
 
     def _drag(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
         """Answer with the numbers of the body whose joint was drawn to a place."""
@@ -161,9 +162,9 @@ class LiveServer:
                 raise BadArgument(f"body {self.body.name!r} has no joints that can be dragged")
             pose, trans = self._puppet.dragged(pose, betas, trans, joint, place)
         except BadArgument as error:
-            return _say(request, 400, str(error))
+            return say(request, 400, str(error))
         row = np.concatenate([pose.ravel(), betas, trans])
-        _say(request, 200, json.dumps({"x": as_numbers(row)}), "application/json")
+        say(request, 200, json.dumps({"x": as_numbers(row)}), "application/json")
 
     def _solve(
         self, request: BaseHTTPRequestHandler, given: Mapping[str, str], stream: Stream
@@ -174,12 +175,12 @@ class LiveServer:
             if name not in self.solvers or not run or run in self._stops:
                 raise BadArgument(f"no solver {name!r}, or no new name for its run")
         except BadArgument as error:
-            return _say(request, 400, str(error))
+            return say(request, 400, str(error))
         if not self._solving.acquire(blocking=False):
-            return _say(request, 409, "another solve is running; stop it first")
+            return say(request, 409, "another solve is running; stop it first")
         try:
             stop = self._stops[run] = threading.Event()
-            _begin(request)
+            begin_events(request)
             stream(request, self.solvers[name], starts, stop)
         finally:
             del self._stops[run]
@@ -211,14 +212,14 @@ class LiveServer:
             x = self.row(dict(start) | dict(iterate.values))
             one = {"iterate": told[0], "x": as_numbers(x), **_numbers(iterate)}
             told[0] += 1
-            return not _sent(request, "iterate", one) or stop.is_set()
+            return not sent(request, "iterate", one) or stop.is_set()
 
         try:
             solution: Solution = solver.solve(self.setup.problem, start, callback=tell)
             ended = {"status": _status(solution), "message": solution.message}
         except WorkbenchError as error:
             ended = {"status": "refused", "message": str(error)}
-        _sent(request, "ended", ended)
+        sent(request, "ended", ended)
 
     def _stream_ends(
         self,
@@ -239,14 +240,14 @@ class LiveServer:
                 found = basins(problem, starts[0], ends)
                 x = as_numbers(self.row(dict(start) | dict(end.values)))
                 one = {"start": k, "of": len(starts), "x": x, "cost": as_numbers(end.cost)}
-                gone = not _sent(request, "end", {**one, "status": _status(end), "basins": found})
+                gone = not sent(request, "end", {**one, "status": _status(end), "basins": found})
                 if gone:
                     return
             status = "stopped" if stop.is_set() else "done"
             ended = {"status": status, "message": in_words(found, len(ends))}
         except WorkbenchError as error:
             ended = {"status": "refused", "message": str(error)}
-        _sent(request, "ended", ended)
+        sent(request, "ended", ended)
 
 
 def moved_by_hand(setup: Setup) -> tuple[Body, Row]:
@@ -274,25 +275,6 @@ def _numbers(iterate: Iterate) -> dict[str, Any]:
     }
 
 
-def _say(
-    request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
-) -> None:
-    content = text.encode() if isinstance(text, str) else text
-    request.send_response(code)
-    request.send_header("Content-Type", kind)
-    request.send_header("Content-Length", str(len(content)))
-    request.send_header("Cache-Control", "no-store")
-    request.end_headers()
-    request.wfile.write(content)
-
-
-def _begin(request: BaseHTTPRequestHandler) -> None:
-    request.send_response(200)
-    request.send_header("Content-Type", "text/event-stream")
-    request.send_header("Cache-Control", "no-store")
-    request.end_headers()
-
-
 def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
     """The joint and its place (3,) m that a page asks for. Raises BadArgument."""
     try:
@@ -306,17 +288,3 @@ def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
 
 def _status(solution: Solution) -> str:
     return solution.status.name.lower().replace("_", " ")
-
-
-def _sent(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) -> bool:
-    """Send an event; False if nobody listens any more, because the tab was closed."""
-    try:
-        _event(request, name, data)
-    except OSError:
-        return False
-    return True
-
-
-def _event(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) -> None:
-    request.wfile.write(f"event: {name}\ndata: {json.dumps(data)}\n\n".encode())
-    request.wfile.flush()

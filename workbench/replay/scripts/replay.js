@@ -433,7 +433,8 @@ class Replay {
     const own = new Set(this.rows[this.mode]), { one } = this;
     for (const made of Object.values(this.rows).flat()) { made.hidden = !own.has(made); made.style.display = made.hidden ? "none" : ""; }
     one?.look();
-    this.caption.hidden = this.mode !== this.captioned; // it is about what the page opens with
+    const series = [this.mode, this.captioned].every(mode => mode.startsWith("series"));
+    this.caption.hidden = this.mode !== this.captioned && !series; // it is about what the page opens with
     one?.states.forEach((state, i) => state.setAttribute("aria-pressed", i === one.at));
     one?.chips.forEach((chip, i) => chip.setAttribute("aria-pressed", one.on[i]));
     this.sliding.style.display = (one && one.count < 2) || this.mode === "ends" ? "none" : "";
