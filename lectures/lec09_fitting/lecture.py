@@ -359,8 +359,8 @@ Picture(
     "its limbs are bent differently.",
     lambda: recorded_bodies(
         body,
-        {"fits": {"truth": truth} | {f"fit to {n} of 4": results[n].values for n in results}},
-        "The true person and the fits. Look through each camera at what it saw: the circles are "
+        {"fits": {f"fit to {n} of 4": results[n].values for n in results} | {"truth": truth}},
+        "Fits to one, two and four cameras, and the true person. Look through each camera at what it saw: the circles are "
         "what was seen, the crosses the joints of the body. The lines lead from joints to the rays "
         "of all four cameras, also of those that the fit did not use.",
         views=[
