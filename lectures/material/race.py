@@ -71,13 +71,14 @@ def _problem(name: str, plane: Plane, target: float) -> dict[str, Any]:
     axes = [np.linspace(low[d], high[d], GRID) for d in (0, 1)]
     cost = plane.cost(np.vstack([plane.best, np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)]))
     above = np.log10(cost[1:] - cost.min() + ABOVE)
+    lowest, highest = (float(np.percentile(above, share)) for share in (3, 97))
     return {
         "name": name,
         "x": as_numbers([low[0], high[0]]),
         "y": as_numbers([low[1], high[1]]),
         "n": GRID,
         "values": packed(above, "f4"),
-        "levels": as_numbers(np.linspace(*np.percentile(above, (3, 97)), 12)),
+        "levels": as_numbers(np.linspace(lowest, highest, 12)),
         "best": as_numbers(plane.best),
         "target": target,
         "runs": [_run(solver, way) for solver, way in plane.ways.items()],
