@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 import workbench as wb
 from workbench.course import Picture, source
+from workbench.lectures.material.arm import arm_page
 from workbench.plots import house_style, sheet
 from workbench.problem.steps import Step
 from workbench.solvers.damped_length import step_within
@@ -364,6 +365,7 @@ Picture(
     "Steps from a bent arm. Grey: the cost, and four radii; dotted: the linear model's cost at the "
     "same levels. Levenberg's steps leave downhill and bend over to Gauss-Newton's; the dogleg does "
     "the same in two straight legs.",
+    lambda: arm_page(UPPER, LOWER, bent, in_reach, beyond, damping=0.01),
 )
 
 # %% [markdown]
