@@ -17,7 +17,7 @@ from workbench.course import Picture, source
 from workbench.experiments import find
 from workbench.plots import house_style, sheet
 from workbench.sampling import laplace, sample
-from workbench.sampling.mixing import integrated_time
+from workbench.sampling.autocorrelation import integrated_time
 
 # %% [markdown]
 # ## A bone in one image

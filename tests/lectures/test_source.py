@@ -3,14 +3,14 @@
 import workbench as wb
 from workbench.course import source
 from workbench.motions.accelerations import MovingFrames, second_differences
-from workbench.sampling.mixing import integrated_time
+from workbench.sampling.autocorrelation import integrated_time
 
 
 def test_constants_stand_above_the_code_that_reads_them() -> None:
     shown = source(integrated_time)
     assert shown.text.startswith("WINDOW = 5.0  # autocorrelation times")
-    assert "TIMES = " not in shown.text
-    assert shown.where == "workbench.sampling.mixing.integrated_time"
+    assert "TOGETHER = " not in shown.text
+    assert shown.where == "workbench.sampling.autocorrelation.integrated_time"
 
 
 def test_several_functions_stand_together() -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from tests.lectures.prose import Run
-from workbench.sampling.mixing import LEAST, TIMES, WINDOW
+from workbench.sampling.autocorrelation import WINDOW
+from workbench.sampling.mixing import LEAST, TIMES
 
 
 def posterior(run: Run, truth: float) -> tuple[int, float, float]:
