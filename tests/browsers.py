@@ -35,11 +35,11 @@ ASKED = """
 <script type="module">
 const answers = {};
 try {
-  const root = document.querySelector("[data-replay]");
+  const root = document.querySelector("[data-replay], [data-flat]");
   for (let n = 0; n < 200 && !root.dataset.ready && !root.hidden; n++)
     await new Promise(done => setTimeout(done, 50));
-  const replay = root.replay;
-  const buttons = [...document.querySelectorAll("[data-replay] button")];
+  const replay = root.replay ?? root.flat;
+  const buttons = [...root.querySelectorAll("button")];
   const press = text => buttons.find(button => button.textContent.startsWith(text)).click();
   %s
 } catch (error) { answers.error = String(error); }
@@ -58,8 +58,8 @@ DRAWING = (
 def asked_of_replay(html: str, script: str, folder: Path) -> Any:
     """What a script puts into `answers` when it asks the first replay of a page in the browser.
 
-    The script has `replay`, and `press(text)`, which presses a button of it. Skips the test where
-    there is no browser.
+    A planar figure is asked in the same way. The script has `replay`, and `press(text)`, which
+    presses a button of it. Skips the test where there is no browser.
     """
     need_browser()
     page = folder / "index.html"

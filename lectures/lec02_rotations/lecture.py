@@ -13,9 +13,11 @@ import casadi as cs
 import numpy as np
 import scipy.linalg
 
+import workbench as wb
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, nearest_rotation, rodrigues
 from workbench.plots import house_style, sheet
+from workbench.replay.side_by_side import recorded_side_by_side
 
 # %% [markdown]
 # ## Nine numbers
@@ -369,6 +371,22 @@ print(f"the second singular value is off its law by up to {np.abs(values[:, 1] -
 at_full = np.linalg.svd(np.asarray(jacobian(2 * np.pi * axis)), compute_uv=False)
 print("singular values of dR/dw at t = 2 pi:", at_full.round(9))
 
+person = wb.load_body("small")
+other = matrix_from_vector([0, 0.6, 0]) @ axis
+
+
+def turned(n):
+    """The person, turned about the axis n by an angle."""
+    return lambda t: person.template @ matrix_from_vector(t * n).T
+
+
+def apart(t):
+    """A sentence on how far apart both turns are."""
+    R, S = matrix_from_vector(t * axis), matrix_from_vector(t * other)
+    off = 2 * np.arcsin(min(1, np.linalg.norm(R - S) / np.sqrt(8)))
+    return f"Turned by {t:.2f} rad; the two are {off:.2f} rad apart."
+
+
 with house_style():
     figure, (ax,) = sheet(7, 3.4)
     ax.plot(turns, values[:, 0], label="along the axis")
@@ -381,6 +399,15 @@ Picture(
     figure,
     "How much R changes with w. At a full turn, 2π, only a change along the axis has an effect: "
     "two of three directions are lost, and an optimizer that gets there cannot turn the axis.",
+    lambda: recorded_side_by_side(
+        person.faces,
+        np.arange(0, 2.21 * np.pi, np.pi / 24),
+        {"turns": {"about an axis": turned(axis), "about another axis": turned(other)}},
+        "A body turned about two axes by the same angle. Move the slider to a full turn: the two "
+        "come to the same, so that there the axis cannot be told from what is seen.",
+        say=apart,
+        opens=0.45,
+    ),
 )
 
 # %% [markdown]

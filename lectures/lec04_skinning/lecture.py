@@ -32,6 +32,7 @@ from workbench.lectures.material.tubes import (
 )
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
+from workbench.replay.side_by_side import recorded_side_by_side
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import Start
 
@@ -343,6 +344,15 @@ def ring_turned(body):
 
 
 turned_by = {name: ring_turned(body) for name, body in ways.items()}
+motions = (("twist", TWIST), ("bend", BEND))
+skinnings = (("one bone each", rigid), *ways.items())
+
+
+def moved(body, axis):
+    """The tube with its joint turned about an axis by an angle."""
+    return lambda angle: Limb(body, "joint").posed(axis, [angle])[0]
+
+
 with house_style():
     figure, (left, right) = sheet(10, 4.0, columns=2)
     for (name, body), dash in zip(ways.items(), ("-", "--"), strict=True):
@@ -359,6 +369,14 @@ Picture(
     "Left: the tube bent by 120 degrees, cut along its middle. With linear blending the elbow collapses, "
     "and with dual quaternions its outside bulges. Right: how far a ring with the weight 0.3 is turned "
     "when the second bone is twisted. At half a turn dual quaternions jump from one side to the other.",
+    lambda: recorded_side_by_side(
+        pipe.faces,
+        np.radians(np.arange(0, 241, 10)),
+        {name: {way: moved(body, axis) for way, body in skinnings} for name, axis in motions},
+        "The tube by three skinnings. Twist it: linear blending makes a candy wrapper of it, and dual "
+        "quaternions jump at half a turn. Bend it: it tears, collapses or bulges.",
+        opens=0.75,
+    ),
 )
 
 # %% [markdown]

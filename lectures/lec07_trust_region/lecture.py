@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 import workbench as wb
 from workbench.course import Picture, source
+from workbench.lectures.material.arm import arm_page
 from workbench.plots import house_style, sheet
 from workbench.problem.steps import Step
 from workbench.solvers.damped_length import step_within
@@ -364,6 +365,7 @@ Picture(
     "Steps from a bent arm. Grey: the cost, and four radii; dotted: the linear model's cost at the "
     "same levels. Levenberg's steps leave downhill and bend over to Gauss-Newton's; the dogleg does "
     "the same in two straight legs.",
+    lambda: arm_page(UPPER, LOWER, bent, in_reach, beyond, damping=0.01),
 )
 
 # %% [markdown]
@@ -434,6 +436,12 @@ source(next_radius)
 #    e_{pp} = \frac{d^2}{dt^2}\, e(x + t p) \Big|_{t=0} . $$
 #
 # This is the equation of a damped step once more, with half of the curvature in the place of $e$.
+#
+# And one precaution. The first radius is the distance of the start from zero, and a first step of that length may
+# lead past the nearest minimum, into the basin of a worse one. Such an end often shows by how it was reached. Near
+# a minimum with a small residual, the last steps are Gauss-Newton steps and few. Where the residual reaches the
+# radius of curvature of the model, they are many. For a problem of at most twenty unknowns that ends in this way,
+# the workbench tries once more from the same start, with a tenth of the first radius, and keeps the lower end.
 
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})

@@ -106,6 +106,7 @@ Picture(
     "one radian in that direction. Those below the dashed line, the tolerance of this matrix, are drawn hollow: they "
     "are zero but for rounding. Along these directions, named on the right, the pose can change and no "
     "joint moves.",
+    lambda: wb.show(diagnosis, body=body),
 )
 
 # %% [markdown]

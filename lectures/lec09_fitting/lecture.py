@@ -13,11 +13,13 @@ import numpy as np
 
 import workbench as wb
 from workbench.course import Picture, source
+from workbench.fitting.setup import View
 from workbench.geometry.camera import project, triangulate
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
+from workbench.replay.bodies import recorded_bodies
 
 NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of this lecture
 
@@ -355,6 +357,18 @@ Picture(
     "Left: what camera 0 sees; the truth and the fits to one camera and to four cameras lie on top of "
     "each other. Right: the same three from the side. The fit to one camera is at another depth, and "
     "its limbs are bent differently.",
+    lambda: recorded_bodies(
+        body,
+        {"fits": {f"fit to {n} of 4": results[n].values for n in results} | {"truth": truth}},
+        "Fits to one, two and four cameras, and the true person. Look through each camera at what it saw: the circles are "
+        "what was seen, the crosses the joints of the body. The lines lead from joints to the rays "
+        "of all four cameras, also of those that the fit did not use.",
+        views=[
+            View(f"camera {i}", camera, (1000, 1000), "joints", views[i], np.ones(24))
+            for i, (camera, _) in enumerate(cameras)
+        ],
+        cameras={key: value for _, values in cameras for key, value in values.items()},
+    ),
 )
 
 # %% [markdown]

@@ -21,6 +21,7 @@ from workbench.comparison.targets import TAUS, Yardstick
 from workbench.course import Picture, source
 from workbench.experiments.more_wild import MORE_WILD
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
+from workbench.lectures.material.race import Plane, Way, race_page
 from workbench.lectures.material.wilson import wilson
 from workbench.plots import house_style, sheet
 
@@ -116,6 +117,23 @@ least = {
     name: min([setups[name].known.cost, *(runs[name, solver][1].min() for solver in NAMES)])
     for name in PROBLEMS
 }
+
+
+def plane(name):
+    """The runs on a problem of two unknowns, and its cost."""
+    ways = {}
+    for solver in NAMES:
+        x = np.array([i.values["x"] for i in solutions[name, solver].trace])
+        effort, cost = runs[name, solver]
+        ways[solver] = Way(x, effort, (cost - least[name]) / (cost[0] - least[name]))
+    best = min(ways.values(), key=lambda way: way.left[-1]).x[-1]
+    return Plane(
+        setups[name].problem.costs(*setups[name].problem.split(setups[name].start), None),
+        best,
+        ways,
+    )
+
+
 with house_style():
     figure, axes = sheet(10, 3.8, columns=2)
     for ax, name in zip(axes, ("rosenbrock", "bard-far"), strict=True):
@@ -131,6 +149,7 @@ Picture(
     "Cost above the least one known, as a share of that at the start. Left: all arrive, and who is "
     "ahead changes on the way. Right: two arrive; the others stall on the way. The "
     "grey line is a target, the same for all. Below 1e-16 is drawn at 1e-16.",
+    lambda: race_page({name: plane(name) for name in ("rosenbrock", "freudenstein-roth")}, 1e-5),
 )
 
 # %% [markdown]

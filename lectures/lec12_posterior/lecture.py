@@ -16,6 +16,7 @@ import workbench as wb
 from workbench.course import Picture, source
 from workbench.experiments import find
 from workbench.plots import house_style, sheet
+from workbench.replay.bodies import recorded_bodies
 from workbench.sampling import laplace, sample
 from workbench.sampling.autocorrelation import integrated_time
 
@@ -502,6 +503,21 @@ Picture(
     "Draws of the place in depth and of the first shape coefficient: the larger it is, the taller the person. To one "
     "camera a tall person far away looks like a short one nearby, so the draws lie along a line. Four cameras know "
     "both.",
+    lambda: recorded_bodies(
+        setup.body,
+        {
+            f"draws, {name}": {f"draw {k + 1}": one for k, one in enumerate(posterior.values(40))}
+            for name, posterior in (
+                ("one camera", drawn),
+                ("four cameras", people["four-cameras"][2]),
+            )
+        },
+        "People drawn from the posterior: first what one camera leaves possible, then what four do. "
+        "Look from the side to see how far they are apart in depth, and through the first camera to see that "
+        "it can hardly tell them apart.",
+        views=setup.views,
+        cameras=setup.start,
+    ),
 )
 
 # %% [markdown]

@@ -25,6 +25,7 @@ from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, frames_on, gradients, soup
 from workbench.plots import house_style, plot_stitching, sheet
 from workbench.plots.body import Figurine, front, line_up
+from workbench.replay.side_by_side import recorded_side_by_side
 from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,
@@ -229,6 +230,13 @@ for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
 middles = template[faces].mean(axis=1)
 near = np.linalg.norm(middles - body.joints()[elbow], axis=1) < 0.22  # m
 some, numbers = np.unique(faces[near], return_inverse=True)
+
+
+def elbow_of(model):
+    """The surface of a model near its elbow, which is bent by an angle."""
+    return lambda angle: model.vertices(np.where(pose > 0, angle, 0))[some]
+
+
 with house_style():
     figure, (ax,) = sheet(9, 4.4)
     pale, red = np.array([0.87, 0.87, 0.87]), np.array([0.75, 0.1, 0.1])
@@ -245,6 +253,20 @@ Picture(
     "The bent elbow, stitched, seen from the front. The redder a triangle, the more its deformation differs "
     "from a neighbour's. Left: with one rotation for each part, all of the bend is between two rows of triangles. "
     "Right: with blended rotations it is shared by more rows, and the arm has less volume.",
+    lambda: recorded_side_by_side(
+        numbers.reshape(-1, 3),
+        np.radians(np.arange(0, 141, 5)),
+        {
+            "elbow": {
+                "SMPL": elbow_of(body),
+                "SCAPE": elbow_of(rigid),
+                "BlendSCAPE": elbow_of(blended),
+            }
+        },
+        "The same elbow by SMPL, which blends points, and by both models of triangles, which "
+        "blend nothing or rotations. Drag the bodies to look at the elbow from other sides.",
+        opens=0.65,
+    ),
 )
 
 # %% [markdown]

@@ -70,6 +70,25 @@ def test_a_cloud_in_ply_has_the_normals_of_the_file(tmp_path: Path, kind: str) -
     assert scan.faces is None
 
 
+def test_a_cloud_in_pcd_brings_its_viewpoint(tmp_path: Path) -> None:
+    """In the axes of the scan; and without one, a note says how to give it."""
+    header = "FIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F U\nPOINTS {}\nVIEWPOINT {}\nDATA ascii\n"
+    rows = "".join(f"{x!r} {y!r} {z!r} 7\n" for x, y, z in (1000 * SURFACE @ TURNS["z"]).tolist())
+    camera = np.array([0.5, 1.0, 3.0])
+    there = " ".join(map(repr, (1000 * camera @ TURNS["z"]).tolist()))
+    for viewpoint in (f"{there} 1 0 0 0", "0 0 0 1 0 0 0"):
+        (tmp_path / "scan.pcd").write_text(header.format(len(SURFACE), viewpoint) + rows)
+        read = read_scan(tmp_path / "scan.pcd")
+        np.testing.assert_allclose(read.scan.points, SURFACE, atol=1e-12)
+        assert (read.unit, read.up) == ("mm", "z")
+        assert said(read, "not read are the fields rgb")
+        assert said(read, "names no viewpoint") == (read.camera_position is None)
+        if viewpoint.startswith(there):
+            np.testing.assert_allclose(read.camera_position, camera, atol=1e-12)
+            assert said(read, "turned to the camera")
+    assert read.camera_position is None
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
 def test_meshes_come_back_with_their_faces(tmp_path: Path, suffix: str) -> None:
     write_mesh(tmp_path / f"scan{suffix}", STANDING, FACES)

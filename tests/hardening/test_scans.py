@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.geometry.test_pcd import packed_lzf
 from tests.hardening.archives import DAMAGES, OTHERS, npy, packed, with_arrays
 from tests.hardening.test_meshes import HOSTILE
 from tests.hardening.within_limits import Reader, reader
 
 SECONDS, MEGABYTES = 10.0, 1000
-SUFFIXES = (".ply", ".obj", ".off", ".stl", ".glb", ".npz", ".npy", ".xyz", ".csv")
-MUTATIONS = 14  # of a good file of each format: 126 together
+SUFFIXES = (".ply", ".obj", ".off", ".stl", ".glb", ".npz", ".npy", ".xyz", ".csv", ".pcd")
+MUTATIONS = 14  # of a good file of each format: 140 together
 SPHERE = trimesh.creation.icosphere(subdivisions=3, radius=0.8)
 
 
@@ -23,8 +24,31 @@ def scans() -> Iterator[Reader]:
     yield from reader("workbench.fitting.scan_files:read_scan", SECONDS, MEGABYTES)
 
 
+def sphere_in_pcd(form: str) -> bytes:
+    """Field after field if it is packed, otherwise point after point."""
+    points = np.asarray(SPHERE.vertices, dtype="<f4")
+    header = f"""FIELDS x y z
+SIZE 4 4 4
+TYPE F F F
+COUNT 1 1 1
+WIDTH {len(points)}
+HEIGHT 1
+VIEWPOINT 0 0 3 1 0 0 0
+POINTS {len(points)}
+DATA {form}
+""".encode()
+    if form == "ascii":
+        return header + "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in points.tolist()).encode()
+    if form == "binary":
+        return header + points.tobytes()
+    packed = packed_lzf(points.T.tobytes())
+    return header + np.array([len(packed), points.nbytes], "<u4").tobytes() + packed
+
+
 def good(suffix: str) -> bytes:
     """A sphere in a format."""
+    if suffix == ".pcd":
+        return sphere_in_pcd("binary_compressed")
     points, faces = np.asarray(SPHERE.vertices), np.asarray(SPHERE.faces)
     separator = "," if suffix == ".csv" else " "
     if suffix == ".npz":
@@ -114,6 +138,46 @@ TEXTS: dict[str, bytes] = {
     "numbers beyond all": b"1e999 -1e999 1\n" * 200,
     "a cut number": b"0.5 0.5 0.5\n" * 200 + b"0.",
 }
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary"])
+def test_damaged_clouds_end_in_a_sentence_or_are_read(
+    scans: Reader, tmp_path: Path, form: str
+) -> None:
+    whole, path = sphere_in_pcd(form), tmp_path / "scan.pcd"
+    path.write_bytes(whole)
+    assert scans.within_limits(path).kind == "read"
+    rng = np.random.default_rng(len(form))
+    for _ in range(MUTATIONS):
+        path.write_bytes(mutated(whole, rng))
+        scans.within_limits(path)
+
+
+MANY = 10**14
+CLOUDS: dict[str, bytes] = {
+    "nothing": b"",
+    "an endless header": b"# pcd\n" * 100_000,
+    "a header without lines": b"FIELDS x y z " * 100_000,
+    "points beyond the file": sphere_in_pcd("binary").replace(b"642", b"%d" % MANY),
+    "lines beyond the file": sphere_in_pcd("ascii").replace(b"642", b"%d" % MANY),
+    "bytes beyond the file": sphere_in_pcd("binary").replace(b"COUNT", b"COUNT %d" % MANY),
+    "a histogram": sphere_in_pcd("binary").replace(b"COUNT 1 1 1", b"COUNT 1 1 %d" % MANY),
+    "no points": sphere_in_pcd("ascii").replace(b"642", b"0").partition(b"ascii")[0] + b"ascii\n",
+    "no numbers": sphere_in_pcd("ascii").partition(b"ascii")[0] + b"ascii\n" + b"a b c\n" * 642,
+    "one endless line": sphere_in_pcd("ascii").partition(b"ascii")[0] + b"ascii\n" + b"1 " * 10**6,
+    "unpacked it is 4 GB": b"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nPOINTS %d\n" % (2**32 // 24)
+    + b"DATA binary_compressed\n"
+    + np.array([3 * 10**5, 2**32 - 16], "<u4").tobytes()
+    + b"\xe0\xff\x00" * 10**5,
+    "packed it is 4 GB": sphere_in_pcd("binary_compressed")[:-100],
+}
+
+
+@pytest.mark.parametrize("name", CLOUDS)
+def test_clouds_that_claim_too_much_are_refused(scans: Reader, tmp_path: Path, name: str) -> None:
+    path = tmp_path / "scan.pcd"
+    path.write_bytes(CLOUDS[name])
+    scans.refusal(path)
 
 
 @pytest.mark.parametrize("name", TEXTS)

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 
 import pytest
 
@@ -33,6 +34,9 @@ EACH_EXERCISE = pytest.mark.parametrize(
         for exercise in one.exercises
     ],
 )
+MOVING = (2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to the hand
+HEAVIEST = 700_000  # bytes of such a figure
+REQUESTS = re.compile(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""")
 LONGEST = 45.0  # s of one core, top to bottom: 30 where it was written, and slower machines differ
 
 
@@ -63,6 +67,12 @@ def test_it_runs_and_shows(lecture: Lecture) -> None:
     for picture in pictures:
         assert len(picture.caption) > 40, "a caption says what to see, in a sentence"
         assert len(picture.png) > 5_000
+    moving = [picture.page for picture in pictures if picture.page is not None]
+    assert bool(moving) is (lecture.number in MOVING)
+    for page in moving:
+        assert len(page.caption) > 40, "it says what to do with it"
+        assert not REQUESTS.search(page.html), "a page holds everything it needs"
+        assert len(page.html) < HEAVIEST
     assert any(isinstance(value, Source) for value in run.shown), (
         "the library's own lines are shown"
     )

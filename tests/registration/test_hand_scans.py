@@ -1,5 +1,6 @@
 """Hands on simulated scans: from nothing but points, with a skeleton, and from the command line."""
 
+import json
 import os
 from dataclasses import replace
 from functools import lru_cache
@@ -23,6 +24,7 @@ from workbench.registration import (
     HAND_RECIPE,
     FitStage,
     Recipe,
+    body_size,
     fit_hand,
     hand_starts,
     model_alone,
@@ -73,6 +75,10 @@ def test_a_hand_turned_any_way_is_found_from_the_command_line(
     with np.load(tmp_path / "register-scan" / "registration.npz") as arrays:
         vertices, values = arrays["vertices"], {n: arrays[n] for n in ("pose", "betas", "trans")}
     assert errors(values).mean() < 3
+    size = body_size(HAND, values["betas"])
+    assert "length at rest" in (tmp_path / "register-scan" / "index.html").read_text()
+    summary = json.loads((tmp_path / "register-scan" / "summary.json").read_text())
+    assert summary["length_m"] == pytest.approx(size.metres)
     off = 1e3 * np.linalg.norm(vertices - HAND.vertices(**made()[0]), axis=1)
     assert off.mean() < 1.5
     away = SurfaceTree(vertices, HAND.faces).closest(points[~fitted]).distances

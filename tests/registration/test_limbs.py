@@ -8,9 +8,11 @@ import pytest
 from tests.registration.test_free_vertices import body, sampled
 from workbench import load_body
 from workbench.blocks import Values
-from workbench.registration import FreeVertices
+from workbench.fitting.body_priors import pose_gaussian
+from workbench.priors.poses import shipped_mixture
+from workbench.registration import FitStage, FreeVertices, Progress, fit_model
 from workbench.registration.free_vertices import BODY, MODEL_STAGES, Settled
-from workbench.registration.limbs import limbs, other_limbs, with_limb_at_mean
+from workbench.registration.limbs import limb_poses, limbs, other_limbs, with_limb_at_mean
 from workbench.solvers import Solution
 
 MODEL = MODEL_STAGES[:1]
@@ -41,7 +43,57 @@ def test_other_joints_keep_their_rotations() -> None:
     moved = with_limb_at_mean(body(), pose, limb)
     others = np.delete(np.arange(24), limb)
     np.testing.assert_array_equal(moved[others], pose[others])
-    assert not (moved[list(limb)] == pose[list(limb)]).any()
+    mean = np.reshape(pose_gaussian(body())[0], (-1, 3))
+    np.testing.assert_array_equal(moved[list(limb)], mean[np.array(limb) - 1])
+
+
+def test_poses_of_limbs_are_those_of_the_prior_and_of_its_components() -> None:
+    """A hand has a prior of its own, of which there is no mixture."""
+    mean, *others = limb_poses(body())
+    assert {pose.shape for pose in (mean, *others)} == {(23, 3)}
+    np.testing.assert_array_equal(np.ravel(others), np.ravel(shipped_mixture().means))
+    hand = load_body("hand")
+    assert [pose.shape for pose in limb_poses(hand)] == [(hand.n_joints - 1, 3)]
+
+
+def test_a_fit_of_the_body_tries_other_poses_of_limbs() -> None:
+    """What it finds takes the place of the hypothesis that it comes from, and tells its start."""
+    truth, names = body().start(), body().joint_names
+    pose, folded = truth["pose"].copy(), truth["pose"].copy()
+    pose[names.index("left_elbow")] = [0, -1.2, 0]
+    folded[names.index("left_elbow")] = [0, 0.5, -2]
+    scan = sampled(body().vertices(**truth | {"pose": pose}), n=300)
+    start = truth | {"pose": folded}
+    stage = FitStage(300, 0.01, 0.03, 1, 20, 0.002)
+    fits = [
+        fit_model(body(), scan, starts=lambda body, scan: (start,), stages=(one,))
+        for one in (stage, replace(stage, limbs=1))
+    ]
+    assert fits[1].cost < 0.95 * fits[0].cost
+    assert fits[1].iterations > 2 * fits[0].iterations
+    for fit in fits:
+        assert [one.starts for one in fit.hypotheses] == [(0,)]
+        here = fit.problem.linearize(fit.values)
+        assert here.cost == pytest.approx(fit.cost)  # of the stage's own problem
+
+
+def test_runs_of_limbs_end_when_the_fit_is_stopped() -> None:
+    """Nothing more is told, and what was found is returned."""
+    told: list[Progress] = []
+
+    def stop(one: Progress) -> bool:
+        told.append(one)
+        return len(told) == 8
+
+    stage = FitStage(200, 0.02, 0.05, 1, 4, limbs=1)
+    start = body().start()
+    scan = sampled(body().vertices(**start), n=200)
+    fit = fit_model(
+        body(), scan, starts=lambda body, scan: (start,), stages=(stage, stage), progress=stop
+    )
+    assert len(told) == 8
+    assert (told[-1].stage, told[-1].start, told[-1].starts) == (1, 1, 1)
+    assert "callback" in fit.stopped
 
 
 @pytest.mark.parametrize(("limbs_too", "right"), [(False, False), (True, True)])

@@ -202,6 +202,8 @@ def test_settings_that_make_no_sense_are_refused(body: SkinnedBody, truth: Array
         scan_starts(body, scan, yaws=0)
     with pytest.raises(BadArgument, match="above zero"):
         FitStage(0, 0.1, 0.1, 1, 1)
+    with pytest.raises(BadArgument, match="limbs 0 or more"):
+        FitStage(1, 0.1, 0.1, 1, 1, limbs=-1)
 
 
 @pytest.mark.parametrize("reach", [0.015, 0.03])

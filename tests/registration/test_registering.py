@@ -62,7 +62,8 @@ def test_a_person_is_found_and_what_was_found_is_told(
     assert whole.stages[-1].unknowns == whole.stages[0].unknowns + 3 * body.n_vertices
     assert whole.median == np.median(np.abs(whole.distances[whole.touching]))
     assert whole.median < 0.003
-    assert whole.height == pytest.approx(np.ptp(body.template[:, 1]), rel=0.02)
+    assert whole.size.name == "height"
+    assert whole.size.metres == pytest.approx(np.ptp(body.template[:, 1]), rel=0.02)
     assert not whole.findings
 
 

@@ -107,6 +107,9 @@ def run(
             with replacing(path) as temporary:
                 temporary.write_bytes(value.png)
             console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
+            if value.page is not None:
+                by_hand = value.page.save(path.with_suffix(".html"))
+                console.print(f"[bold]{escape(str(by_hand))}[/]: {escape(value.page.caption)}\n")
         elif value is not None:
             say(console, escape(repr(value)) + "\n")
     console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}", soft_wrap=True)

@@ -4,13 +4,16 @@ import ast
 import inspect
 import sys
 from base64 import b64encode
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from typing import Any, TypeGuard
 
+from workbench.course.framing import framed
 from workbench.plots import Figure, png
+from workbench.replay import Recording
+from workbench.reports.replay_page import ReplayPage, replay_page
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,27 +23,47 @@ class Picture:
     Attributes:
         figure: the figure.
         caption: what to see in it.
+        moving: makes the same for the hand, a page or a replay, where a page is wanted; a run in a
+            terminal does not call it. It keeps its own caption.
     """
 
     figure: Figure
     caption: str
+    moving: Callable[[], ReplayPage | Recording] | None = None
 
     @cached_property
     def png(self) -> bytes:
         """The figure as a PNG file of 150 pixels to the inch."""
         return png(self.figure)
 
+    @cached_property
+    def page(self) -> ReplayPage | None:
+        """What answers to the hand, as a page of its own; None for a figure that stands still."""
+        made = None if self.moving is None else self.moving()
+        return replay_page(made) if isinstance(made, Recording) else made
+
     def __repr__(self) -> str:
         return f"[figure] {self.caption}"
 
-    def _repr_html_(self) -> str:
-        """The picture for notebooks and the site."""
+    @property
+    def still(self) -> str:
+        """The figure as HTML, whether or not there is one that moves."""
+        return f'<figure class="picture">{self._image}</figure>'
+
+    @property
+    def _image(self) -> str:
         width = round(100 * self.figure.get_figwidth())
         return (
-            f'<figure class="picture"><img alt="{escape(self.caption)}" style="width: {width}px" '
+            f'<img alt="{escape(self.caption)}" style="width: {width}px" '
             f'src="data:image/png;base64,{b64encode(self.png).decode()}">'
-            f"<figcaption>{escape(self.caption)}</figcaption></figure>"
+            f"<figcaption>{escape(self.caption)}</figcaption>"
         )
+
+    def _repr_html_(self) -> str:
+        """For notebooks and the site: where scripts run, what moves takes the figure's place."""
+        if self.page is None:
+            return self.still
+        return f'<figure class="picture">{framed(self.page.html, self._image)}</figure>'
 
 
 @dataclass(frozen=True)

@@ -104,11 +104,19 @@ class Scan:
         if self.n_points <= most:
             return self
         counts = np.flatnonzero(np.ones(self.n_points) if self.weights is None else self.weights)
-        drawn = np.random.default_rng(seed).choice(counts, min(most, len(counts)), replace=False)
-        few = replace(self, faces=None).some(np.isin(np.arange(self.n_points), drawn))
+        chosen = np.zeros(self.n_points, dtype=bool)
+        chosen[counts[drawn(len(counts), most, seed)]] = True
+        few = replace(self, faces=None).some(chosen)
         if self.weights is None or few.weights is None:
             return few
         return replace(few, weights=few.weights * (self.weights.sum() / few.weights.sum()))
+
+
+def drawn(n: int, most: int, seed: int = 0) -> Mask:
+    """Which of n points are among `most` that are drawn at random; always the same ones."""
+    chosen = np.zeros(n, dtype=bool)
+    chosen[np.random.default_rng(seed).choice(n, min(most, n), replace=False)] = True
+    return chosen
 
 
 def _check_shape(name: str, array: Array, expected: tuple[int, ...]) -> None:

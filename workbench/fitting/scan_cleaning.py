@@ -6,14 +6,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.fitting.scan import BadScan
+from workbench.fitting.scan import BadScan, drawn
 from workbench.fitting.scan_contents import Contents
 
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
 FEWEST = 100  # points
 FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
 ISOLATED = 10.0  # times the usual distance from the nearest neighbour
-SEED = 0
 
 
 def cleaned(contents: Contents, most: int) -> Contents:
@@ -59,13 +58,6 @@ def isolated(points: Array) -> Mask:
     """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
     distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
     return np.asarray(distances > ISOLATED * np.median(distances), dtype=np.bool_)
-
-
-def drawn(n: int, most: int) -> Mask:
-    """Which of n points are among `most` that are drawn at random, always the same ones."""
-    chosen = np.zeros(n, dtype=bool)
-    chosen[np.random.default_rng(SEED).choice(n, most, replace=False)] = True
-    return chosen
 
 
 def points_are(count: int) -> str:

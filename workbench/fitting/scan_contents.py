@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array, Index
-from workbench.errors import BadArgument, BadFile, listed
+from workbench.errors import BadArgument, BadFile, listed, some
 from workbench.fitting.scan_arrays import chosen_arrays
 from workbench.geometry.glb import parse_glb
 from workbench.geometry.meshes import READERS as MESHES
 from workbench.geometry.meshes import parsed_mesh
+from workbench.geometry.pcd import parse_pcd
 from workbench.geometry.ply import parse_ply_and_normals
 from workbench.geometry.xyz import parse_xyz
 from workbench.reading.archive import opened
@@ -80,6 +81,19 @@ def _ply(content: bytes) -> Contents:
     return Contents(points, normals, faces)
 
 
+def _pcd(content: bytes) -> Contents:
+    found = parse_pcd(content)
+    notes: tuple[str, ...] = ()
+    if found.unread:
+        notes = (f"not read are the fields {some(found.unread)}",)
+    if found.viewpoint is None:
+        notes += (
+            "the file names no viewpoint, or 0 0 0, which programs write that do not know it; if "
+            "the points were seen from there, give the camera's position 0 0 0",
+        )
+    return Contents(found.points, found.normals, None, found.viewpoint, notes)
+
+
 def _text(content: bytes) -> Contents:
     return _of_columns(*parse_xyz(content))
 
@@ -124,6 +138,7 @@ READERS: dict[str, Reader] = {
     ".ply": _parser(_ply),
     ".obj": _parser(lambda content: _mesh(content, MESHES[".obj"])),
     ".off": _parser(lambda content: _mesh(content, MESHES[".off"])),
+    ".pcd": _parser(_pcd),
     ".stl": _parser(lambda content: _mesh(content, MESHES[".stl"])),
     ".glb": _parser(lambda content: _mesh(content, parse_glb)),
     ".npz": _npz,

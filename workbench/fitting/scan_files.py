@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, cut
 from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_cleaning import cleaned, drawn, isolated, points_are
+from workbench.fitting.scan_cleaning import cleaned, isolated, points_are
 from workbench.fitting.scan_contents import Contents, contents_of
 from workbench.fitting.scan_normals import with_normals
 from workbench.fitting.scan_outline import outline
@@ -61,11 +61,13 @@ def read_scan(
 ) -> ReadScan:
     """Read a scan of a person or of a part of one from a file, with or without faces.
 
-    Formats are .ply, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z and
-    perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are guessed
-    if they are not given: see `unit_of` and `up_axis`. `name` is the array of points in an .npz
-    file. `camera_position` (3,), in the file's own unit and axes, is from where all points were
-    seen; an .npz file may hold it. Of a cloud of more than `most` points so many are drawn.
+    Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
+    and perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are
+    guessed if they are not given: see `unit_of` and `up_axis`. `name` is the array of points in an
+    .npz file. `camera_position` (3,), in the file's own unit and axes, is from where all points
+    were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there 0 0 0 is
+    what programs write that do not know it, and is not taken. Of a cloud of more than `most` points
+    so many are drawn.
 
     Normals are those of the file, of its faces, or of neighbouring points; of the last it is not
     known on which side they are, unless the camera's position is. Weights are areas in m^2.
@@ -122,12 +124,11 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
     weights = areas_of_faces(points, faces)
     if not weights.any():
         raise BadScan("its faces have no area")
-    if len(points) <= most:
-        return Scan(points, normals, faces, weights), ()
-    chosen = drawn(len(points), most)
-    cloud = Scan(points, normals, None, weights * (weights.sum() / weights[chosen].sum()))
-    note = f"{most:,} of {len(points):,} points are drawn at random, without the faces between them"
-    return cloud.some(chosen), (note,)
+    scan = Scan(points, normals, faces, weights).thinned(most)
+    if scan.n_points == len(points):
+        return scan, ()
+    note = f"{scan.n_points:,} of {len(points):,} points are drawn at random, without the faces"
+    return scan, (f"{note} between them",)
 
 
 def _place(given: ArrayLike) -> Array:

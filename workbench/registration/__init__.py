@@ -1,9 +1,11 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
 from workbench.registration.basins import BasinMap, basin_map
+from workbench.registration.body_size import BodySize, body_size
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
 from workbench.registration.doubts import Doubts, doubts
 from workbench.registration.facing import facing
+from workbench.registration.fit_stage import FitStage, Progress
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
@@ -23,7 +25,7 @@ from workbench.registration.icp_steps import (
     point_to_plane,
     point_to_point,
 )
-from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
+from workbench.registration.model_fit import FIT_STAGES, ModelFit, fit_model
 from workbench.registration.point_cloud import PointCloud
 from workbench.registration.recipe import HAND_RECIPE, Recipe, model_alone, usual_recipe
 from workbench.registration.registering import (
@@ -52,6 +54,7 @@ __all__ = [
     "VERTEX_STAGES",
     "Alignment",
     "BasinMap",
+    "BodySize",
     "Contacts",
     "Coupling",
     "Doubts",
@@ -81,6 +84,7 @@ __all__ = [
     "VertexStage",
     "arms_lowered",
     "basin_map",
+    "body_size",
     "by_edges",
     "by_vertices",
     "distance_gauss_newton",

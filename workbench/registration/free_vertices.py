@@ -229,7 +229,7 @@ class FreeVertices:
         other = other_limbs(self.body, near, values | found.values)
         if other is None:
             return found
-        again = _minimum(problem, stage.solver, settled, other)
+        again = _minimum(problem, stage.solver, settled, values | other.values)
         return min(found, again, key=lambda end: end.cost)
 
     def _scan(self, points: Points | cs.MX, term: ScanTerm) -> Residual:

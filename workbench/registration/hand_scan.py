@@ -13,7 +13,8 @@ from workbench.fitting.hand_fit import (
     hand_start,
 )
 from workbench.fitting.scan import Scan
-from workbench.registration.model_fit import ModelFit, Progress, fit_model
+from workbench.registration.fit_stage import Progress
+from workbench.registration.model_fit import ModelFit, fit_model
 from workbench.registration.recipe import HAND_RECIPE, Recipe
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers import TrustRegion

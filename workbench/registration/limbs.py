@@ -1,4 +1,4 @@
-"""Limbs that a fit has folded the wrong way: each begins again from its mean pose.
+"""Limbs that a fit has folded the wrong way: each begins again from poses that are usual.
 
 A fit to a scan goes downhill, and the way from an arm that is folded forwards to one that is folded
 backwards leads uphill. The cost knows which of the two is right, so it is enough to begin at both.
@@ -12,11 +12,13 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.fitting.body_priors import pose_gaussian
+from workbench.priors.poses import shipped_mixture
 from workbench.solvers import Solution
 
 SHORTEST = 3  # joints of a limb
 GAIN = 0.01  # of the cost, by which another pose of a limb must be better
 SWEEPS = 3  # through all limbs, at most: several may be wrong
+MOST = 12  # starts of a sweep, of those that were compared as they stand
 
 Solve = Callable[[Values], Solution]
 
@@ -46,28 +48,65 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
 def with_limb_at_mean(body: Body, pose: Array, limb: Sequence[int]) -> Array:
     """The pose (K, 3) rad, in which the joints of a limb have the mean of `pose_prior`."""
-    mean, _ = pose_gaussian(body)
-    moved = np.array(pose)
-    for joint in limb:
-        moved[joint] = mean[joint - 1]
-    return moved
+    return _with_limb(pose, limb, _mean(body))
 
 
-def other_limbs(body: Body, solve: Solve, values: Values) -> Values | None:
-    """Values with another pose of one or more limbs at which the cost is lower; None without any.
+def limb_poses(body: Body) -> tuple[Array, ...]:
+    """Poses (K - 1, 3) rad of all joints but the root, at which limbs may begin again.
+
+    They are the mean of `pose_prior` and, for a body with the joints of which it was learned, the
+    means of the eight components of `shipped_mixture`: arms that hang, are bent, or are raised.
+    """
+    mean, mixture = _mean(body), shipped_mixture()
+    if tuple(body.joint_names[1:]) != tuple(mixture.joint_names):
+        return (mean,)
+    return mean, *mixture.means.reshape(-1, len(mean), 3)
+
+
+def other_limbs(
+    body: Body,
+    solve: Solve,
+    values: Values,
+    *,
+    poses: Sequence[Array] | None = None,
+    cost: Callable[[Values], float] | None = None,
+    most: int = MOST,
+) -> Solution | None:
+    """A minimum with another pose of one or more limbs, whose cost is lower; None without any.
 
     `solve` finds the minimum near given values; it may be that of a coarser problem. Each limb is
-    put to its mean pose in turn, and `solve` begins there. The lowest of these minima is taken if
-    its cost is lower by more than 1 %; then all limbs are tried again from there.
+    put to each of `poses` (K - 1, 3) rad in turn, the mean of `pose_prior` alone without any, and
+    `solve` begins there. With `cost`, it does so only for the `most` of these whose cost is lowest
+    as they stand. The lowest of these minima is taken if its cost is lower by more than 1 %; then
+    all limbs are tried again from there.
     """
     pose = body.blocks()[0].name
+    known = (_mean(body),) if poses is None else tuple(poses)
     first = best = solve(values)
     for _ in range(SWEEPS):
-        here = best.values
-        starts = (with_limb_at_mean(body, here[pose], limb) for limb in limbs(body.parents))
-        ends = [solve({**values, **here, pose: start}) for start in starts]
+        here = {**values, **best.values}
+        starts = [
+            {**here, pose: _with_limb(here[pose], limb, other)}
+            for limb in limbs(body.parents)
+            for other in known
+        ]
+        if cost is not None:
+            starts = sorted(starts, key=cost)[:most]
+        ends = [solve(start) for start in starts]
         lowest = min(ends, key=lambda end: end.cost, default=best)
         if lowest.cost >= (1 - GAIN) * best.cost:
             break
         best = lowest
-    return None if best is first else {**values, **best.values}
+    return None if best is first else best
+
+
+def _mean(body: Body) -> Array:
+    """Of `pose_prior`, (K - 1, 3) rad."""
+    return np.reshape(pose_gaussian(body)[0], (-1, 3))
+
+
+def _with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+    moved = np.array(pose)
+    for joint in limb:
+        moved[joint] = other[joint - 1]
+    return moved

@@ -1,8 +1,8 @@
-"""A body fitted to a scan that nobody labelled: many starts, coarse to fine."""
+"""A body fitted to a scan that nobody labelled: many starts, from coarse to fine."""
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,69 +14,28 @@ from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.scan import Scan
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
+from workbench.registration.fit_stage import FitStage, Progress, StageRuns
+from workbench.registration.limbs import limb_poses, other_limbs
 from workbench.registration.scan_starts import scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contact_forms import Form, distance
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
 from workbench.residuals.scans import scan_to_model
-from workbench.solvers.iterate import Iterate
 from workbench.solvers.solution import Hypothesis, Solution, Solver
 from workbench.solvers.trust_region import TrustRegion
 
 SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
-OVER = 3  # iterations, over which a decrease is measured
 FULL = 0.95  # the quantile of the areas from which on all points count fully
+LIMB_ITERATIONS, LIMB_SETTLED = 12, 0.01  # of a run that tries another pose of a limb
+SCREEN = FitStage(300, 0.03, 0.06, 1, 1)  # with which such poses are compared before they are run
 WITHIN = 0.4  # m: a point farther from the surface has no contact
-
-
-@dataclass(frozen=True)
-class FitStage:
-    """One stage of a fit, from coarse to fine.
-
-    Attributes:
-        points: of the scan, drawn at random; all if there are fewer.
-        sigma: in m, how far good points are from the model's surface: noise, and what the model
-            cannot express.
-        reach: in m, the scale of the robust kernel, where bad points begin.
-        starts: how many of the best ends of the stage before are taken up.
-        iterations: the most from each start.
-        settled: a run ends when three iterations together lower the cost by less than this share.
-
-    A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it.
-    With a wide reach, a few points of clutter outweigh the prior, and draw hidden limbs to them.
-    So sigma shrinks with the reach on the way, and the last reach is three sigmas.
-    """
-
-    points: int
-    sigma: float
-    reach: float
-    starts: int
-    iterations: int
-    settled: float = 0.01
-
-    def __post_init__(self) -> None:
-        least = min(self.points, self.sigma, self.reach, self.starts, self.iterations)
-        if not least > 0 or not 0 <= self.settled < 1:
-            raise BadArgument(f"the numbers of a stage are above zero, and settled < 1: {self}")
 
 
 FIT_STAGES = (
     FitStage(300, 0.05, 0.10, 24, 30, 0.004),
-    FitStage(800, 0.02, 0.05, 8, 40, 0.002),
+    FitStage(800, 0.02, 0.05, 8, 40, 0.002, limbs=1),
     FitStage(3000, 0.005, 0.015, 3, 60, 0.0005),
 )
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a fit has come; `stage` and `start` count from 1, `cost` is that of its iterate."""
-
-    stage: int
-    stages: int
-    start: int
-    starts: int
-    iteration: int
-    cost: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +115,9 @@ def fit_model(
     scan. `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
 
     The first stage begins at all `starts`; each following one at the best different ends of the
-    one before, whose joints are `same` m apart or more in the mean. A point farther than `within` m
-    from the surface has no contact. `progress` is told of every iterate, and stops the fit by
+    one before, whose joints are `same` m apart or more in the mean. A stage may try other poses of
+    arms and legs as well (`FitStage.limbs`). A point farther than `within` m from the surface has
+    no contact. `progress` is told of every iterate, and stops the fit by
     returning True; Ctrl-C does so too. Either way, what was found is returned.
 
     Raises BadScan for a scan that cannot be of a person, BadArgument for no stages or no starts.
@@ -173,20 +133,29 @@ def fit_model(
     iterations, stopped, hypotheses = 0, "", []
     levels: list[list[Hypothesis]] = []
     given = usual_priors(body) if priors is None else tuple(priors)
+    names = tuple(block.name for block in body.blocks())
     with Interrupts() as interrupts:
         for number, stage in enumerate(stages):
             some = order[: stage.points]
             data = _data(body, seen, some, stage, kernel, form, within)
-            problem = Problem((data, *given, *others), tuple(b.name for b in body.blocks()))
-            begin, found = ends[: stage.starts], []
+            problem = Problem((data, *given, *others), names)
+            begin, place = ends[: stage.starts], (number + 1, len(stages))
+            runs = StageRuns(
+                problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
+            )
+            found = []
             for k, start in enumerate(begin):
-                told = _Watch(stage, progress, (number + 1, len(stages), k + 1, len(begin)))
-                found.append(solver.solve(problem, start, callback=told))
-                iterations += len(found[-1].trace) - 1
-                if told.stopped or interrupts.pressed:
-                    stopped = found[-1].message
+                found.append(runs.run(k, start, stage.iterations, stage.settled))
+                if runs.stopped:
                     break
             hypotheses = _different(body, found, same)
+            if stage.limbs and not runs.stopped:
+                few = _data(body, seen, order[: SCREEN.points], SCREEN, kernel, form, within)
+                screen = Problem((few, *given, *others), names)
+                again = [_unfolded(body, runs, screen, one) for one in hypotheses[: stage.limbs]]
+                hypotheses[: stage.limbs] = again
+                hypotheses.sort(key=lambda one: one.cost)
+            iterations, stopped = iterations + runs.iterations, runs.stopped
             ends = [one.values for one in hypotheses]
             levels.append(hypotheses)
             if stopped:
@@ -217,27 +186,6 @@ def _way(starts: Sequence[Values], levels: Sequence[Sequence[Hypothesis]]) -> tu
     return tuple(reversed([*way, starts[k]]))
 
 
-@dataclass
-class _Watch:
-    """The callback of one run: tells the progress, and ends a run that has settled."""
-
-    stage: FitStage
-    progress: Callable[[Progress], object] | None
-    at: tuple[int, int, int, int]
-    costs: list[float] = field(default_factory=list)
-    stopped: bool = False
-
-    def __call__(self, iterate: Iterate) -> bool:
-        self.costs.append(iterate.cost)
-        done = len(self.costs) - 1
-        if self.progress is not None:
-            self.stopped = self.progress(Progress(*self.at, done, iterate.cost)) is True
-        settled = (
-            done > OVER and self.costs[-1 - OVER] - iterate.cost < self.stage.settled * iterate.cost
-        )
-        return self.stopped or settled or done >= self.stage.iterations
-
-
 def _data(
     body: Body, scan: Scan, some: Index, stage: FitStage, kernel: Kernel, form: Form, within: float
 ) -> Residual:
@@ -261,20 +209,37 @@ def _data(
     )
 
 
+def _unfolded(body: Body, runs: StageRuns, screen: Problem, one: Hypothesis) -> Hypothesis:
+    """The hypothesis, or a lower one in which limbs have other poses.
+
+    `screen` is a coarser problem, which says at which poses of limbs it is worth to begin.
+    """
+
+    def solve(start: Values) -> Solution:
+        return runs.run(one.starts[0], start, LIMB_ITERATIONS, LIMB_SETTLED)
+
+    def cost(start: Values) -> float:
+        rows = screen.residual(*screen.split(start))
+        return float(rows @ rows) / 2
+
+    end = other_limbs(body, solve, one.values, poses=limb_poses(body), cost=cost)
+    if end is None:
+        return one
+    return Hypothesis(end.values, end.cost, end.status, one.starts, end.violation)
+
+
 def _different(body: Body, found: Sequence[Solution], same: float) -> list[Hypothesis]:
     """The ends as hypotheses, the lowest first; ends with joints in the same places are one."""
     kept: list[Hypothesis] = []
     placed: list[Array] = []
-    for k in sorted(range(len(found)), key=lambda k: found[k].cost):
-        end = found[k]
+    for number in sorted(range(len(found)), key=lambda k: found[k].cost):
+        end = found[number]
         joints = body.joints(*(end.values[block.name] for block in body.blocks()))
         off = [float(np.linalg.norm(joints - one, axis=1).mean()) for one in placed]
         near = next((i for i, d in enumerate(off) if d < same), None)
         if near is None:
-            kept.append(Hypothesis(end.values, end.cost, end.status, (k,), end.violation))
+            kept.append(Hypothesis(end.values, end.cost, end.status, (number,), end.violation))
             placed.append(joints)
         else:
-            one = kept[near]
-            joined = (*one.starts, k)
-            kept[near] = Hypothesis(one.values, one.cost, one.status, joined, one.violation)
+            kept[near] = replace(kept[near], starts=(*kept[near].starts, number))
     return kept

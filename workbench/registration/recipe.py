@@ -12,6 +12,7 @@ from workbench.bodies.hand_axes import is_hand
 from workbench.errors import BadArgument
 from workbench.fitting.scan import Scan
 from workbench.registration.doubts import Doubts
+from workbench.registration.fit_stage import FitStage
 from workbench.registration.free_vertices import (
     BODY,
     MODEL_STAGES,
@@ -22,7 +23,7 @@ from workbench.registration.free_vertices import (
     VertexStage,
 )
 from workbench.registration.hand_starts import hand_starts
-from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN, FitStage
+from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN
 from workbench.registration.scan_starts import scan_starts
 from workbench.registration.scan_term import ScanTerm
 from workbench.registration.support import NEAR

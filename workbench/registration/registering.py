@@ -16,10 +16,12 @@ from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
+from workbench.registration.body_size import BodySize, body_size
 from workbench.registration.doubts import doubts
 from workbench.registration.facing import facing
+from workbench.registration.fit_stage import Progress
 from workbench.registration.free_vertices import FreeVertices
-from workbench.registration.model_fit import ModelFit, Progress, fit_model
+from workbench.registration.model_fit import ModelFit, fit_model
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.support import FACING, NEAR, support
 
@@ -83,7 +85,7 @@ class Registration:
         stages: how each stage ended.
         others: further ends of the fit, the lowest cost first.
         findings: warnings, none if nothing speaks against the registration.
-        height: in m, of the fitted person at rest.
+        size: of the fitted body at rest: the height of a person, the length of a hand.
         bind: (3,) rad, the rotation of the root in the body's bind pose.
         reach: in m, the reach of the fit's last stage: where bad points begin.
         surfaces: (N, 3) m each, by name and in order: the surface at the start that led to the
@@ -102,7 +104,7 @@ class Registration:
     stages: tuple[StageOutcome, ...]
     others: tuple[OtherEnd, ...]
     findings: tuple[Finding, ...]
-    height: float
+    size: BodySize
     bind: Array
     reach: float
     surfaces: Mapping[str, Array] = field(default_factory=dict)
@@ -186,7 +188,6 @@ def register(
         interrupts.check()
     names = [block.name for block in body.blocks()]
     kept = {name: np.asarray(values[name]) for name in names}
-    rest = body.vertices(body.bind_pose, kept[names[1]], np.zeros(3))
     return Registration(
         used,
         left_out,
@@ -200,7 +201,7 @@ def register(
         tuple(stages),
         _others(fit),
         findings,
-        float(np.ptp(rest[:, 1])),
+        body_size(body, kept[names[1]]),
         np.asarray(body.bind_pose[0]),
         fit.reach,
         surfaces,

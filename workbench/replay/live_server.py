@@ -1,5 +1,7 @@
 """A live page: starts are set by hand, a solver is chosen, and its iterates stream in.
 
+A joint may be dragged (`dragging.py`), and a solver may go from many starts (`many_starts.py`).
+
 The server listens on the loopback address alone. Its pages stand under a path that nobody can
 guess, and what another site's page asks for is refused, so that only the reader's own tabs reach
 it. One solve runs at a time; each belongs to the connection that asked for it, and ends with it.
@@ -9,23 +11,30 @@ import json
 import secrets
 import threading
 from base64 import urlsafe_b64decode
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.fitting.setup import Setup
+from workbench.replay.answering import begin_events, say, sent
 from workbench.replay.arguments import Row, row_of_body
+from workbench.replay.dragging import Puppet
+from workbench.replay.many_starts import basins, in_words, starts_about
 from workbench.replay.tracks import as_numbers
 from workbench.solvers import Iterate, Solution, Solver
 
 ADDRESS = "127.0.0.1"  # of this machine alone
 LONGEST_NAME = 64  # letters of the name that a page gives to a run
+Stream = Callable[[BaseHTTPRequestHandler, Solver, Sequence[Values], threading.Event], None]
 
 
 class LiveServer:
@@ -46,6 +55,7 @@ class LiveServer:
         self.body, self.row = moved_by_hand(setup)
         self._page = page.encode()
         self._solving = threading.Lock()
+        self._puppet = Puppet(self.body) if isinstance(self.body, SkinnedBody) else None
         self._stops: dict[str, threading.Event] = {}
         self._token = secrets.token_urlsafe(16)
         self._server = ThreadingHTTPServer((ADDRESS, port), self._handler())
@@ -77,6 +87,12 @@ class LiveServer:
         `text` is base64 of 3 K + B + 3 little-endian numbers in double precision. Raises
         BadArgument for anything else.
         """
+        blocks = self.body.blocks()
+        own = {b.name: part for b, part in zip(blocks, self._parts(text), strict=True)}
+        return dict(self.setup.start) | own
+
+    def _parts(self, text: str) -> list[Array]:
+        """The pose, the betas and the trans in a text of numbers."""
         try:
             numbers = np.frombuffer(urlsafe_b64decode(text.encode()), "<f8")
         except ValueError:
@@ -85,9 +101,17 @@ class LiveServer:
         if numbers.size != 3 * K + B + 3 or not np.isfinite(numbers).all():
             raise BadArgument(f"a start is {3 * K + B + 3} finite numbers in base64")
         parts = np.split(numbers, [3 * K, 3 * K + B])
-        blocks = self.body.blocks()
-        own = {b.name: part.reshape(b.shape) for b, part in zip(blocks, parts, strict=True)}
-        return dict(self.setup.start) | own
+        return [part.reshape(b.shape) for b, part in zip(self.body.blocks(), parts, strict=True)]
+
+    def warm(self) -> None:
+        """Go one step with each solver, so that its first press does not wait for anything.
+
+        What a solver loads and derives at its first call (IPOPT's library, exact Hessians) takes up
+        to half a second.
+        """
+        for solver in self.solvers.values():
+            with suppress(WorkbenchError):
+                solver.solve(self.setup.problem, self.setup.start, callback=lambda iterate: True)
 
     def _handler(self) -> type[BaseHTTPRequestHandler]:
         live = self
@@ -112,63 +136,118 @@ class LiveServer:
         own_hosts = (f"{ADDRESS}:{port}", f"localhost:{port}")
         origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
         if host not in own_hosts or origin not in (None, *(f"http://{own}" for own in own_hosts)):
-            _say(request, 403, "only pages of this server may ask it")
+            say(request, 403, "only pages of this server may ask it")
         elif asked.path == f"/{self._token}/":
-            _say(request, 200, self._page, "text/html; charset=utf-8")
+            say(request, 200, self._page, "text/html; charset=utf-8")
         elif asked.path == f"/{self._token}/solve":
-            self._solve(request, given)
+            self._solve(request, given, self._stream)
+        elif asked.path == f"/{self._token}/ends":
+            self._solve(request, given, self._stream_ends)
+        elif asked.path == f"/{self._token}/drag":
+            self._drag(request, given)
         elif asked.path == f"/{self._token}/stop":
             stop = self._stops.get(given.get("run", ""))
             if stop is not None:
                 stop.set()
-            _say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
+            say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
         else:
-            _say(request, 404, "there is nothing here; open the address that was printed")
+            say(request, 404, "there is nothing here; open the address that was printed")
 
-    def _solve(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
+    def _drag(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
+        """Answer with the numbers of the body whose joint was drawn to a place."""
+        try:
+            pose, betas, trans = self._parts(given.get("start", ""))
+            joint, place = _joint_and_place(given)
+            if self._puppet is None:
+                raise BadArgument(f"body {self.body.name!r} has no joints that can be dragged")
+            pose, trans = self._puppet.dragged(pose, betas, trans, joint, place)
+        except BadArgument as error:
+            return say(request, 400, str(error))
+        row = np.concatenate([pose.ravel(), betas, trans])
+        say(request, 200, json.dumps({"x": as_numbers(row)}), "application/json")
+
+    def _solve(
+        self, request: BaseHTTPRequestHandler, given: Mapping[str, str], stream: Stream
+    ) -> None:
         name, run = given.get("solver", ""), given.get("run", "")[:LONGEST_NAME]
         try:
-            start = self.start_of(given.get("start", ""))
+            starts = self._starts(given)
             if name not in self.solvers or not run or run in self._stops:
                 raise BadArgument(f"no solver {name!r}, or no new name for its run")
         except BadArgument as error:
-            return _say(request, 400, str(error))
+            return say(request, 400, str(error))
         if not self._solving.acquire(blocking=False):
-            return _say(request, 409, "another solve is running; stop it first")
+            return say(request, 409, "another solve is running; stop it first")
         try:
             stop = self._stops[run] = threading.Event()
-            _begin(request)
-            self._stream(request, self.solvers[name], start, stop)
+            begin_events(request)
+            stream(request, self.solvers[name], starts, stop)
         finally:
             del self._stops[run]
             self._solving.release()
 
+    def _starts(self, given: Mapping[str, str]) -> list[Values]:
+        """The start that was set by hand, and those about it that are asked for."""
+        start = self.start_of(given.get("start", ""))
+        if "count" not in given:
+            return [start]
+        pose, _, trans = (block.name for block in self.body.blocks())
+        try:
+            count, spread = int(given["count"]), float(given.get("spread", ""))
+        except ValueError as error:
+            raise BadArgument("`count` is a whole number, and `spread` one in rad") from error
+        return starts_about(self.setup.problem, start, pose, trans, spread, count)
+
     def _stream(
-        self, request: BaseHTTPRequestHandler, solver: Solver, start: Values, stop: threading.Event
+        self,
+        request: BaseHTTPRequestHandler,
+        solver: Solver,
+        starts: Sequence[Values],
+        stop: threading.Event,
     ) -> None:
         """Send every iterate as an event, and how it ended."""
-        told = [0]
+        told, (start,) = [0], starts[:1]
 
         def tell(iterate: Iterate) -> bool:
             x = self.row(dict(start) | dict(iterate.values))
             one = {"iterate": told[0], "x": as_numbers(x), **_numbers(iterate)}
             told[0] += 1
-            try:
-                _event(request, "iterate", one)
-            except OSError:  # the tab was closed
-                return True
-            return stop.is_set()
+            return not sent(request, "iterate", one) or stop.is_set()
 
         try:
             solution: Solution = solver.solve(self.setup.problem, start, callback=tell)
-            status = solution.status.name.lower().replace("_", " ")
-            ended = {"status": status, "message": solution.message}
+            ended = {"status": _status(solution), "message": solution.message}
         except WorkbenchError as error:
             ended = {"status": "refused", "message": str(error)}
+        sent(request, "ended", ended)
+
+    def _stream_ends(
+        self,
+        request: BaseHTTPRequestHandler,
+        solver: Solver,
+        starts: Sequence[Values],
+        stop: threading.Event,
+    ) -> None:
+        """Send the end of each start with the basins that are known by then, and a summary."""
+        problem, ends, gone = self.setup.problem, list[Solution](), False
+        found: list[dict[str, Any]] = []
         try:
-            _event(request, "ended", ended)
-        except OSError:
-            return
+            for k, start in enumerate(starts):
+                end = solver.solve(problem, start, callback=lambda _: stop.is_set())
+                if stop.is_set():
+                    break
+                ends.append(end)
+                found = basins(problem, starts[0], ends)
+                x = as_numbers(self.row(dict(start) | dict(end.values)))
+                one = {"start": k, "of": len(starts), "x": x, "cost": as_numbers(end.cost)}
+                gone = not sent(request, "end", {**one, "status": _status(end), "basins": found})
+                if gone:
+                    return
+            status = "stopped" if stop.is_set() else "done"
+            ended = {"status": status, "message": in_words(found, len(ends))}
+        except WorkbenchError as error:
+            ended = {"status": "refused", "message": str(error)}
+        sent(request, "ended", ended)
 
 
 def moved_by_hand(setup: Setup) -> tuple[Body, Row]:
@@ -196,25 +275,16 @@ def _numbers(iterate: Iterate) -> dict[str, Any]:
     }
 
 
-def _say(
-    request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
-) -> None:
-    content = text.encode() if isinstance(text, str) else text
-    request.send_response(code)
-    request.send_header("Content-Type", kind)
-    request.send_header("Content-Length", str(len(content)))
-    request.send_header("Cache-Control", "no-store")
-    request.end_headers()
-    request.wfile.write(content)
+def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
+    """The joint and its place (3,) m that a page asks for. Raises BadArgument."""
+    try:
+        joint, place = int(given.get("joint", "")), [float(given.get(d, "")) for d in "xyz"]
+    except ValueError:
+        joint, place = -1, [np.nan]
+    if not np.isfinite(place).all():
+        raise BadArgument("a joint is a whole number, and its place three finite numbers in m")
+    return joint, np.array(place)
 
 
-def _begin(request: BaseHTTPRequestHandler) -> None:
-    request.send_response(200)
-    request.send_header("Content-Type", "text/event-stream")
-    request.send_header("Cache-Control", "no-store")
-    request.end_headers()
-
-
-def _event(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) -> None:
-    request.wfile.write(f"event: {name}\ndata: {json.dumps(data)}\n\n".encode())
-    request.wfile.flush()
+def _status(solution: Solution) -> str:
+    return solution.status.name.lower().replace("_", " ")

@@ -17,6 +17,8 @@ from workbench.problem import Problem
 from workbench.replay.packing import packed
 from workbench.residuals import Residual
 
+NOWHERE: dict[str, Any] = {"rows": [], "columns": [], "weights": []}
+JOINTS = "joints"  # what `View.landmarks` is called where joints were observed
 MOST = 300  # points of one residual to which lines are drawn
 
 
@@ -128,9 +130,11 @@ def _on_body(one: Observed, body: SkinnedBody) -> dict[str, Any] | None:
 
 
 def landmark_data(body: Body, name: str | None) -> dict[str, Any]:
-    """A set of landmarks as means of vertices; an empty one for a name that the body lacks."""
+    """A set of landmarks as means of vertices, or the joints; empty for a name the body lacks."""
+    if name == JOINTS and name not in body.landmarks:
+        return {"names": list(body.joint_names), "joints": True, **NOWHERE}
     if name is None or name not in body.landmarks:
-        return {"names": [], "rows": [], "columns": [], "weights": []}
+        return {"names": [], **NOWHERE}
     landmarks = body.landmarks[name]
     entries = landmarks.regressor.tocoo()
     return {

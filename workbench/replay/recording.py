@@ -35,8 +35,9 @@ OF_MOVES = (
 )
 OF_DRAWS = "Bodies drawn from the posterior. "
 OF_LIVE = (
-    "The grey body is the start: turn its joints by the sliders, or leave it, and press a solver. "
-    "Every iterate is shown as soon as it is there. "
+    "The grey body is the start: drag its joints (the blue dots), or turn them by the sliders, and "
+    "press a solver. Every iterate is shown as soon as it is there. To find basins, a solver goes "
+    "from many starts about this one; ends that the residuals cannot tell apart have one colour. "
 )
 
 
@@ -60,11 +61,16 @@ def recorded_run(outcome: Outcome) -> Recording | None:
         values,
         OF_RUN,
         setup.views,
-        runs=tracks(outcome.compared, setup.problem, row, setup.start),
+        runs=tracks(outcome.compared, setup.problem, row, setup.start, _data_alone(outcome)),
         directions=moves(known, row, shown.surface),
         draws=(GAUSSIAN, draws),
         series=[*_stages(outcome.solution, row), *_ends(outcome.solution, row)],
     )
+
+
+def _data_alone(outcome: Outcome) -> Problem | None:
+    """The problem of an outcome without its priors; None if it has none."""
+    return None if outcome.data_alone is None else outcome.data_alone.problem
 
 
 def recorded_solution(

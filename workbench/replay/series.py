@@ -21,10 +21,11 @@ class Series:
         labels: (S,) the name of each state.
         said: (S,) a sentence on each state.
         rows: (S, C, D) numbers of the bodies, NaN where there is none; or None.
-        surfaces: (S, N, 3) m, where the bodies are not posed by the page; or None.
+        surfaces: (S, N, 3) m, where the bodies are not posed by the page, or (S, C, N, 3) of
+            several bodies; or None.
         columns: (C,) the names of bodies side by side.
         opens: the number of the state that is shown first.
-        fps: states a second, where they are frames.
+        fps: states a second, if they are played as frames are.
         links: (S, L, 3) m twice: points of the body, and the points in space that they are joined
             to; NaN where there is none.
         keypoints: (S, V, M, 2) px and (S, V, M), what V cameras observed in each state.

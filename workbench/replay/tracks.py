@@ -29,18 +29,31 @@ def kept(count: int, most: int = MOST) -> Index:
 
 
 def tracks(
-    solutions: Mapping[str, Solution], problem: Problem, row: Row, start: Mapping[str, Any]
+    solutions: Mapping[str, Solution],
+    problem: Problem,
+    row: Row,
+    start: Mapping[str, Any],
+    data: Problem | None = None,
 ) -> list[dict[str, Any]]:
-    """The runs of solvers, by name, on one problem from one start."""
+    """The runs of solvers, by name, on one problem from one start.
+
+    `data` is the same problem without its priors: what the data alone determine at each iterate.
+    """
     with limited_threads():
-        return [_track(name, one, problem, row, start) for name, one in solutions.items()]
+        return [_track(name, one, problem, row, start, data) for name, one in solutions.items()]
 
 
 def _track(
-    name: str, solution: Solution, problem: Problem, row: Row, start: Mapping[str, Any]
+    name: str,
+    solution: Solution,
+    problem: Problem,
+    row: Row,
+    start: Mapping[str, Any],
+    data: Problem | None,
 ) -> dict[str, Any]:
     at = kept(len(solution.trace))
     iterates = [solution.trace[i] for i in at]
+    ranks = [] if data is None else _ranks(data, iterates, start)
     return {
         "name": name,
         "status": solution.status.name.lower().replace("_", " "),
@@ -51,6 +64,8 @@ def _track(
         "optimality": as_numbers([one.optimality for one in iterates]),
         "damping": as_numbers([one.damping for one in iterates]),
         "condition": as_numbers(list(_conditions(problem, iterates, start))),
+        "rank": as_numbers(ranks),
+        "unknowns": problem.free.size,
         "seconds": as_numbers([one.seconds for one in iterates]),
         "evaluations": [one.evaluations.total for one in iterates],
     }
@@ -65,6 +80,18 @@ def _conditions(
         else:
             s = np.linalg.svd(problem.linearize(dict(start) | one.values).dense, compute_uv=False)
             yield float(s[0] / s[-1]) if s.size and s[-1] > 0 else float("nan")
+
+
+def _ranks(data: Problem, iterates: Iterable[Iterate], start: Mapping[str, Any]) -> list[float]:
+    """How many directions the data alone see at each iterate; NaN where they cannot be asked."""
+    if data.free.size > LARGEST:
+        return []
+    found = []
+    for one in iterates:
+        here = data.linearize(dict(start) | one.values)
+        finite = np.isfinite(here.dense).all()
+        found.append(float(here.rank) if finite else float("nan"))
+    return found
 
 
 def as_numbers(array: ArrayLike) -> Any:

@@ -35,7 +35,9 @@ def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
         recording=recording,
         solvers=able,
     )
-    return LiveServer(setup, solvers, text, port)
+    server = LiveServer(setup, solvers, text, port)
+    server.warm()
+    return server
 
 
 def _takes(name: str, setup: Setup) -> bool:

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.errors import BadFile
 from workbench.reading.facts import json_in
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
+from workbench.registration.body_size import HEIGHT, LENGTH
 from workbench.reports.folder import MAKER, SUMMARY, own_folder
 from workbench.reports.page import as_json, page, versions
 from workbench.reports.registration_page import ARRAYS, FORMAT, write_registration
@@ -112,6 +113,7 @@ class RegistrationFolder:
             "registrations.html",
             title=f"{self.body_name} on {len(entries)} scans",
             rows=[_row(entry) for entry in entries],
+            size=next((_size(entry.summary) for entry in entries), HEIGHT),
             failed=failed,
             doubted=sum(bool(entry.summary["warnings"]) for entry in entries),
             trains=bool(entries) and isinstance(self.body, SkinnedBody),
@@ -144,6 +146,11 @@ def table_of(rows: Sequence[Row]) -> str:
     return text.getvalue()
 
 
+def _size(told: Mapping[str, Any]) -> str:
+    """Which size a summary tells: the height of a person, or the length of a hand."""
+    return HEIGHT if f"{HEIGHT}_m" in told else LENGTH
+
+
 def _row(entry: Entry) -> dict[str, Any]:
     told = entry.summary
     return {
@@ -151,7 +158,7 @@ def _row(entry: Entry) -> dict[str, Any]:
         "median": "–" if told["median_m"] is None else number(MM * told["median_m"], 3),
         "touching": f"{100 * told['touching']:.0f} %",
         "hidden": f"{100 * (1 - told['seen']):.0f} %",
-        "height": f"{told['height_m']:.2f}",
+        "size": f"{told[f'{_size(told)}_m']:.2f}",
         "seconds": number(told["seconds"], 3),
         "warnings": told["warnings"],
     }

@@ -95,7 +95,7 @@ def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
         "median_m": last.median,
         "touching": last.touching,
         "seen": float(one.seen.mean()),
-        "height_m": one.height,
+        f"{one.size.name}_m": one.size.metres,
         "seconds": sum(stage.seconds for stage in one.stages),
         "warnings": [finding.text for finding in one.findings],
         "notes": list(found.notes),
@@ -138,7 +138,7 @@ def _facts(one: Registration) -> dict[str, str]:
         "in contact": f"{100 * one.stages[-1].touching:.0f} %",
         "their median distance": f"{MM * one.median:.1f} mm",
         "vertices not seen": f"{hidden:,} of {len(one.seen):,}",
-        "height at rest": f"{one.height:.2f} m",
+        f"{one.size.name} at rest": f"{one.size.metres:.2f} m",
         "length of the betas": f"{np.linalg.norm(betas):.1f} standard deviations",
         "time": f"{sum(stage.seconds for stage in one.stages):.1f} s",
     }

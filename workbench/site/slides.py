@@ -96,7 +96,7 @@ def _shown(value: Any) -> Iterator[str]:
         case None:
             pass
         case Picture():
-            yield re.sub(r'style="width: \d+px" ', "", value._repr_html_(), count=1)
+            yield re.sub(r'style="width: \d+px" ', "", value.still, count=1)
         case Source():
             rows = value.text.splitlines()
             pages = -(-len(rows) // MOST_ROWS)

@@ -1,10 +1,12 @@
-// Curves of numbers along the runs, on logarithmic axes, with a line where the replay stands.
+// Curves of numbers along the runs, with a line where the replay stands: on logarithmic axes, or
+// against a linear one where the numbers are counts.
 
 class Curves {
-  // each curve has a name and a function from a run to its numbers; null leaves a gap
+  // each curve has a name, a function from a run to its numbers (null leaves a gap), and `counts`
+  // if these are counts
   constructor(parent, curves, chosen) {
     this.chosen = chosen; // called with a share of the axis, from 0 to 1, when a curve is dragged
-    this.charts = curves.map(([name, numbers]) => {
+    this.charts = curves.map(([name, numbers, counts = false]) => {
       const figure = document.createElement("figure"), canvas = document.createElement("canvas");
       const caption = document.createElement("figcaption");
       caption.textContent = name;
@@ -19,16 +21,19 @@ class Curves {
       };
       canvas.addEventListener("pointerdown", drag);
       canvas.addEventListener("pointermove", drag);
-      return { canvas, numbers, figure };
+      return { name, canvas, caption, numbers, figure, counts };
     });
   }
 
   // runs: { colour, at: [places along the axis], run }; [low, high]: the axis; value: where it stands
   draw(runs, [low, high], value, now) {
-    for (const { canvas, numbers, figure } of this.charts) {
+    for (const { name, canvas, caption, numbers, figure, counts } of this.charts) {
       const all = runs.flatMap(({ run }) => numbers(run)).filter(y => y > 1e-13 && y < Infinity);
-      figure.hidden = all.length < 2 || Math.max(...all) < 1.01 * Math.min(...all); // nothing to see
-      if (figure.hidden) continue;
+      const flat = all.length && Math.max(...all) === Math.min(...all);
+      figure.hidden = all.length < 2 || (!counts && Math.max(...all) < 1.01 * Math.min(...all)); // nothing to see
+      canvas.hidden = flat; // a count that never changes is said in words
+      caption.textContent = counts && flat ? `${name}: ${all[0]} of ${runs[0].run.unknowns} at every iterate` : name;
+      if (figure.hidden || flat) continue;
       const ratio = Math.min(2, devicePixelRatio || 1), g = canvas.getContext("2d");
       const w = canvas.clientWidth, h = canvas.clientHeight;
       Object.assign(canvas, { width: w * ratio, height: h * ratio });
@@ -36,14 +41,16 @@ class Curves {
       const style = getComputedStyle(canvas), soft = style.getPropertyValue("--soft"), ink = style.getPropertyValue("--ink");
       const left = 46, right = w - 8, top = 6, bottom = h - 17;
       canvas.across = [left, right];
-      const first = Math.floor(Math.log10(Math.min(...all)));
-      const last = Math.max(first + 1, Math.ceil(Math.log10(Math.max(...all))));
+      const scaled = counts ? y => y : Math.log10, named = counts ? String : tick;
+      const first = counts ? Math.min(...all) - 1 : Math.floor(Math.log10(Math.min(...all)));
+      const last = counts ? Math.max(...all) + 1 : Math.max(first + 1, Math.ceil(Math.log10(Math.max(...all))));
       const X = x => left + (right - left) * Math.log(Math.max(x, low) / low) / Math.log(high / low);
-      const Y = y => bottom - (bottom - top) * (Math.log10(y) - first) / (last - first);
+      const Y = y => bottom - (bottom - top) * (scaled(y) - first) / (last - first);
       Object.assign(g, { font: "11px system-ui, sans-serif", fillStyle: soft, strokeStyle: style.getPropertyValue("--line"), textAlign: "right", textBaseline: "middle" });
       for (let e = first; e <= last; e += Math.ceil((last - first) / 4)) {
-        line(g, [[left, Y(10 ** e)], [right, Y(10 ** e)]]);
-        g.fillText(tick(e), left - 4, Y(10 ** e));
+        const at = Y(counts ? e : 10 ** e);
+        line(g, [[left, at], [right, at]]);
+        g.fillText(named(e), left - 4, at);
       }
       Object.assign(g, { textAlign: "center", textBaseline: "top" });
       for (let e = Math.ceil(Math.log10(low)); e <= Math.log10(high); e++) g.fillText(tick(e), X(10 ** e), bottom + 3);

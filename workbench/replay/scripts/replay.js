@@ -4,6 +4,7 @@
 // Okabe and Ito's colours, one a solver, as in the figures
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
 const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
+const HANDLE = [0.05, 0.45, 0.7];
 const PATH = [0.45, 0.55, 0.65];
 const PALE_ORANGE = [0.95, 0.66, 0.42];
 const BEHIND = 0.02; // m: points of a scan are seen through as much of a body
@@ -79,7 +80,10 @@ class Replay {
     return this.kept(`${run.name}/${i}`, () => this.surface(run.x.subarray(i * this.size, (i + 1) * this.size)));
   }
 
-  places(surface) { return means(this.landmarks, this.landmarks.names.length, surface); } // (3 M) m
+  places(surface) { // (3 M) m
+    if (this.landmarks.joints) return Float32Array.from(surface.joints.flat());
+    return means(this.landmarks, this.landmarks.names.length, surface);
+  }
 
   get one() { return this.mode.startsWith("series") ? this.series[this.mode.slice(6)] : null; }
 
@@ -122,10 +126,11 @@ class Replay {
 
   shown() { // surfaces with their paint, and the runs they belong to
     if (this.one) return this.one.shown();
+    if (this.mode === "ends") return this.live.basins.shown();
     if (this.mode === "runs") {
       const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
       if (!this.live || (this.lens && found.length)) return found;
-      return [{ name: "start", surface: this.surface(this.hand), paint: GREY }, ...found];
+      return [{ name: "start", surface: this.surface(this.hand), paint: GREY, moved: true }, ...found];
     }
     const surface = this.surface(this.moved()), paint = new Float32Array(surface.points.length);
     for (let i = 0; i < paint.length; i += 3) {
@@ -160,7 +165,8 @@ class Replay {
       return found;
     };
     let [low, high, out] = extent(this.whole);
-    const most = 0.8 * (high - low); // what has run away does not make the others small
+    const together = this.series.some(one => one.surfaces && one.columns.length > 1); // none has run away
+    const most = together ? Infinity : 0.8 * (high - low); // what has run away does not make the others small
     for (const other of this.series.flatMap(one => one.some)) {
       const [under, over, beside] = extent(other);
       low = Math.max(Math.min(low, under), Math.min(low, -most));
@@ -168,7 +174,7 @@ class Replay {
       out = Math.min(Math.max(out, beside), Math.max(out, most));
     }
     this.middle = middle.map((x, d) => x + (low + high) / 2 * scene.up[d]);
-    this.room = [1.9 * out, 1.05 * (high - low)]; // m, across and upwards
+    this.room = [(together ? 2.3 : 1.9) * out, (together ? 1.2 : 1.05) * (high - low)]; // m, across and upwards
   }
 
   paint() {
@@ -184,12 +190,17 @@ class Replay {
     scene.middle = this.middle.map((x, d) => x + (this.one?.travelled(this.one.at)[d] ?? 0));
     scene.begin(this.lens);
     const [right, up] = scene.axes(), labels = [];
-    all.forEach(({ surface, paint, name }, i) => {
+    this.byHand = null;
+    all.forEach(({ surface, paint, name, moved }, i) => {
       const row = Math.floor(i / columns), inRow = Math.min(columns, all.length - row * columns);
       const across = (i % columns - (inRow - 1) / 2) * wide, above = ((rows - 1) / 2 - row) * tall;
       const shift = right.map((x, d) => x * across + up[d] * above);
       scene.mesh(surface, this.body.faces, paint, shift);
       if (!this.lens) this.paintObserved(surface, shift);
+      if (moved && !this.lens) { // its joints can be dragged
+        this.byHand = { joints: surface.joints, shift };
+        scene.dots(Float32Array.from(surface.joints.flat()), HANDLE, shift, 7);
+      }
       if (name) labels.push([name, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
     });
     this.paintOver(all, labels);
@@ -240,7 +251,7 @@ class Replay {
     if (!lens) {
       for (const [name, point] of labels.length > 1 ? labels : []) {
         const [x, y] = scene.place(point), [next] = scene.place(point.map((p, d) => p + this.room[0] * scene.axes()[0][d]));
-        g.fillText(name, x, y, 0.95 * (next - x)); // condensed to the room of a body
+        g.fillText(name, x, Math.max(2, y), 0.95 * (next - x)); // condensed to the room of a body
       }
       return;
     }
@@ -275,6 +286,7 @@ class Replay {
 
   said() {
     if (this.one) return this.one.text + this.offInImage;
+    if (this.mode === "ends") return this.live.basins.text;
     if (this.mode === "draws")
       return `Draw ${this.draw + 1} of ${this.draws.count} from ${this.draws.by}. The farther a point is from the solution, the more orange it is, up to 5 cm.`;
     if (this.mode === "directions") {
@@ -391,6 +403,7 @@ class Replay {
         ["optimality", run => run.optimality],
         ["damping", run => run.damping],
         ["condition number of the Jacobian", run => run.condition],
+        ["rank of the data alone", run => run.rank ?? [], true],
       ], share => { this.stop(); this.take(share); });
     }
     this.sync();
@@ -420,10 +433,11 @@ class Replay {
     const own = new Set(this.rows[this.mode]), { one } = this;
     for (const made of Object.values(this.rows).flat()) { made.hidden = !own.has(made); made.style.display = made.hidden ? "none" : ""; }
     one?.look();
-    this.caption.hidden = this.mode !== this.captioned; // it is about what the page opens with
+    const series = [this.mode, this.captioned].every(mode => mode.startsWith("series"));
+    this.caption.hidden = this.mode !== this.captioned && !series; // it is about what the page opens with
     one?.states.forEach((state, i) => state.setAttribute("aria-pressed", i === one.at));
     one?.chips.forEach((chip, i) => chip.setAttribute("aria-pressed", one.on[i]));
-    this.sliding.style.display = one && one.count < 2 ? "none" : "";
+    this.sliding.style.display = (one && one.count < 2) || this.mode === "ends" ? "none" : "";
     this.slider.step = one && one.count > 1 ? 1000 / (one.count - 1) : 1;
     this.side.hidden = this.mode !== "runs";
     this.columns.classList.toggle("alone", this.side.hidden);
@@ -435,7 +449,7 @@ class Replay {
   }
 
   get given() { // the slider's place, from 0 to 1
-    if (this.mode === "runs") return this.share;
+    if (this.mode === "runs" || this.mode === "ends") return this.share;
     if (this.mode === "directions") return (this.amount + 1) / 2;
     if (this.one) return this.one.count > 1 ? this.one.at / (this.one.count - 1) : 0;
     return this.draws.count > 1 ? this.draw / (this.draws.count - 1) : 0;
@@ -505,6 +519,7 @@ for (const root of document.querySelectorAll("[data-replay]")) {
     root.replay = new Replay(place, await read(root.querySelector("script")), await bodyOf(root.dataset.body));
     root.dataset.ready = Math.round(performance.now() - begun);
     document.querySelector("[data-without-replay]")?.remove();
+    root.dispatchEvent(new Event("ready", { bubbles: true }));
   } catch (error) { // an old browser; the page's figures say the same
     place.remove();
     root.hidden = true;

@@ -6,10 +6,10 @@ class Series {
   constructor(replay, data) {
     Object.assign(this, data, { replay, at: data.opens, on: data.columns.map(() => true) });
     this.count = data.labels.length;
-    this.frames = data.fps !== null || data.name === "frames";
+    this.frames = data.name === "frames"; // of a body that may travel
     this.contacts = new Map();
     if (this.pixels) replay.lenses.forEach((lens, v) => lens.cropTo(this.seenBy(v)));
-    if (!this.frames) this.trail = null;
+    if (!this.frames || !this.x) this.trail = null;
   }
 
   numbers(state, column) { // of a body that the page poses
@@ -23,8 +23,9 @@ class Series {
       const x = this.numbers(state, column);
       return Number.isNaN(x[0]) ? null : replay.kept(`${this.name}/${state}/${column}`, () => replay.surface(x));
     }
-    return replay.kept(`${this.name}/${state}`, () => {
-      const size = surfaces.length / this.count, points = surfaces.subarray(state * size, (state + 1) * size);
+    return replay.kept(`${this.name}/${state}/${column}`, () => {
+      const C = this.columns.length, size = surfaces.length / (this.count * C), start = (state * C + column) * size;
+      const points = surfaces.subarray(start, start + size);
       return { points, normals: normalsOf(points, replay.body.faces) };
     });
   }
@@ -39,7 +40,7 @@ class Series {
   }
 
   travelled(state) { // m: how far a body that moves through frames is from where it began
-    if (!this.frames) return [0, 0, 0];
+    if (!this.frames || !this.x) return [0, 0, 0];
     const { replay } = this, [, , trans] = replay.arguments(this.numbers(state, 0)), [, , here] = replay.arguments(replay.here);
     return [0, 1, 2].map(d => trans[d] - here[d]);
   }

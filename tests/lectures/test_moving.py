@@ -1,0 +1,171 @@
+"""Figures that answer to the hand: what they compute, and what is seen where they cannot be."""
+
+import re
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.browsers import DRAWING, asked_of_replay, dumped, need_browser
+from workbench.arrays import Array
+from workbench.course import Picture
+from workbench.errors import BadArgument, NotSupported
+from workbench.lectures.material.arm import arm_page
+from workbench.lectures.material.race import Plane, Way, race_page
+from workbench.lectures.material.tubes import tube
+from workbench.plots import house_style, sheet
+from workbench.replay.bodies import recorded_bodies
+from workbench.replay.side_by_side import GRAIN, recorded_side_by_side
+from workbench.reports.replay_page import ReplayPage, replay_page
+from workbench.solvers.damping import eased
+from workbench.solvers.dogleg import cauchy_point, dogleg_step
+
+UPPER, LOWER = 0.3, 0.25  # m
+BEYOND = np.array([0.2, 0.7])
+
+
+def arm(damping: float = 0.01) -> ReplayPage:
+    return arm_page(UPPER, LOWER, np.array([1.5, 0.6]), np.array([0.1, 0.46]), BEYOND, damping)
+
+
+def wrist(x: Array) -> Array:
+    a, b = x
+    return UPPER * np.array([np.cos(a), np.sin(a)]) + LOWER * np.array(
+        [np.cos(a + b), np.sin(a + b)]
+    )
+
+
+def linear(x: Array, star: Array) -> wb.Linearization:
+    a, b = x
+    by_b = LOWER * np.array([-np.sin(a + b), np.cos(a + b)])
+    by_a = UPPER * np.array([-np.sin(a), np.cos(a)]) + by_b
+    return wb.Linearization(wrist(x) - star, np.column_stack([by_a, by_b]))
+
+
+ARM = """
+  press("put it beyond");
+  const now = replay.judged(), here = now.here;
+  answers.start = { ...replay.state, x: [...replay.state.x] };
+  Object.assign(answers, { p: now.p, promised: now.promised, fell: now.fell });
+  answers.newton = replay.step(here, 0);
+  answers.legs = replay.dogleg(here, answers.newton, 0.2);
+  press("next iteration");
+  answers.x = replay.state.x;
+  answers.damping = replay.state.damping;
+  answers.said = replay.sentence.textContent;
+  const canvas = root.querySelector("canvas");
+  canvas.focus();
+  const key = new KeyboardEvent("keydown", { key: "ArrowLeft" });
+  for (let n = 0; n < 5; n++) canvas.dispatchEvent(key);
+  answers.dragged = replay.state.x;
+"""
+
+
+def test_the_arm_in_the_browser_is_the_librarys(tmp_path: Path) -> None:
+    answers = asked_of_replay(arm().html, ARM, tmp_path)
+    x, star = np.array([1.5, 0.6]), BEYOND
+    here = linear(x, star)
+    p = here.step(0.01)
+    np.testing.assert_allclose(answers["p"], p, rtol=1e-9)
+    assert answers["promised"] == pytest.approx(here.predicted_decrease(p), rel=1e-9)
+    fell = here.cost - linear(x + p, star).cost
+    assert answers["fell"] == pytest.approx(fell, rel=1e-9)
+    newton, ones = here.step(), np.ones(2)
+    np.testing.assert_allclose(answers["newton"], newton, rtol=1e-8)
+    cauchy = cauchy_point(here, ones)
+    np.testing.assert_allclose(answers["legs"][0], cauchy, rtol=1e-9)
+    np.testing.assert_allclose(
+        answers["legs"][1], dogleg_step(newton, cauchy, ones, 0.2), rtol=1e-8
+    )
+    np.testing.assert_allclose(answers["x"], x + p, rtol=1e-9)
+    gain = fell / here.predicted_decrease(p)
+    assert answers["damping"] == pytest.approx(0.01 * eased(gain), rel=1e-9)
+    assert answers["said"].startswith("The step was taken.")
+    moved = wrist(answers["dragged"]) - wrist(x + p)
+    assert moved[0] < -0.01  # m: the keys draw the wrist to the left
+    assert abs(moved[1]) < 1e-6
+
+
+def test_where_nothing_moves_the_figure_stays(tmp_path: Path) -> None:
+    """In the place of the first figure stands the page; the second page never becomes ready."""
+    need_browser()
+    with house_style():
+        figure, (ax,) = sheet(3, 2)
+        ax.plot([0, 1])
+    still = Picture(figure, "a line")
+    works = Picture(figure, "a line", arm)
+    broken = ReplayPage(arm().html.replace("figure(root", "missing(root"), "broken")
+    stays = Picture(figure, "a line", lambda: broken)
+    assert "<iframe" not in still._repr_html_()
+    assert works.still == still._repr_html_()
+    page = tmp_path / "index.html"
+    page.write_text(f"<!doctype html>{works._repr_html_()}{stays._repr_html_()}", encoding="utf-8")
+    text, complaints = dumped(page, *DRAWING)
+    frames = re.findall(r"<iframe[^>]*style=\"([^\"]*)\"", text)
+    details = re.findall(r"<details[^>]*>", text)
+    assert len(frames) == len(details) == 2, complaints
+    (height,) = re.findall(r"height: (\d+)px", frames[0])
+    assert int(height) > 300
+    assert "height: 0" in frames[1]
+    assert ["open" in one for one in details] == [False, True]
+
+
+SIDES = """
+  const one = replay.series[1];
+  answers.names = one.columns;
+  answers.points = [...one.surface(2, 1).points];
+  press("bend");
+  replay.take(1);
+  answers.said = replay.sentence.textContent;
+  answers.shown = replay.shown().map(one => one.name);
+"""
+
+
+def test_surfaces_stand_side_by_side(tmp_path: Path) -> None:
+    pipe = tube(rings=5, around=6)
+
+    def turned(axis: list[float], share: float) -> Any:
+        pose = np.zeros((2, 3))
+        return lambda angle: pipe.vertices(pose + [[0, 0, 0], share * angle * np.array(axis)])
+
+    named = {
+        name: {"whole": turned(axis, 1.0), "half": turned(axis, 0.5)}
+        for name, axis in (("twist", [1.0, 0, 0]), ("bend", [0, 0, 1.0]))
+    }
+    angles = np.radians([0, 45, 90])
+    found = recorded_side_by_side(pipe.faces, angles, named, "two ways")
+    answers = asked_of_replay(replay_page(found).html, SIDES, tmp_path)
+    assert answers["names"] == answers["shown"] == ["whole", "half"]
+    wanted = named["bend"]["half"](np.pi / 2).ravel()
+    np.testing.assert_allclose(answers["points"], wanted, atol=0.51 * GRAIN)
+    assert answers["said"] == "Turned by 90 degrees."
+    with pytest.raises(BadArgument, match="the same ways"):
+        recorded_side_by_side(pipe.faces, angles, {"a": named["bend"], "b": {}}, "")
+
+
+def test_bodies_are_shown_through_cameras_at_their_joints() -> None:
+    body = wb.load_body("small")
+    camera = wb.Camera("c/")
+    numbers = camera.values(K=np.diag([1.0, 1, 1]), R=np.eye(3), t=np.array([0, 0, 4.0]))
+    view = wb.View("c", camera, (100, 100), "joints", np.zeros((24, 2)), np.ones(24))
+    named = {"fits": {"one": body.start(), "two": body.start() | {"betas": np.ones(body.n_betas)}}}
+    found = recorded_bodies(body, named, "two", views=[view], cameras=numbers).data
+    assert found["landmarks"]["joints"] is True
+    assert len(found["views"]) == 1
+    assert found["series"][0]["said"] == ["One.", "Two."]
+    with pytest.raises(NotSupported, match="cannot pose"):
+        recorded_bodies(wb.load_body("small-scape"), named, "")
+    with pytest.raises(BadArgument, match="no body to show"):
+        recorded_bodies(body, {}, "")
+
+
+def test_a_race_is_drawn_on_the_cost_of_its_problem() -> None:
+    def bowl(places: Array) -> Array:
+        return np.asarray((places**2).sum(axis=1))
+
+    way = Way(np.array([[2.0, 1], [0, 0]]), np.array([1.0, 5]), np.array([1.0, 0]))
+    page = race_page({"bowl": Plane(bowl, np.zeros(2), {"newton": way})}, 1e-5)
+    assert unescape(page.html).count('"newton"') == 1

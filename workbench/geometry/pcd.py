@@ -1,0 +1,268 @@
+"""PCD, the format of the Point Cloud Library: ascii, binary or compressed; positions and normals.
+
+The header says how many points there are and what each holds. It is believed only as far as the
+file has bytes for it. (Point Cloud Library, The PCD file format, version 0.7; the compression is
+LZF, by Marc Lehmann.)
+"""
+
+from dataclasses import dataclass
+from itertools import chain, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.errors import cut, shown
+from workbench.geometry.polygons import text_lines
+
+LONGEST_HEADER = 2**16
+TYPES = {f"{kind}{size}": f"<{kind.lower()}{size}" for kind in "IU" for size in (1, 2, 4, 8)} | {
+    "F4": "<f4",
+    "F8": "<f8",
+}
+KINDS = ("ascii", "binary", "binary_compressed")
+POSITION, NORMAL = ("x", "y", "z"), ("normal_x", "normal_y", "normal_z")
+PADDING = "_"  # the name of bytes that mean nothing
+LARGEST_RATIO = 264 / 3  # LZF makes at most 264 bytes of 3
+MOST_BYTES = 2**31  # of the points, once they are unpacked
+RUN = 32  # control bytes below it are followed by bytes to take as they are
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloudFile:
+    """What a .pcd file holds, in the file's own unit and axes; numbers may be NaN.
+
+    Attributes:
+        points: (N, 3).
+        normals: (N, 3) of any length, or None.
+        viewpoint: (3,), from where the points were seen; None if the file does not say, or says
+            0 0 0, which is what programs write that do not know it.
+        unread: the names of the other fields.
+    """
+
+    points: Array
+    normals: Array | None
+    viewpoint: Array | None
+    unread: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Field:
+    name: str
+    dtype: str
+    count: int  # numbers in a point
+
+    @property
+    def bytes(self) -> int:
+        return np.dtype(self.dtype).itemsize * self.count
+
+
+@dataclass(frozen=True)
+class _Header:
+    fields: tuple[_Field, ...]
+    n_points: int
+    viewpoint: Array | None
+    kind: str
+    start: int  # of the data
+
+    @property
+    def bytes(self) -> int:
+        """Of all points in binary."""
+        return self.n_points * sum(field.bytes for field in self.fields)
+
+    def has(self, names: tuple[str, ...]) -> bool:
+        return all([f.count for f in self.fields if f.name == name] == [1] for name in names)
+
+
+def parse_pcd(content: bytes) -> PointCloudFile:
+    """Points, and normals and viewpoint if the file has them. Raises ValueError with the reason."""
+    header = _header(content)
+    if not header.has(POSITION):
+        found = ", ".join(shown(field.name) for field in header.fields[:10])
+        raise ValueError(
+            f"its points have no x, y and z, one number each, but {found or 'nothing'}"
+        )
+    names = POSITION + (NORMAL if header.has(NORMAL) else ())
+    read = {"ascii": _in_text, "binary": _in_rows, "binary_compressed": _in_columns}[header.kind]
+    numbers = read(content, header, names)
+    unread = (f.name for f in header.fields if f.name not in (*names, PADDING))
+    normals = numbers[:, 3:] if len(names) > len(POSITION) else None
+    return PointCloudFile(
+        np.ascontiguousarray(numbers[:, :3]),
+        normals,
+        header.viewpoint,
+        tuple(dict.fromkeys(unread)),
+    )
+
+
+def _in_text(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
+    """A point in each line."""
+    if header.n_points > len(content):
+        raise ValueError(_short(header, len(content)))
+    firsts = np.cumsum([0, *(field.count for field in header.fields)])
+    columns = [int(firsts[_at(header, name)]) for name in names]
+    lines = (line for line in text_lines(content[header.start :]) if line.strip())
+    first = list(islice(lines, 1))
+    numbers = np.zeros((0, len(names)))
+    if first:
+        rows = islice(chain(first, lines), header.n_points + 1)
+        numbers = np.loadtxt(rows, usecols=columns, ndmin=2, comments=None)
+    if len(numbers) != header.n_points:
+        follow = "more" if len(numbers) > header.n_points else f"{len(numbers):,}"
+        raise ValueError(f"its header says {header.n_points:,} POINTS, but {follow} follow")
+    return np.asarray(numbers, dtype=np.float64)
+
+
+def _in_rows(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
+    """Point after point."""
+    there = len(content) - header.start
+    if header.bytes > there:
+        raise ValueError(_short(header, there))
+    offsets = np.cumsum([0, *(field.bytes for field in header.fields)])
+    rows = np.frombuffer(content, np.uint8, header.bytes, header.start)
+    rows = rows.reshape(header.n_points, int(offsets[-1]))
+    return np.column_stack(
+        [
+            _numbers(
+                np.ascontiguousarray(rows[:, int(offsets[k]) : int(offsets[k + 1])]), header, k
+            )
+            for k in (_at(header, name) for name in names)
+        ]
+    )
+
+
+def _in_columns(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
+    """Compressed, field after field."""
+    sizes = np.frombuffer(content[header.start : header.start + 8], "<u4")
+    packed = content[header.start + 8 :]
+    if len(sizes) < 2 or sizes[0] > len(packed):
+        raise ValueError("its compressed points are cut off")
+    if header.bytes != sizes[1] or header.bytes > min(LARGEST_RATIO * sizes[0], MOST_BYTES):
+        raise ValueError(_short(header, int(sizes[1])))
+    unpacked = np.frombuffer(unpacked_lzf(packed[: int(sizes[0])], header.bytes), np.uint8)
+    ends = np.cumsum([0, *(header.n_points * field.bytes for field in header.fields)])
+    return np.column_stack(
+        [
+            _numbers(unpacked[int(ends[k]) : int(ends[k + 1])], header, k)
+            for k in (_at(header, name) for name in names)
+        ]
+    )
+
+
+def _numbers(data: NDArray[np.uint8], header: _Header, k: int) -> Array:
+    """The numbers (N,) of field k, out of its bytes for all points."""
+    with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
+        return data.reshape(-1).view(header.fields[k].dtype).astype(np.float64)
+
+
+def _at(header: _Header, name: str) -> int:
+    return next(k for k, field in enumerate(header.fields) if field.name == name)
+
+
+def _short(header: _Header, there: int) -> str:
+    return (
+        f"its header claims {shown(header.n_points)} points, and there are {there:,} bytes for them"
+    )
+
+
+def unpacked_lzf(packed: bytes, size: int) -> bytes:
+    """The `size` bytes that LZF packed. Raises ValueError if there are more or fewer of them.
+
+    A byte c below 32 says that the next c + 1 bytes are to be taken as they are. Any other repeats
+    what was unpacked before: its upper three bits are a length, to which the next byte is added if
+    they are 7, and its lower five bits are the upper part of how far back it begins. The lower part
+    is the byte that follows. The length is two more than said, and the distance one more.
+
+    >>> unpacked_lzf(bytes([2, 97, 98, 99, 4 << 5, 2]), 9)
+    b'abcabcabc'
+    """
+    found, at, end = bytearray(), 0, len(packed)
+    while at < end and len(found) <= size:
+        control, at = packed[at], at + 1
+        if control < RUN:
+            found += packed[at : at + control + 1]
+            at += control + 1
+            continue
+        length, distance = control >> 5, (control & 31) << 8
+        if at + (2 if length == 7 else 1) > end:
+            break
+        if length == 7:
+            length, at = length + packed[at], at + 1
+        distance, at = distance + packed[at] + 1, at + 1
+        if distance > len(found):
+            raise ValueError("its compressed points repeat what is before their beginning")
+        length += 2
+        piece = bytes(found[len(found) - distance :][:length])
+        found += (piece * (-(-length // distance)))[:length]  # it may repeat itself
+    if len(found) != size or at != end:
+        raise ValueError(f"its compressed points are not {size:,} bytes long")
+    return bytes(found)
+
+
+def _header(content: bytes) -> _Header:
+    said: dict[str, list[str]] = {}
+    at = 0
+    while "DATA" not in said:
+        end = content.find(b"\n", at, LONGEST_HEADER)
+        if end < 0:
+            raise ValueError("it has no header that ends in a line with DATA")
+        line, at = content[at:end].decode("latin1"), end + 1
+        match line.split():
+            case [] | ["#", *_]:
+                pass
+            case [word, *_] if word.startswith("#"):
+                pass
+            case [word, *values] if word.isupper() and word not in said:
+                said[word] = values
+            case _:
+                raise ValueError(f"its header says {shown(line)}")
+    kind = said["DATA"][0] if said["DATA"] else ""
+    if kind not in KINDS:
+        raise ValueError(f"its data are {shown(kind)}, which is none of {', '.join(KINDS)}")
+    return _Header(_fields(said), _count(said), _viewpoint(said.get("VIEWPOINT", [])), kind, at)
+
+
+def _fields(said: dict[str, list[str]]) -> tuple[_Field, ...]:
+    names = said.get("FIELDS", [])
+    sizes, types = said.get("SIZE", []), said.get("TYPE", [])
+    counts = said.get("COUNT", ["1"] * len(names))
+    if not names or not len(names) == len(sizes) == len(types) == len(counts):
+        raise ValueError(
+            f"its header has {len(names)} FIELDS, {len(sizes)} SIZE, {len(types)} TYPE and "
+            f"{len(counts)} COUNT, which should be as many"
+        )
+    found = []
+    for name, size, kind, count in zip(names, sizes, types, counts, strict=True):
+        if kind + size not in TYPES:
+            raise ValueError(f"field {shown(name)} is of type {shown(kind)} and size {shown(size)}")
+        found.append(_Field(name, TYPES[kind + size], _whole(count, "COUNT")))
+    return tuple(found)
+
+
+def _count(said: dict[str, list[str]]) -> int:
+    sizes = [_whole(said[word][0], word) for word in ("WIDTH", "HEIGHT") if said.get(word)]
+    points = said.get("POINTS", [])
+    if not points and len(sizes) < 2:
+        raise ValueError("its header does not say how many POINTS there are")
+    n_points = _whole(points[0], "POINTS") if points else sizes[0] * sizes[1]
+    if len(sizes) == 2 and sizes[0] * sizes[1] != n_points:
+        across, down = sizes
+        raise ValueError(
+            f"its header says {n_points:,} POINTS, but {across:,} times {down:,} (WIDTH, HEIGHT)"
+        )
+    return n_points
+
+
+def _whole(word: str, what: str) -> int:
+    if not (word.isascii() and word.isdecimal() and len(word) < 16):
+        raise ValueError(f"its header has {what} {shown(word)}")
+    return int(word)
+
+
+def _viewpoint(words: list[str]) -> Array | None:
+    """Where the points were seen from (3,); the rotation that follows is not needed for that."""
+    try:
+        place = np.array([float(word) for word in words[:3]])
+    except ValueError:
+        raise ValueError(f"its header has the viewpoint {cut(' '.join(words), 60)}") from None
+    return place if len(place) == 3 and place.any() else None
