@@ -337,6 +337,11 @@ source(rodrigues)
 #
 # $$ \| R_1 - R_2 \|_F = 2 \sqrt 2 \left| \sin \tfrac t2 \right| . $$
 #
+# To see it, multiply out the square: it is the trace of $R_1^\top R_1 + R_2^\top R_2 - 2 R_1^\top R_2$. The first two are
+# the identity, whose trace is three. The third contains the turn by $t$ that leads from one to the other, and the
+# trace of a turn is $1 + 2 \cos t$, as one sees about the axis $z$. So the square is
+# $6 - 2\,(1 + 2 \cos t) = 4\,(1 - \cos t) = 8 \sin^2 \tfrac t2$.
+#
 # For a small angle $t$ that is $\sqrt 2\, t$.
 
 # %%

@@ -42,7 +42,8 @@ def fall_as_they_should(shares):
 
 @mistake(
     "shares",
-    "these do not sum to one: a source forgets to divide by the sum. Far from all examples they fade away",
+    "these do not sum to one: divide by the sum of all kernels, as the lecture's formula for lambda does. Without "
+    "that, everything fades away far from the examples",
 )
 def not_divided(x, examples, width):
     return solutions.kernels(x, examples, width)
@@ -192,18 +193,28 @@ def is_bounded_where_examples_are_few(learn):
     )
 
 
-@mistake("learn", "the ridge is missing: where poses are few, P follows every noise")
+@mistake(
+    "learn",
+    "the ridge is missing: this is the P of least |F P - D|^2 alone. Add ridge times the identity to F'F before "
+    "you solve",
+)
 def without_the_ridge(F, D, ridge):
     return np.linalg.lstsq(F, D, rcond=None)[0]
 
 
-@mistake("learn", "the ridge stands before |P|^2 as it is; this has squared it")
+@mistake(
+    "learn",
+    "the ridge is squared here. It is a factor of |P|^2, and so it stands in F'F + ridge I as it is; rows of "
+    "sqrt(ridge) I below F would do the same",
+)
 def with_the_ridge_squared(F, D, ridge):
     return solutions.learn(F, D, ridge**2)
 
 
 @mistake(
-    "learn", "squares are summed and not averaged: the ridge does not grow with the number of poses"
+    "learn",
+    "this is the minimum of the *mean* of the squares plus ridge |P|^2; the task sums the squares, so that the "
+    "ridge is not multiplied by the number of poses",
 )
 def of_the_mean(F, D, ridge):
     return solutions.learn(F, D, ridge * len(F))
@@ -242,7 +253,7 @@ def explain_most(directions):
 
 @check("directions", points=1)
 def are_in_standard_deviations(directions):
-    """betas of the people have variance 1, and hang together with nothing"""
+    """betas of the people have variance 1, and are not correlated with each other"""
     mean, S = directions(PEOPLE, 3)
     covariance = np.cov(betas_of(PEOPLE, mean, S).T)
     equal(covariance, np.eye(3), "the covariance of the betas", 1e-7)
@@ -250,7 +261,8 @@ def are_in_standard_deviations(directions):
 
 @mistake(
     "directions",
-    "these columns have length one, so betas would be in metres: scale them by the standard deviation",
+    "these columns have the length one, so that betas are in metres: multiply each by the standard deviation of "
+    "people along it, s / sqrt(n - 1), and betas are in standard deviations",
 )
 def of_length_one(people, k):
     mean = people.mean(axis=0)
@@ -258,7 +270,9 @@ def of_length_one(people, k):
 
 
 @mistake(
-    "directions", "take the mean away before the decomposition, or the first direction points at it"
+    "directions",
+    "the decomposition was made of the people as they are, so that its first direction leads from zero to the "
+    "mean person: subtract the mean first",
 )
 def not_centred(people, k):
     _, s, Vt = np.linalg.svd(people, full_matrices=False)
@@ -267,7 +281,8 @@ def not_centred(people, k):
 
 @mistake(
     "directions",
-    "singular values are root sums of squares over all people: divide by the root of n - 1",
+    "the columns are too long by the root of n - 1: a singular value is the root of a *sum* of squares over all "
+    "people, and a standard deviation that of their mean",
 )
 def by_the_singular_values(people, k):
     mean, S = solutions.directions(people, k)
@@ -307,7 +322,7 @@ def is_a_mean(regressor):
     """weights are not negative, and sum to one"""
     w = regressor(KNOWN, JOINTS)
     holds(w.min() >= -1e-9, "the smallest weight", "not negative", w.min())
-    equal(w.sum(), 1, "the sum of the weights")
+    equal(w.sum(), 1, "the sum of the weights", 1e-6)
 
 
 @check("regressor", points=2)
@@ -322,14 +337,19 @@ def finds_joints_of_strangers(regressor):
 
 @mistake(
     "regressor",
-    "least squares alone: with more vertices than equations the noise is met, by weights of both signs",
+    "this is least squares without conditions. There are fewer equations than vertices, so that it meets the noise "
+    "exactly, with weights of both signs, and fails for other people; ask for weights that are not negative",
 )
 def of_least_squares(people, joints):
     A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])
     return np.linalg.lstsq(A, joints.ravel(), rcond=None)[0]
 
 
-@mistake("regressor", "the sum is not exactly one: then a joint lags behind when a person moves")
+@mistake(
+    "regressor",
+    "the weights are not negative, but their sum is not one, so that the joint lags behind when a person moves: add "
+    "the sum as one more equation, with a large factor",
+)
 def without_the_sum(people, joints):
     A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])
     return nnls(A, joints.ravel())[0]
@@ -337,13 +357,18 @@ def without_the_sum(people, joints):
 
 @mistake(
     "regressor",
-    "the mean of all vertices is near the joint for nobody in particular: fit the weights",
+    "these are equal weights, which give the middle of all vertices and not the joint: solve for the weights with "
+    "which the mean is the joint of each of these people",
 )
 def the_mean_of_all(people, joints):
     return np.full(people.shape[1], 1 / people.shape[1])
 
 
-@mistake("regressor", "one vertex is no joint: it lies on the skin")
+@mistake(
+    "regressor",
+    "this takes the nearest vertex alone, which lies on the skin; a joint lies inside, and is a mean of several "
+    "vertices around it",
+)
 def the_nearest_vertex(people, joints):
     off = np.linalg.norm(people - joints[:, None], axis=2).mean(axis=0)
     return np.eye(len(off))[off.argmin()]

@@ -24,10 +24,11 @@ def shares(x: Array, examples: Array, width: float) -> Array:
 
 
 def exact(x: Array, examples: Array, width: float) -> Array:
-    """Coefficients that bring each example's own shape back exactly where the example is.
+    """How much each example's shape counts at x, such that at an example only its own shape counts.
 
-    Sums of the kernels exp(-|x - x_i|^2 / width^2), not divided by anything, that are 1 at their
-    own example and 0 at all others.
+    The third way of the lecture: coefficient j is a sum over i of the kernels
+    exp(-|x - x_i|^2 / width^2), each with a factor that you solve for. At example j it has to be
+    one, and at all other examples zero.
 
     x (D,) rad; examples (n, D) rad; width rad -> (n,)
     """
@@ -54,8 +55,9 @@ def learn(F: Array, D: Array, ridge: float) -> Array:
 def directions(people: Array, k: int) -> tuple[Array, Array]:
     """Mean and k shape directions of people, scaled so that betas are in standard deviations.
 
-    Principal components; over the n people each of the k betas has mean 0 and variance 1, taken
-    with n - 1.
+    The directions are the first k principal components, the one of largest variance first. Over
+    the n people, each of the k betas has the mean 0 and the variance 1, where the variance is the
+    sum of squares over n - 1.
 
     people (n, m) m, a person's coordinates in each row -> (mean (m,) m, S (m, k) m)
     """
@@ -63,10 +65,12 @@ def directions(people: Array, k: int) -> tuple[Array, Array]:
 
 
 def regressor(people: Array, joints: Array) -> Array:
-    """Weights of vertices, not negative and of sum one, whose mean is a joint of these people.
+    """Weights of vertices, none negative and of sum one, with which their mean is a joint of these people.
 
-    For people who were not among them it must be right to 3 mm. There are more vertices than
-    equations, the joints have noise of 1 mm, and the true weights are few.
+    For people who were not among them the joint must be right to 3 mm on average. A person gives
+    three equations, one for each coordinate, and all people together fewer equations than there are
+    vertices. The joints have a noise of 1 mm, and only a few of the true weights are not zero. The
+    lecture's section on joints names a function and a way to ask for the sum.
 
     people (n, N, 3) m; joints (n, 3) m -> (N,)
     """

@@ -38,15 +38,15 @@ from workbench.training.locality import MaskedCholesky, local_features
 # ## What an artist would do
 #
 # The arm is the tube of lecture 4, blended linearly. We need to know how it ought to look, so we call the truth what
-# dual quaternions make of it. In the pose $\theta$ linear blending moves vertex $i$ by a matrix and an offset,
-# $v \mapsto M_i v + m_i$. We want the vertex to end at its true place $v_i^*$. If it starts at rest from its place
-# $t_i$ in the template, it does not. Suppose that it starts from $t_i + P_i$ instead. Then it ends at
-# $M_i (t_i + P_i) + m_i$, and we solve for the $P_i$ with which this is $v_i^*$:
+# dual quaternions make of it. In the pose $\theta$ linear blending moves each vertex by a matrix $M$ and an offset
+# $m$, which belong to this vertex: from $v$ to $M v + m$. We want the vertex to end at its true place $v^*$. If it
+# starts at rest from its place $t$ in the template, it does not. Suppose that it starts from $t + p$ instead. Then it
+# ends at $M (t + p) + m$. This is $v^*$ if
 #
-# $$ P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
+# $$ M (t + p) = v^* - m , \qquad \text{so that} \qquad p = M^{-1} (v^* - m) - t . $$
 #
-# All $P_i$ together are a **blend shape**: a displacement of the *rest* surface, $3 N$ numbers. Here is
-# one for an elbow bent by 90 degrees:
+# The displacements $p$ of all $N$ vertices together are a **blend shape** $P$: a displacement of the *rest* surface,
+# $3 N$ numbers. Here is one for an elbow bent by 90 degrees:
 
 # %%
 arm = tube(rings=31)
@@ -97,8 +97,8 @@ print(
 #
 # ## Between the examples
 #
-# We make several examples, each with a pose $\theta^i$ and a blend shape $P_i$. In another pose $\theta$ we let each of
-# them contribute the more, the nearer its pose is. This is called *scattered data interpolation* (Lewis, Cordner and
+# We make several examples. Example $i$ has a pose $\theta^i$ and a blend shape $P_i$ of the whole surface. In another
+# pose $\theta$ we let each of them contribute the more, the nearer its pose is. This is called *scattered data interpolation* (Lewis, Cordner and
 # Fong, *Pose Space Deformation*, 2000):
 #
 # $$
@@ -109,8 +109,12 @@ print(
 # Here $\tau$, in rad², says how far from its pose an example contributes. The library and the exercises
 # ask for its root instead, the **width** $\sqrt \tau$ in radians: at that distance from its example a
 # kernel has fallen to $1/e$. *Body Models II* (Pons-Moll and Swoboda, 2018) has $\lambda_i \propto K_i$
-# and leaves the sum out, so we try both. A third way does not divide the kernels, but solves for the
-# coefficients that reproduce the examples exactly.
+# and leaves the sum out, so we try both. A third way does not divide the kernels. It takes
+# $B_P(\theta) = \sum_i K_i(\theta)\, A_i$ with shapes $A_i$ that are not those of the examples, but are solved for so
+# that every example is met: in the pose of example $j$ the sum has to be $P_j$. With the matrix of the kernels
+# between examples, $\mathcal K_{j i} = K_i(\theta^j)$, these are the equations $\sum_i \mathcal K_{j i} A_i = P_j$, one for
+# each example. Put into the sum, their solution says that $P_j$ counts in the pose $\theta$ by entry $j$ of
+# $\mathcal K^{-1} K(\theta)$, where $K(\theta)$ is the column of the kernels. ($\mathcal K$ is symmetric.)
 
 # %%
 at = np.radians([-120, -80, -40, 0, 40, 80, 120])
@@ -161,18 +165,22 @@ Picture(
 # ## The idea: a function of the pose that is linear in what is learned
 #
 # Instead of keeping the examples, we learn from them once. We choose some **features** $f_n(\theta)$ of the pose,
-# which are few and cheap to compute, and give each of them a blend shape:
+# which are few and cheap to compute. From here on a blend shape belongs to a feature, and no longer to an example:
+# $P_n$ is that of feature $n$, and
 #
 # $$ B_P(\theta) = \sum_n f_n(\theta)\, P_n . $$
 #
 # This is linear in the $P_n$, so they are found by linear least squares (lecture 6). We write the features of each
-# example pose into a row of a matrix $F$, the displacements that it needs into a row of $D$, and the blend shapes
-# $P_n$ into the rows of $P$. Then $F P$ should be near $D$, and setting the derivative to zero gives the equation on
-# the right:
+# example pose into a row of a matrix $F$, the displacements that the example needs into a row of $D$, and the unknown
+# blend shapes $P_n$ into the rows of a matrix $P$. Row $i$ of $F P$ is then what the blend shapes give in the pose of
+# example $i$, and all of it should be near $D$:
 #
-# $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2, \qquad (F^\top F + \lambda I)\, P = F^\top D . $$
+# $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2 . $$
 #
-# The second term keeps $P$ small where examples say little. Its factor $\lambda$ is called the **ridge**.
+# The second term keeps $P$ small where examples say little. Its factor $\lambda$ is called the **ridge**. The first
+# term has the gradient $2 F^\top (F P - D)$, and the second one $2 \lambda P$. Their sum is zero if
+#
+# $$ (F^\top F + \lambda I)\, P = F^\top D . $$
 #
 # Which features? The obvious ones are the angles themselves, $f(\theta) = \theta$. SMPL takes the
 # elements of the rotation matrices, less those at rest, $\operatorname{vec}(R_k - I)$.
@@ -368,13 +376,24 @@ Picture(
 # The three are nearly parallel: within each group people differ most in stature, and the groups differ in
 # it too. So the common first direction mixes two reasons to be tall. One line of algebra shows that it has to.
 # If a share $p$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and
-# $C_2$, then everybody together has the covariance
+# $C_2$, then everybody together has the mean $\mu = p\, \mu_1 + (1 - p)\, \mu_2$. With $d = \mu_2 - \mu_1$ the two groups
+# are off that mean by $\mu_1 - \mu = -(1 - p)\, d$ and $\mu_2 - \mu = p\, d$. In each group, the mean of the squares
+# about $\mu$ is its own covariance plus the square of that. So
 #
-# $$ C = p\, C_1 + (1 - p)\, C_2 + p (1 - p)\, d\, d^\top, \qquad d = \mu_2 - \mu_1 . $$
+# $$ C = p\, \bigl( C_1 + (1 - p)^2 d\, d^\top \bigr) + (1 - p) \bigl( C_2 + p^2 d\, d^\top \bigr)
+#    = p\, C_1 + (1 - p)\, C_2 + p (1 - p)\, d\, d^\top , $$
 #
-# A difference between groups counts like one more direction of shape. To see it alone, we **make up** two
-# groups: both vary like the synthetic women, and their means differ only along the women's *fourth*
-# direction. We move the means apart:
+# because $p (1 - p)^2 + (1 - p)\, p^2 = p (1 - p)$. A difference between groups counts like one more direction of
+# shape. To see it alone, we **make up** two groups of the same size: both vary like the synthetic women, with the
+# standard deviations $s_1, s_2, \dots$ along the women's directions, and their means differ only along the *fourth*
+# direction. Let the length of this difference be $\delta$. With $p = \tfrac12$ the variance along the fourth direction
+# is $s_4^2 + \delta^2 / 4$, and along the others it stays what it was. So the fourth direction becomes the first one as
+# soon as
+#
+# $$ s_4^2 + \tfrac14 \delta^2 > s_1^2 , \qquad \text{that is,} \qquad \delta > 2 \sqrt{s_1^2 - s_4^2} . $$
+#
+# We move the means apart, look when it happens, and compare with the formula. ($\delta$ is a length in $3 N$
+# dimensions; divided by $\sqrt N$, it is the root mean square over the vertices of how far they are apart.)
 
 # %%
 within = wb.load_body("default-female").shapedirs.reshape(-1, body.n_betas)
@@ -415,7 +434,7 @@ Picture(
 )
 
 # %% [markdown]
-# From then on the first "shape" of the mixture is one along which nobody in either group varies much: the
+# It happens at 63 mm, the first of our steps that is beyond the 61 mm of the formula. From then on the first "shape" of the mixture is one along which nobody in either group varies much: the
 # coordinate says which group a person belongs to. A Gaussian prior on such a $\beta$ expects most people
 # between the groups, where there are none. Models of one group each avoid this. But each has directions of
 # its own, so the betas of one model are not those of another.
@@ -533,11 +552,11 @@ Picture(
 # Now we have all parts of SMPL. The mean person gets the shape of somebody else. Then what skinning is going to lose
 # is added, and the result is skinned by the joints of that person:
 #
-# $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
+# $$ M(\theta, \beta) = \operatorname{skin}\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; w \right) . $$
 #
-# Here $W$ is linear blend skinning, and $\mathcal W$ are its weights. (The notes *SMPL and SMPLify*, which this
-# course uses, have $\beta$ for the third argument. It is the pose.) Step by step, for the tall person of the
-# last figure:
+# Here $\operatorname{skin}$ is the linear blend skinning of lecture 4 and $w$ are its weights. (The paper on SMPL calls
+# the function $W$ and the weights $\mathcal W$. The notes *SMPL and SMPLify*, which this course uses, have $\beta$ for
+# the third argument. It is the pose.) Step by step, for the tall person of the last figure:
 
 # %%
 f_bend = (matrix_from_vector(bend) - np.eye(3))[1:].ravel()
@@ -594,7 +613,10 @@ Picture(
 )
 
 # %% [markdown]
-# In the library:
+# In the library these are two functions. In `rest`, `shaped` is $\bar T + B_S(\beta)$, `body.features(at)` is the
+# column of the features $f_n(\theta)$, and `directions(body, "posedirs", vertices)` is the matrix with $3 N$ rows whose
+# column $n$ is $P_n$, so that the product of the two is $B_P(\theta)$. In `posed`, `at` holds the rotation matrices of
+# this pose, `motions` gives the motion $G$ of each joint (lecture 3), and `body.skinning` is $\operatorname{skin}$:
 
 # %%
 source(surface.rest)

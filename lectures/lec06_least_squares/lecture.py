@@ -15,7 +15,6 @@ import scipy.optimize
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.plots import house_style, sheet
-from workbench.problem.steps import cholesky
 
 # %% [markdown]
 # ## How wrong is a guess?
@@ -59,10 +58,12 @@ print(f"F at the start: {residual(start) @ residual(start):.4f} m^2")
 # ## Downhill
 #
 # The derivatives of the residual are its **Jacobian** $J$, with a row for each entry of the residual and
-# a column for each unknown: here $4 \times 2$. A small change $p$ of $x$ changes $e$ by $J p$. By the
-# product rule, the gradient of $F$ is
+# a column for each unknown: here $4 \times 2$. A small change $p$ of $x$ changes $e$ by $J p$. What does it do
+# to $F = \sum_i e_i^2$? By the chain rule, the derivative of $e_i^2$ by the unknown $x_j$ is
+# $2 e_i\, \partial e_i / \partial x_j = 2 e_i J_{ij}$, and so
 #
-# $$ \nabla F = \nabla (e^\top e) = 2 J^\top e . $$
+# $$ \frac{\partial F}{\partial x_j} = 2 \sum_i J_{ij}\, e_i , \qquad \text{or} \qquad
+#    \nabla F = \nabla (e^\top e) = 2 J^\top e . $$
 #
 # The factor of two is easily lost: *Body Models II* (Pons-Moll and Swoboda, 2018) has $J^\top e$. Does
 # it matter? A derivative can always be checked against a difference quotient:
@@ -97,8 +98,11 @@ print("J'e, divided by it       ", printed / slope)
 # Minus half of the gradient still points downhill, so a method that only needs a direction works all the
 # same. The mistake shows as soon as a second term is added whose derivative is right. Suppose we also
 # believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$ with $w = 0.02$ m²/rad². At
-# the minimum the sum of both gradients is zero. If only one of the two is halved, their sum is zero at
-# another point:
+# the minimum the sum of both gradients is zero,
+#
+# $$ 2 J^\top e + 2 w \begin{pmatrix} 0 \\ b - 0.2 \end{pmatrix} = 0 . $$
+#
+# If only the first of the two is halved, their sum is zero at another point:
 
 # %%
 w = 0.02  # m^2/rad^2
@@ -109,16 +113,36 @@ def both(x):
     return F(x) + w * (x[1] - 0.2) ** 2
 
 
+zeros = {}
 for factor in (2, 1):
 
     def whole(x, factor=factor):
         return factor * jacobian(x).T @ residual(x) + 2 * w * np.array([0, x[1] - 0.2])
 
-    x = scipy.optimize.root(whole, truth).x
+    x = zeros[factor] = scipy.optimize.root(whole, truth).x
     print(f"{factor} J'e: elbow at {x[1]:.3f} rad, both terms together {both(x):.6f} m^2")
 
+elbows = np.linspace(0.2, 0.8, 61)  # rad
+lowest = [
+    scipy.optimize.minimize_scalar(lambda a, b=b: both((a, b)), bounds=(0, 2), method="bounded").fun
+    for b in elbows
+]
+with house_style():
+    figure, (ax,) = sheet(7.0, 3.4)
+    ax.plot(elbows, 1e3 * np.array(lowest), label="both terms, at the best shoulder")
+    for (factor, x), mark in zip(zeros.items(), ("o", "s"), strict=True):
+        ax.plot(x[1], 1e3 * both(x), mark, ms=7, label=f"where {factor} J'e + 2 w (b - 0.2) = 0")
+    ax.set(xlabel="angle of the elbow b (rad)", ylabel="both terms (10⁻³ m²)")
+    ax.legend()
+Picture(
+    figure,
+    "What both terms together amount to for each angle of the elbow, with the shoulder where it is best for it. "
+    "With the factor, the zero of the gradient (circle) is the minimum; without it, the zero (square) is on the slope.",
+)
+
 # %% [markdown]
-# The lost factor has silently doubled the weight of the belief, and the answer is off by 0.09 rad.
+# The lost factor has silently doubled the weight of the belief, and the answer is off by 0.09 rad: what is
+# zero there is half the gradient of $F + 2 w\,(b - 0.2)^2$, another function.
 #
 # The workbench has no factor that could be lost: its **cost** is $\tfrac12 \sum r^2$, where $r$ is its
 # residual, and the gradient of this cost is $J^\top r$.
@@ -179,12 +203,18 @@ print(f"the largest factor that settles at the truth: s = {2 / largest:.2f} rad^
 #
 # $$ e(x + p) \approx e + J p , $$
 #
-# and the best $p$ for the right-hand side solves a linear least-squares problem. Setting
-# the gradient of $\|e + J p\|^2$ to zero gives the **normal equations** of Gauss and Newton,
+# and the best $p$ for the right-hand side solves a linear least-squares problem. Multiplied out, what is to be
+# minimised is
+#
+# $$ \|e + J p\|^2 = (e + J p)^\top (e + J p) = e^\top e + 2 p^\top J^\top e + p^\top J^\top J\, p . $$
+#
+# Its gradient by $p$ is $2 J^\top e + 2 J^\top J\, p$. Where this is zero, we have the **normal equations** of Gauss
+# and Newton,
 #
 # $$ J^\top J\, p = - J^\top e . $$
 #
-# The unit of $p$ is rad, whatever the units of $e$, and we did not have to choose a length.
+# The matrix $J^\top J$ is in m²/rad² and the right-hand side in m²/rad, so that $p$ is in rad, whatever the units
+# of $e$ are. We did not have to choose a length.
 
 
 # %%
@@ -205,51 +235,81 @@ for k, x in enumerate(way):
 # %% [markdown]
 # Five of these steps make $F$ smaller than sixty of the others did, and each of the last steps
 # doubles the number of correct digits. In the workbench this step is a method of a `Linearization`,
-# which holds the residual and the Jacobian at a point; `damping` belongs to the next lecture.
-# `steps.automatic` computes the step in one of two ways. One is the function `cholesky`, which scales
-# the unknowns so that they have no units, and solves the normal equations. It is used if the condition
-# number of the scaled $J$ is below `CHOLESKY_UP_TO`, so that enough digits are left.
+# which holds the residual and the Jacobian at a point; `damping` and `scaling` belong to the next lecture.
+# `automatic` computes the step in one of two ways. One of them solves the normal equations. It first scales the
+# unknowns, so that they have no units: with $d_j = \|J_j\|$, the length of column $j$, it solves for $d_j\, p_j$. It is
+# used if the condition number of the scaled $J$ is below 10,000, so that enough digits are left.
 
 # %%
 source(wb.Linearization.step)
 
 # %%
-source(cholesky)
-
-# %%
+d = np.linalg.norm(jacobian(start), axis=0)  # m/rad
+scaled = jacobian(start) / d
+by_scaling = np.linalg.solve(scaled.T @ scaled, -scaled.T @ residual(start)) / d
 here = wb.Linearization(residual(start), jacobian(start))
 by_hand = np.linalg.solve(jacobian(start).T @ jacobian(start), -jacobian(start).T @ residual(start))
 print("by hand    ", by_hand)
+print("scaled     ", by_scaling)
 print("the library", here.step())
 
 # %% [markdown]
-# What does "enough digits" mean? The condition number of a matrix says by what factor solving with it
-# can enlarge rounding errors, and that of $J^\top J$ is the *square* of that of $J$. It is large if two
-# columns are nearly alike, such as those of two joints that have nearly the same effect. The
-# least-squares problem can also be solved without forming $J^\top J$, by an orthogonal factorisation,
-# and this is the library's other way. How many digits are really lost varies from case to case, so we
-# solve for twenty answers that we know and print the largest error:
+# What does "enough digits" mean? The condition number of a matrix is its largest singular value over its
+# smallest, and says by what factor solving with it can enlarge rounding errors. The singular values of
+# $J^\top J$ are the squares of those of $J$, and so its condition number is the *square* of that of $J$. It is large if
+# two columns are nearly alike, such as those of two joints that have nearly the same effect. The least-squares
+# problem can also be solved without forming $J^\top J$, by an orthogonal factorisation $J = Q R$. Because
+# $J^\top J = R^\top Q^\top Q R = R^\top R$, the normal equations become $R^\top R\, p = - R^\top Q^\top e$, and the common
+# factor $R^\top$ can be left out:
+#
+# $$ R\, p = - Q^\top e , $$
+#
+# in which only $R$ stands, with the condition number of $J$. This is the library's other way. How many digits are
+# really lost varies from case to case, so we take columns that are alike to between one and six digits, solve each
+# time for twenty answers that we know, and print the largest error of the last case:
 
 # %%
-J = np.random.default_rng(0).standard_normal((6, 2))
-J[:, 1] = J[:, 0] + 1e-6 * J[:, 1]  # two columns that are nearly alike
+both_columns = np.random.default_rng(0).standard_normal((6, 2))
 answers = np.random.default_rng(1).standard_normal((20, 2))
+WAYS = {
+    "normal equations": lambda J, y: np.linalg.solve(J.T @ J, J.T @ y),
+    "np.linalg.lstsq": lambda J, y: np.linalg.lstsq(J, y, rcond=None)[0],
+    "the library": lambda J, y: wb.Linearization(-y, J).step(),
+}
+conditions, lost = [], {name: [] for name in WAYS}
+for unlike in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+    J = both_columns.copy()
+    J[:, 1] = J[:, 0] + unlike * J[:, 1]  # two columns that are nearly alike
+    conditions.append(np.linalg.cond(J))
+    for name, solved in WAYS.items():
+        lost[name].append(max(np.abs(solved(J, J @ p) - p).max() for p in answers))
 print(f"condition of J: {np.linalg.cond(J):.0e}, of J'J: {np.linalg.cond(J.T @ J):.0e}")
-for name, solved in (
-    ("normal equations", lambda y: np.linalg.solve(J.T @ J, J.T @ y)),
-    ("np.linalg.lstsq", lambda y: np.linalg.lstsq(J, y, rcond=None)[0]),
-    ("the library", lambda y: wb.Linearization(-y, J).step()),
-):
-    print(f"{name:17} off by up to {max(np.abs(solved(J @ p) - p).max() for p in answers):.0e}")
+for name, off in lost.items():
+    print(f"{name:17} off by up to {off[-1]:.0e}")
+
+with house_style():
+    figure, (ax,) = sheet(7.0, 3.4)
+    for (name, off), mark in zip(lost.items(), ("o-", "s--", "^:"), strict=True):
+        ax.loglog(conditions, np.maximum(off, 1e-17), mark, ms=5, label=name)
+    ax.set(xlabel="condition number of J", ylabel="largest error of p")
+    ax.legend()
+Picture(
+    figure,
+    "The largest error of twenty answers, for columns that are more and more alike. By the normal equations it grows "
+    "with the square of the condition number, by an orthogonal factorisation with the number itself. The library goes "
+    "over from the one to the other between a condition number of 3,000 and one of 30,000.",
+)
 
 # %% [markdown]
 # ## What Gauss-Newton leaves out
 #
-# Newton's own method would use the second derivatives of $F$. They are
+# Newton's own method would use the second derivatives of $F$. Differentiate $\partial F / \partial x_j = 2 \sum_i e_i
+# J_{ij}$ once more, by $x_k$. The product rule gives two terms for each $i$: one in which $e_i$ is differentiated, and
+# one in which $J_{ij}$ is. The first ones add up to $2 \sum_i J_{ik} J_{ij}$, so that
 #
 # $$ \tfrac12 \nabla^2 F = J^\top J + \sum_i e_i \nabla^2 e_i , $$
 #
-# and the Gauss-Newton method leaves out the sum. At the truth all $e_i$ are zero, so that nothing is
+# and the Gauss-Newton method leaves out the sum on the right. At the truth all $e_i$ are zero, so that nothing is
 # missing; this is why the digits double. What if no $x$ fits the data exactly? Take the upper bone
 # alone, with its length $u = 0.30$ m, and one point that was seen at a distance $\rho$ from the
 # shoulder. If $\rho \neq u$, no angle makes the residual zero; at the best angle the bone points towards
@@ -271,15 +331,22 @@ for share in (0.5, 1.0, 1.5, 2.5):
     print(f"rho = {share} u: J'J = {normal.item():.3f}, left out {(H - normal).item():+.3f} m^2")
 
 # %% [markdown]
-# If $\delta$ is the error of the angle, the Gauss-Newton step of this bone is
-# $p = -(\rho / u) \sin \delta$, so the error after the step is
+# Can we say how the error shrinks? Let $\delta$ be the error of the angle. The point was seen at $(\rho, 0)$, and the
+# bone ends at $(u \cos \delta, u \sin \delta)$. So
+#
+# $$ e = \begin{pmatrix} u \cos \delta - \rho \\ u \sin \delta \end{pmatrix}, \qquad
+#    J = \begin{pmatrix} - u \sin \delta \\ u \cos \delta \end{pmatrix}, \qquad
+#    J^\top J = u^2, \qquad J^\top e = u \rho \sin \delta , $$
+#
+# because in $J^\top e$ the terms with $u^2 \sin \delta \cos \delta$ cancel. The Gauss-Newton step is
+# $p = - J^\top e / J^\top J = -(\rho / u) \sin \delta$, and the error after the step is
 #
 # $$ \delta' = \delta - \frac{\rho}{u} \sin \delta \approx \left(1 - \frac{\rho}{u}\right) \delta . $$
 #
 # Each step multiplies the error by $|1 - \rho/u|$. This is the size of the part that was left out (which
 # is negative if the point is nearer to the shoulder than the bone is long) over the part that was kept.
-# At $\rho = u$ the factor is zero, and what remains, $\delta - \sin \delta \approx \delta^3 / 6$,
-# **triples** the number of correct digits. For $\rho > 2 u$ the factor is larger than one.
+# At $\rho = u$ the factor is zero. What remains is $\delta - \sin \delta \approx \delta^3 / 6$, because the sine begins
+# with $\delta - \delta^3 / 6$, and this **triples** the number of correct digits. For $\rho > 2 u$ the factor is larger than one.
 
 
 # %%
@@ -322,8 +389,8 @@ Picture(
 # (At 1.9 u the printed factor does not yet agree with the law, which holds for small errors: after 12
 # steps the error is not small.) So full steps can lead away, even from a point that is as near to the
 # minimum as you like. Their direction is still downhill; only their length is wrong, and this time we
-# can tell. If the residual were linear, the step would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$. This
-# is the decrease that the linear model predicts; the actual decrease is $\|e\|^2 - \|e(x + p)\|^2$. The
+# can tell. If the residual were linear, the step would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$. The difference
+# of the two is the decrease that the linear model predicts; the actual decrease is $\|e\|^2 - \|e(x + p)\|^2$. The
 # library's `GaussNewton` halves the step until the actual decrease is a fair share of the predicted one;
 # lecture 7 has a better answer. Here is the bone with $\rho = 2.2\, u$, from $a = 0.5$ rad; the best
 # angle is 0.
@@ -348,9 +415,9 @@ for name in ("gauss-newton-full", "gauss-newton"):
 #
 # All of this holds for a whole body as well. Here 72 numbers for the pose and 3 for the position are
 # fitted to 369 vertices, which we compute from a known pose, so that the answer is known. `Problem`
-# builds $e$ and $J$; the steps are the same as above. In the second printed line the cost is twenty
-# times smaller, and yet one number of the pose is further off than at the start: an optimizer sees the
-# residual and not the truth.
+# builds the residual $r$, which is $e$ divided by its standard deviation of 2 mm, and its Jacobian; the steps are the
+# same as above. In the second printed line the cost is twenty times smaller, and yet one number of the pose is
+# further off than at the start: an optimizer sees the residual and not the truth.
 
 # %%
 body = wb.load_body("small")

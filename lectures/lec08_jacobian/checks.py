@@ -89,13 +89,21 @@ def is_orthonormal(null_space):
         holds(np.linalg.norm(J @ N) < 1e-9, "J N", "zero", f"{np.linalg.norm(J @ N):.1e}")
 
 
-@mistake("null_space", "the first rows of V' are what is noticed best; what is not comes last")
+@mistake(
+    "null_space",
+    "these directions are the ones that the residual notices most: singular values descend, so the directions "
+    "that it does not notice are the last rows of V', from row r on",
+)
 def of_the_first_rows(J):
     _, _, Vt = np.linalg.svd(J, full_matrices=True)
     return Vt[: J.shape[1] - solutions.rank(J)].T
 
 
-@mistake("null_space", "directions are the rows of V', not its columns: transpose what is left")
+@mistake(
+    "null_space",
+    "these are columns of V'. The directions are its rows: np.linalg.svd returns V transposed; take the rows from "
+    "r on, and transpose these",
+)
 def of_the_columns(J):
     _, _, Vt = np.linalg.svd(J, full_matrices=True)
     return Vt[:, solutions.rank(J) :]
@@ -103,7 +111,8 @@ def of_the_columns(J):
 
 @mistake(
     "null_space",
-    "a thin SVD ends at min(m, n): directions beyond are missing. Ask for full_matrices=True",
+    "directions are missing: with full_matrices=False, V' has only min(m, n) rows, so that a J with fewer rows than "
+    "columns loses what is beyond. Ask for full_matrices=True",
 )
 def of_the_thin_svd(J):
     _, _, Vt = np.linalg.svd(J, full_matrices=False)
@@ -112,8 +121,8 @@ def of_the_thin_svd(J):
 
 @mistake(
     "null_space",
-    "svd gives min(m, n) values, but V has n rows: a mask of the values is too short for a wide J. "
-    "Take the rows from the rank on",
+    "this picks rows of V' by a mask of the singular values, of which there are only min(m, n), while V' has n "
+    "rows. For a J with fewer rows than columns the mask is too short: take all rows from the rank on",
 )
 def by_a_mask_of_the_values(J):
     _, s, Vt = np.linalg.svd(J, full_matrices=True)

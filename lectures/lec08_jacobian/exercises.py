@@ -14,9 +14,10 @@ Array = np.ndarray
 
 
 def rank(J: Array) -> int:
-    """How many directions of x the residual notices, given its Jacobian.
+    """How many independent directions of x the residual notices, given its Jacobian.
 
-    Rounding must not count, whatever the units are: J may be in millimetres or in light years.
+    That is the number of singular values that are not zero. Rounding leaves small numbers in place
+    of zeros, and these must not count. J may be given in any unit, so that no fixed limit will do.
 
     J (m, n) -> a whole number
     """
@@ -24,18 +25,21 @@ def rank(J: Array) -> int:
 
 
 def null_space(J: Array) -> Array:
-    """Directions that no residual notices: orthonormal columns, as many as there are.
+    """An orthonormal basis of the directions that no residual notices: p with J p = 0.
 
-    J (m, n), of rank r -> (n, n - r)
+    J may have more rows than columns, or fewer. What is zero but for rounding counts as zero, as
+    in `rank`.
+
+    J (m, n), of rank r -> (n, n - r), a direction in each column
     """
     raise Unsolved("null_space")
 
 
 def depends(parents: list[int]) -> Array:
-    """The pattern of a chain: entry [i, k] says whether joint i moves when joint k turns.
+    """The pattern of a tree of joints: entry [i, k] is 1 if joint i moves when joint k turns, else 0.
 
-    parents[k] is the joint that k hangs on, before k in the list; -1 for the root. Joint k turns
-    about its own place.
+    parents[k] is the joint that k hangs on, which comes before k in the list; it is -1 for the
+    root. Joint k turns about its own place, so that it does not move itself.
 
     parents (K,) -> (K, K) of 0 and 1
     """

@@ -21,7 +21,7 @@ from workbench.plots import (
     plot_sparsity,
     sheet,
 )
-from workbench.problem.covariance import covariance_of
+from workbench.problem.covariance import covariance_without
 
 body = wb.load_body("small")
 pose, betas, trans = (block.symbol for block in body.blocks())
@@ -255,10 +255,14 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
 # What if the rank is not full? Then $J^\top J$ has no inverse. It is tempting to take the pseudo-inverse, which
 # replaces $1/s_i$ by zero wherever $s_i$ is zero. But this says of a direction that is not seen at all that it is
 # known exactly. With the 24 joints alone it gives the smallest standard deviation to the joints that nobody sees.
-# The library gives them an infinite one, as the following lines show:
+# The library gives them an infinite one. Here are its lines. `s` and the rows of `Vt` are the singular values above
+# the tolerance and their directions, of the Jacobian whose columns were divided by their `lengths`; so the unknowns
+# are divided by these lengths once more at the end. Then `half @ half.T` is $V S^{-2} V^\top$ of what is seen. The
+# squares of the entries of a whole orthonormal basis add up to one for each unknown. If those of the seen
+# directions do not, the rest is the unknown's part in the null space, and its variance is infinite:
 
 # %%
-source(covariance_of)
+source(covariance_without)
 
 # %%
 J_plus = np.linalg.pinv(here.jacobian)

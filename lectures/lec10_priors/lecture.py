@@ -239,8 +239,9 @@ Picture(
 # $$ \min_j \left( \tfrac12 \|L_j^{-1} (x - \mu_j)\|^2 + \tfrac12 \log \det C_j - \log c_j \right) + \text{const} , $$
 #
 # (the constant is $\tfrac n2 \log 2 \pi$). Which component that is depends on $x$, but the cost of each
-# is a sum of squares plus a number. And little is lost. The largest of $k$ terms is no more than their
-# sum, and no less than a $k$-th of it, so
+# is a sum of squares plus a number. And little is lost. The largest of $k$ terms $c_j N_j$ is no more than their
+# sum, and no less than a $k$-th of it. The logarithms keep this order, and minus the logarithm of the largest term is
+# the least of the costs, so that
 #
 # $$ 0 \;\le\; \min_j(-\log c_j N_j) + \log \sum_j c_j N_j \;\le\; \log k . $$
 
@@ -335,8 +336,9 @@ for name, found in errors.items():
 #
 # $$ \rho(x) = \frac{x^2}{\sigma^2 + x^2}, \qquad \rho(\sigma) = \tfrac12, \qquad \rho < 1, $$
 #
-# so its pull $\rho'$, the **influence**, is largest at $\sigma / \sqrt 3$, where it is
-# $3 \sqrt 3 / (8 \sigma) \approx 0.65 / \sigma$, and falls to nothing. Data that are far off have no
+# Its pull is the derivative $\rho' = 2 \sigma^2 x / (\sigma^2 + x^2)^2$, which is called the **influence**. The derivative
+# of the influence has the sign of $\sigma^2 - 3 x^2$. So the influence is largest at $x = \sigma / \sqrt 3$, where it is
+# $3 \sqrt 3 / (8 \sigma) \approx 0.65 / \sigma$, and then it falls to nothing. Data that are far off have no
 # effect.
 
 # %%

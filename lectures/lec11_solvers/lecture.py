@@ -304,7 +304,11 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
 #
 # $$ (\hat p - p)^2 \le z^2\, \frac{p (1 - p)}{n} . $$
 #
-# This is a quadratic inequality in $p$, and its ends are
+# This is a quadratic inequality in $p$. Multiplied out and sorted by powers of $p$, it is
+#
+# $$ \left( 1 + \frac{z^2}{n} \right) p^2 - 2 \left( \hat p + \frac{z^2}{2 n} \right) p + \hat p^2 \le 0 , $$
+#
+# which holds between the two zeros of its left side. So the ends of the interval are
 #
 # $$ \frac{\hat p + \frac{z^2}{2n} \pm z \sqrt{\frac{\hat p (1 - \hat p)}{n} + \frac{z^2}{4 n^2}}}
 #         {1 + \frac{z^2}{n}} . $$

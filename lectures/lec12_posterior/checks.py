@@ -143,7 +143,11 @@ def goes_along(interval):
     equal(came, solutions.interval(5 * DRAWS + 1, 0.8), "the interval", 0.05)
 
 
-@mistake("interval", "mean and deviations make an interval for a Gaussian; draws need not be one")
+@mistake(
+    "interval",
+    "this is the mean and so many standard deviations to both sides, which holds the share for a Gaussian "
+    "alone; for any draws, find the values below which the right shares of them lie",
+)
 def of_a_gaussian(draws, level):
     from scipy.stats import norm
 
@@ -151,17 +155,24 @@ def of_a_gaussian(draws, level):
     return np.column_stack([draws.mean(axis=0) - half, draws.mean(axis=0) + half])
 
 
-@mistake("interval", "1 - level is what is left out at both ends together: half of it at each")
+@mistake(
+    "interval",
+    "the interval is too narrow: 1 - level is the share that both ends together leave out, and each end "
+    "leaves out half of it",
+)
 def with_both_tails_whole(draws, level):
     return np.quantile(draws, [1 - level, level], axis=0).T
 
 
-@mistake("interval", "this is from the lowest draw on: as much has to be left out below as above")
+@mistake(
+    "interval",
+    "this begins at the lowest draw, so that all that is left out is above: leave out as much below",
+)
 def from_the_lowest(draws, level):
     return np.quantile(draws, [0, level], axis=0).T
 
 
-@mistake("interval", "high comes first here: low, then high")
+@mistake("interval", "the ends are exchanged: each row is the lower end, and then the upper one")
 def upside_down(draws, level):
     return solutions.interval(draws, level)[:, ::-1]
 
@@ -190,27 +201,46 @@ def goes_down_at_times(next_point):
         equal(next_point(bell, HIGH, LOW, u), end, f"a step to where p is 0.21 times, u = {u}")
 
 
-@mistake("next_point", "this never goes down: it climbs, and does not draw")
+@mistake(
+    "next_point",
+    "this never takes a step to a lower density, so that the chain climbs to the top and stays there; such "
+    "a step is taken with the probability p(y) / p(x)",
+)
 def climbing(log_p, x, y, u):
     return y if log_p(y) > log_p(x) else x
 
 
-@mistake("next_point", "everything is taken here: where p is lower, chance decides")
+@mistake(
+    "next_point",
+    "every step is taken here, so that the density has no say; where p(y) is lower than p(x), compare the "
+    "number that was drawn with their ratio",
+)
 def taking_all(log_p, x, y, u):
     return y
 
 
-@mistake("next_point", "the ratio is p(y) / p(x), the new one above")
+@mistake(
+    "next_point",
+    "the ratio is upside down: it is the density at the new point, p(y), over that at the old one",
+)
 def with_the_ratio_turned(log_p, x, y, u):
     return y if np.log(u) < log_p(x) - log_p(y) else x
 
 
-@mistake("next_point", "log_p is a logarithm: the ratio of densities is exp of the difference")
+@mistake(
+    "next_point",
+    "log_p answers logarithms, and this divides them; the ratio of the densities is the exponential of "
+    "log_p(y) - log_p(x)",
+)
 def with_a_ratio_of_logarithms(log_p, x, y, u):
     return y if u < log_p(y) / log_p(x) else x
 
 
-@mistake("next_point", "u has to be below the ratio: then the step is taken with that probability")
+@mistake(
+    "next_point",
+    "the step is taken here if the number that was drawn is above the ratio; a uniform number is below 0.2 "
+    "in a fifth of all cases, so the step has to be taken if it is below",
+)
 def above_the_ratio(log_p, x, y, u):
     return x if np.log(u) < log_p(y) - log_p(x) else y
 
@@ -285,13 +315,24 @@ def two_pieces(x):
     return np.logaddexp(left, right + np.log(2))
 
 
+def narrow(x):
+    """Deviations 2 and 0.01, turned by 45 degrees."""
+    return -0.25 * ((x[0] + x[1]) / 2.0) ** 2 - 0.25 * ((x[1] - x[0]) / 0.01) ** 2
+
+
 def bent(x):
-    """A standard bell, bent: x_1 - x_0^2 / 2 has the deviation 0.5."""
-    return -0.5 * x[0] ** 2 - 2.0 * (x[1] - 0.5 * x[0] ** 2) ** 2
+    """A standard bell, bent: x_1 - x_0^2 / 4 has the deviation 0.5."""
+    return -0.5 * x[0] ** 2 - 2.0 * (x[1] - 0.25 * x[0] ** 2) ** 2
 
 
-def has_moments(draw, density, start, mean, sd, what):
-    came = draw(density, np.array(start), 2000)
+SLANT = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2)  # along and across, turned by 45 degrees
+
+
+def has_moments(draw, density, start, mean, sd, what, directions=None):
+    """Of 1000 draws, along the directions (2, 2) of the density, or along the axes."""
+    came = draw(density, np.array(start), 1000)
+    if directions is not None:
+        came = came @ np.transpose(directions)
     off = np.abs(came.mean(axis=0) - mean) / sd
     holds((off < 0.25).all(), f"means of draws from {what}", mean, came.mean(axis=0))
     ratio = came.std(axis=0) / sd
@@ -300,10 +341,24 @@ def has_moments(draw, density, start, mean, sd, what):
 
 @check("draw", points=1)
 def is_right_for_one_piece(draw):
-    """means and deviations are right for a slanted bell and for a bent one"""
+    """means and deviations are right for a slanted, a narrow and a bent bell"""
     has_moments(draw, slanted, [1.0, 1.0], np.zeros(2), np.ones(2), "a slanted bell")
     has_moments(
-        draw, bent, [0.0, 0.0], np.array([0.0, 0.5]), np.array([1.0, np.sqrt(0.75)]), "a bent bell"
+        draw,
+        narrow,
+        [1.0, 1.0],
+        np.zeros(2),
+        np.array([2.0, 0.01]),
+        "a bell of 2 by 0.01, along and across",
+        SLANT,
+    )
+    has_moments(
+        draw,
+        bent,
+        [0.0, 0.0],
+        np.array([0.0, 0.25]),
+        np.array([1.0, np.sqrt(0.375)]),
+        "a bent bell",
     )
 
 
@@ -315,12 +370,19 @@ def finds_the_second_piece(draw):
         has_moments(draw, two_pieces, start, mean, sd, "two pieces")
 
 
-@mistake("draw", "these are Laplace's draws: one bell, about one point; look further")
+@mistake(
+    "draw",
+    "these are draws from one round bell about the start, whatever the density is: ask log_p where to go",
+)
 def by_laplace(log_p, start, count):
     return start + 0.5 * np.random.default_rng(0).standard_normal((count, 2))
 
 
-@mistake("draw", "this climbs and stays at the top: a step down has to be taken at times")
+@mistake(
+    "draw",
+    "this climbs and stays at the top: a step to a lower density has to be taken at times, with the "
+    "probability p(y) / p(x)",
+)
 def by_climbing(log_p, start, count):
     rng, x, chain = np.random.default_rng(0), np.array(start, dtype=float), []
     for _ in range(count):
@@ -332,7 +394,22 @@ def by_climbing(log_p, start, count):
 
 @mistake(
     "draw",
-    "steps this short do not get from piece to piece, nor far in one: mix in longer ones",
+    "steps of one size are too long for the width of a density, or too short for its length: let the steps "
+    "have its shape, as walkers do that take them from each other",
+)
+def with_steps_of_one_size(log_p, start, count):
+    rng, x, chain = np.random.default_rng(0), np.array(start, dtype=float), []
+    for _ in range(4 * count):
+        y = x + 1.0 * rng.standard_normal(2)
+        x = y if np.log(rng.uniform()) < log_p(y) - log_p(x) else x
+        chain.append(x)
+    return np.array(chain[3::4])
+
+
+@mistake(
+    "draw",
+    "steps this short do not get from one piece to the other, and not far in one of them: longer ones are "
+    "needed as well",
 )
 def with_short_steps(log_p, start, count):
     rng, x, chain = np.random.default_rng(0), np.array(start, dtype=float), []
@@ -343,7 +420,10 @@ def with_short_steps(log_p, start, count):
     return np.array(chain)
 
 
-@mistake("draw", "a proposal that is refused counts the old point again; here it is not counted")
+@mistake(
+    "draw",
+    "where a proposal is refused, the old point counts once more; here only those that were taken count",
+)
 def without_refused_ones(log_p, start, count):
     rng, x, chain = np.random.default_rng(0), np.array(start, dtype=float), []
     for _ in range(5 * count):

@@ -33,17 +33,20 @@ def deviations(J: Array) -> Array:
 
 
 def interval(draws: Array, level: float) -> Array:
-    """The central interval of each entry: as many draws are below it as above.
+    """The central interval of each entry: it holds the share `level`, and as many draws are below it as above.
 
     draws (S, k), level a share such as 0.9 -> (k, 2), low and high; np.quantile is allowed
     """
     raise Unsolved("interval")
 
 
-def next_point(log_p, x: Array, y: Array, u: float) -> Array:
-    """Where Metropolis goes on, from x, if y is proposed and u was drawn uniformly from 0 to 1.
+def next_point(log_p, x: Array, y: Array, drawn: float) -> Array:
+    """The point after x in the chain of Metropolis: y, which was proposed, or x once more.
 
-    log_p takes (n,) and answers the logarithm of the density; x (n,), y (n,), u above 0 -> (n,)
+    The step is taken with the probability that the lecture says. To decide, a number was `drawn`
+    uniformly from 0 to 1, so that it is below a probability P in a share P of all cases.
+
+    log_p takes (n,) and answers the logarithm of the density; x (n,), y (n,), drawn above 0 -> (n,)
     """
     raise Unsolved("next_point")
 
@@ -62,9 +65,13 @@ def stretch(x: Array, other: Array, z: float) -> tuple[Array, float]:
 def draw(log_p, start: Array, count: int) -> Array:
     """Draws from a density in two dimensions that may be narrow, slanted, bent, or in two pieces.
 
-    By any method of yours (not by emcee), with random numbers of a fixed seed. Means and deviations
-    of your draws must be right to a fifth of a deviation. Scales are of order one, from 0.3 to 2; pieces
-    are at most 4 apart; count is 2000, and you may ask log_p ten times as often.
+    Use any method of your own (not emcee), and random numbers of a fixed seed. You are not told which
+    density it is. Four are tried, and one of them is two hundred times as long as wide, so that no
+    single size of steps will do. Standard deviations are between 0.01 and 2, along directions of any
+    slant, and pieces are at most 4 apart. Along the directions of the density, the mean of your draws
+    must be right to a quarter of a standard deviation, and the standard deviations to a fifth; with
+    two pieces, that asks for the right share of draws in each. `count` is 1000, and about ten calls of
+    log_p for each draw are enough.
 
     log_p takes (2,) and answers the logarithm of the density; start (2,); count -> (count, 2)
     """

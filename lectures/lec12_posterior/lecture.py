@@ -18,7 +18,7 @@ from workbench.experiments import find
 from workbench.plots import house_style, sheet
 from workbench.replay.bodies import recorded_bodies
 from workbench.sampling import laplace, sample
-from workbench.sampling.mixing import integrated_time
+from workbench.sampling.autocorrelation import integrated_time
 
 # %% [markdown]
 # ## A bone in one image
@@ -60,20 +60,26 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 #
 # Suppose that the error of the detector is Gaussian, and that what we knew before is Gaussian too. Bayes' rule
 # says that an angle is the more probable, the better it explains what was seen, and the more probable it was
-# before. The probability density after the image was seen is called the **posterior**. Up to a constant factor it
-# is the product of the two:
+# before. Let $y$ be where the detector found the wrist; it differs from $u(\varphi)$, where the wrist is seen, by the
+# detector's error. The probability density of the angle after the image was seen is called the **posterior**. Up to a
+# constant factor it is the product of the two:
 #
-# $$ p(\varphi \mid u) \propto e^{-(u(\varphi) - u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
+# $$ p(\varphi \mid y) \propto e^{-(u(\varphi) - y)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
 #
-# On the right, the two exponents are added, and their sum is minus half of the sum of squares of the residuals,
-# each divided by its sigma. That is why the workbench divides each residual by its sigma: the cost *is* minus the
+# The product of two exponentials is the exponential of the sum of their exponents. This sum is minus half of the sum
+# of squares of the residuals $(u(\varphi) - y) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides each residual by its sigma: the cost *is* minus the
 # logarithm of the posterior, up to a constant. The least cost is the highest point of the posterior.
 #
 # ## An error bar, the usual way
 #
 # Let $\hat \varphi$ be the angle with the least cost. Near it, the vector of whitened residuals is nearly linear,
-# $r(\hat \varphi) + J\, (\varphi - \hat \varphi)$. The cost is half of its square. At the minimum the linear term
-# vanishes, so that
+# $r + J\, (\varphi - \hat \varphi)$, where $r$ and $J$ are taken at $\hat \varphi$. The cost is half of its square,
+#
+# $$ \text{cost} \approx \tfrac12 r^\top r + r^\top J\, (\varphi - \hat \varphi)
+#    + \tfrac12 (\varphi - \hat \varphi)^\top J^\top J\, (\varphi - \hat \varphi) . $$
+#
+# The first term is a constant. In the second one stands the gradient $J^\top r$ (lecture 6), which is zero at the
+# minimum. So the third one alone is left:
 #
 # $$ \text{cost} \approx \text{const} + \tfrac12 (\varphi - \hat \varphi)^\top J^\top J\, (\varphi - \hat \varphi) . $$
 #
@@ -292,7 +298,8 @@ Picture(
 # $z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
 # becomes $z^{k-1}$. If $z$ is drawn uniformly instead, $g(1/z) = g(z)$, and the right factor is $z^{k-2}$. What
 # happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$? We try both on a Gaussian in two dimensions whose
-# standard deviation is 1:
+# standard deviation is 1. (A $z$ with the density $g$ is made of a number $q$ that is uniform from 0 to 1: it is the
+# $z$ below which a share $q$ of the draws lies. The share below $z$ is $\sqrt{2 z} - 1$, so that $z = (1 + q)^2 / 2$.)
 
 
 # %%
@@ -314,7 +321,8 @@ def stretched(drawn, k=2, walkers=100, steps=1000):
     return np.reshape(kept, (-1, k))
 
 
-right_z, wrong_z = stretched(lambda u: (1 + u) ** 2 / 2), stretched(lambda u: 0.5 + 1.5 * u)
+right_z = stretched(lambda share: (1 + share) ** 2 / 2)
+wrong_z = stretched(lambda share: 0.5 + 1.5 * share)
 print(f"z with a density of 1 / sqrt z: standard deviation {right_z.std():.2f}")
 print(f"z uniform, the same factor:     standard deviation {wrong_z.std():.2f}")
 
@@ -340,7 +348,11 @@ Picture(
 # The workbench has the stretch move, but its default is another one with the same property, called differential
 # evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in
 # different modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half,
-# from which they take their steps, stands still. We let walkers go for our two angles, and compare with the grid:
+# from which they take their steps, stands still. We let walkers go for our two angles, and compare with the grid.
+# (With two angles that may both be turned towards the camera or away from it, there are four modes.) The first printed
+# line is the verdict on the draws; the next section says what its numbers mean. It also counts the
+# modes to which a few searches from elsewhere have led. They are a test and no census: they may miss a mode in which
+# the draws are, and here they have found fewer than the four that the figure below shows.
 
 # %%
 draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
@@ -420,7 +432,11 @@ Picture(
 # if the chain is much longer than its memory. For $N$ independent draws it would be $s^2 / N$. So $N$ draws are worth
 # $N / \tau$ independent ones. The number $\tau$, which is counted in steps, is called the **autocorrelation time**.
 #
-# Now $\tau$ itself has to be estimated from the chain, and a chain that is too short makes its own memory look short.
+# Now $\tau$ itself has to be estimated from the chain. The sum cannot go on to the end of the chain, because the
+# correlations of draws that are far apart are nothing but noise, and there are many of them. Sokal's rule ends it at
+# the first $t$ that is at least five times the sum up to there (`WINDOW` below). The lines compute the sum for every
+# possible end, `times`, and take the first one that obeys the rule; `autocovariance` is the library's function for the
+# products of draws that are $t$ steps apart, summed over all walkers. And a chain that is too short makes its own memory look short.
 # The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods in Statistical
 # Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows. Besides, several
 # ensembles that began apart must agree: R-hat, the spread of all draws together over that within the ensembles, must

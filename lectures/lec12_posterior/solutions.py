@@ -23,8 +23,8 @@ def interval(draws: Array, level: float) -> Array:
     return np.quantile(draws, [tail, 1 - tail], axis=0).T
 
 
-def next_point(log_p, x: Array, y: Array, u: float) -> Array:
-    return y if np.log(u) < log_p(y) - log_p(x) else x
+def next_point(log_p, x: Array, y: Array, drawn: float) -> Array:
+    return y if np.log(drawn) < log_p(y) - log_p(x) else x
 
 
 def stretch(x: Array, other: Array, z: float) -> tuple[Array, float]:
@@ -32,14 +32,20 @@ def stretch(x: Array, other: Array, z: float) -> tuple[Array, float]:
 
 
 def draw(log_p, start: Array, count: int) -> Array:
-    rng, each = np.random.default_rng(0), 6  # steps to a draw: neighbours are much alike
-    sizes = rng.choice([0.3, 0.8, 2.5], size=(count * each, 1))  # for what is narrow, and to jump
-    steps = sizes * rng.standard_normal((count * each, 2))
-    levels = np.log(rng.uniform(size=count * each))
-    chain, x, here = [], np.array(start, dtype=float), log_p(start)
-    for step, level in zip(steps, levels, strict=True):
-        there = log_p(x + step)
-        if level < there - here:
-            x, here = x + step, there
-        chain.append(x)
-    return np.array(chain[each - 1 :: each])
+    # differential evolution: steps are differences of walkers, so that they have the density's shape
+    rng, walkers, each = np.random.default_rng(0), 25, 8  # steps of a walker to a draw
+    x = start + 2.5 * rng.standard_normal((walkers, 2))  # far enough to be in every piece
+    here = [log_p(one) for one in x]
+    rounds = each * count // walkers
+    kept = []
+    for k in range(rounds + rounds // 4):  # the first rounds depend on the start
+        for i in range(walkers):
+            a, b = rng.integers(walkers, size=2)
+            factor = 1.0 if rng.uniform() < 0.2 else 1.19  # 1 leads from piece to piece
+            y = x[i] + factor * (x[a] - x[b]) + 1e-4 * rng.standard_normal(2)
+            there = log_p(y)
+            if np.log(rng.uniform()) < there - here[i]:
+                x[i], here[i] = y, there
+        if k >= rounds // 4:
+            kept.append(x.copy())
+    return np.concatenate(kept)[:: len(kept) * walkers // count][:count]

@@ -49,6 +49,7 @@ from workbench.registration import (
     scan_starts,
     support,
 )
+from workbench.registration.icp_steps import gauss_newton_directions
 from workbench.residuals import Residual, distance, geman_mcclure, offset, scaled, scan_to_model
 from workbench.solvers import GaussNewton, TrustRegion
 from workbench.synthetic import Clutter, HalfSpace, Holes, Noise, people, scan, scanners
@@ -79,11 +80,18 @@ def mean_distance(found, truth):
 #
 # $$ \min_{R, t} \sum_i \| R p_i + t - q_i \|^2 , $$
 #
-# and it has a solution in closed form: the rotation nearest to $\sum_i (q_i - \bar q)(p_i - \bar p)^\top$,
-# where bars are means (Umeyama, *Least-squares estimation of transformation parameters between two point
-# patterns*, 1991). Such pairs $(p_i, q_i)$ are called **correspondences**. Three cases: the pairs are right;
-# the scanner counted one axis the wrong way round, so that the points are mirrored; and the pairs are right
-# but nobody wrote them down, and we take the points in the order in which they come.
+# and it has a solution in closed form (Umeyama, *Least-squares estimation of transformation parameters between two
+# point patterns*, 1991). For a given $R$ the best $t$ makes the mean of the differences zero, so that
+# $t = \bar q - R \bar p$, where bars are means. Let $p_i' = p_i - \bar p$ and $q_i' = q_i - \bar q$. What is left is
+#
+# $$ \sum_i \| R p_i' - q_i' \|^2 = \sum_i \| p_i' \|^2 + \sum_i \| q_i' \|^2 - 2 \sum_i q_i'^\top R p_i' , $$
+#
+# because a rotation changes no length. Only the last sum depends on $R$. It is the trace of $R^\top \Sigma$ with
+# $\Sigma = \sum_i q_i' p_i'^\top$, and the rotation of the largest trace is the one that is nearest to $\Sigma$: with
+# $\Sigma = U S V^\top$, it is $R = U \operatorname{diag}(1, 1, \pm 1)\, V^\top$, where the sign makes the determinant
+# one (lecture 9). The pairs $(p_i, q_i)$ are called **correspondences**. We try three cases. In the first one the pairs
+# are right. In the second one the scanner counted one axis the wrong way round, so that the points are mirrored. In the
+# third one the pairs are right but nobody wrote them down, and we take the points in the order in which they come.
 
 # %%
 tree = SurfaceTree(skin, body.faces)
@@ -99,8 +107,10 @@ cases = {
     "mirrored points": (points * MIRROR, places),
     "order of arrival": (points, rng.permutation(places)),
 }
+landed = {}
 for name, (p, q) in cases.items():
     motion = procrustes(p, q)
+    landed[name] = motion(p)
     print(
         f"{name:17} det R = {np.linalg.det(motion.R):+.0f}, "
         f"points end {mean_distance(motion(p), places):6.1f} mm from their places"
@@ -111,6 +121,21 @@ Q = U @ Vt
 print(
     f"mirrored, det free: det Q = {np.linalg.det(Q):+.0f}, "
     f"points end {mean_distance((p - p.mean(axis=0)) @ Q.T + q.mean(axis=0), places):6.1f} mm away"
+)
+
+with house_style():
+    figure, axes = sheet(10, 4.2, columns=3)
+    for ax, (name, ends) in zip(axes, landed.items(), strict=True):
+        ax.add_collection(painted(skin[:, :2], skin, body.faces))
+        ax.plot(*ends[::4].T[:2], ".", color="C0", ms=3)
+        ax.set(title=name, xlabel="x (m)", aspect="equal")
+        ax.set(xlim=(-0.85, 0.45), ylim=(-1.0, 0.9), xticks=(-0.8, -0.4, 0, 0.4))
+    axes[0].set_ylabel("y (m)")
+Picture(
+    figure,
+    "Every fourth point of the scan, where the best rotation and translation take it, and the mesh, seen along z. "
+    "With right pairs the points lie on the mesh. No rotation takes mirrored points there. With pairs that are wrong "
+    "they end anywhere.",
 )
 
 # %% [markdown]
@@ -126,9 +151,9 @@ print(
 # place on the surface. On a triangle with corners $v_1, v_2, v_3$ it is $s = \sum_k b_k v_k$ with shares
 # $b_k \ge 0$ whose sum is one: inside the triangle, on an edge (one share is zero) or at a corner (two
 # are). A point with its closest place is a **contact**. `SurfaceTree` finds the contact of a point by a
-# tree of boxes, without asking all triangles. And now alternate: contacts, the motion by Procrustes, new
-# contacts, again. This is the method of **iterated closest points**, ICP (Besl and McKay, *A method for
-# registration of 3-D shapes*, 1992).
+# tree of boxes, without asking all triangles. Then alternate: find the contacts, move the points by Procrustes'
+# motion onto them, find the new contacts, and so on. This is the method of **iterated closest points**, ICP (Besl and
+# McKay, *A method for registration of 3-D shapes*, 1992).
 
 
 # %%
@@ -169,10 +194,12 @@ Picture(
 
 # %% [markdown]
 # It works although most of the first contacts are wrong. There is a reason for it that does not depend on
-# the example: given the motion, contacts are the best pairs; given the pairs, Procrustes is the best
-# motion. So neither half of a step can raise the sum of squared distances from the surface. But it can
-# stop at a motion that is wrong, and it is slow: after 5 steps the points are still centimetres from
-# their own places. (In the end they are 3 mm from them: this is the length of their own noise.)
+# the example. Let $D$ be the sum of squared distances of the points from their contacts. The points move by the
+# motion that is best for these contacts, so that $D$ does not grow. Then each point takes its closest place, which is
+# no farther away than the contact that it had, so that $D$ does not grow either. So neither half of a step can raise
+# the sum of squared distances from the surface. But the method can stop at a motion that is wrong, and it is slow:
+# after 5 steps the points are still centimetres from their own places. (In the end they are 3 mm from them, which is
+# the length of their own noise.)
 #
 # ## Let points slide
 #
@@ -182,13 +209,22 @@ Picture(
 #
 # The repair is to ask for less. Chen and Medioni (*Object modelling by registration of multiple range
 # images*, 1992) measure the distance from the plane that touches the surface at the contact, $n^\top (p - s)$
-# with the unit normal $n$: **point to plane**. Along the plane a point may slide as it likes. The third
-# form takes the distance from the surface itself, $d(p) = \min_s \|p - s\|$, and makes a Gauss-Newton
-# step on it, with the direction $u = (p - s) / \|p - s\|$ in place of the normal. Inside a triangle the two
-# directions agree up to the sign; they differ at edges and corners.
+# with the unit normal $n$. This form is called **point to plane**. Along the plane a point may slide as it likes.
+# There is no closed form for the best motion any more, but a small motion takes $p$ to $p + \omega \times p + v$, with a
+# rotation vector $\omega$ and a translation $v$ (lecture 2), and for this the distance from the plane is linear in the
+# six unknowns:
+#
+# $$ n^\top (p + \omega \times p + v - s) = n^\top (p - s) + (p \times n)^\top \omega + n^\top v . $$
+#
+# (The triple product $n^\top (\omega \times p)$ is $\omega^\top (p \times n)$.) So each point gives a row
+# $((p \times n)^\top, n^\top)$ of a linear least-squares problem. The third form takes the distance from the surface
+# itself, $d(p) = \min_s \|p - s\|$, and makes a Gauss-Newton step on it. We shall see below that this only puts the
+# direction $u = (p - s) / \|p - s\|$ in place of the normal. Inside a triangle the two directions agree up to the sign;
+# they differ at edges and corners. In the library's lines, `u` are these directions, or the normals where a point
+# lies on the surface, and `_linear_step` solves the rows for $\omega$ and $v$:
 
 # %%
-source(distance_gauss_newton)
+source(gauss_newton_directions, distance_gauss_newton)
 
 # %%
 STEPS = {
@@ -236,19 +272,27 @@ Picture(
 #
 # $$ r_i(\theta, \beta, t) = \min_{s \in M(\theta, \beta) + t} \| p_i - s \| , $$
 #
-# counted as negative behind the surface. If the normals of the scan are known (a depth camera sees how the
+# which is counted as negative behind the surface. If the normals of the scan are known (a depth camera sees how the
 # surface lies), only triangles that face the same way can be in contact, so that the front of a hand does not
 # stick to its back; and points that are farther away than `within` have no contact. The residual looks for the
-# contacts at every linearization and holds them, and the direction $u$, while it takes the derivative. Move a
-# corner of the triangle: if $s = \sum_k b_k v_k$ with the shares $b_k$ held, then
+# contacts at every linearization and holds them, and the direction $u$, while it takes the derivative.
+#
+# What is the derivative? The distance is $r = u^\top (p - s)$, with the contact $s = \sum_k b_k v_k$. Let the corners $v_k$
+# move a little, by $dv_k$. In general, the direction $u$ and the shares $b_k$ change as well, by $du$ and $db_k$:
+#
+# $$ dr = du^\top (p - s) - u^\top \sum_k b_k\, dv_k - u^\top \sum_k db_k\, v_k . $$
+#
+# The first term is zero. For $p - s = r u$, and $u$ always has length one, so that $u^\top du = 0$. The third term is
+# zero as well: $\sum_k db_k\, v_k$ is the way on which the contact slides *along the triangle*, and at the closest place
+# $u$ is perpendicular to every way on which the contact can slide. (On an edge it can slide along the edge only, and
+# at a corner not at all.) The second term is left, which is the derivative with the shares and the direction held:
 #
 # $$ \frac{\partial r}{\partial v_k} = - b_k\, u . $$
 #
-# That is all, and it is exact. At a minimum, a small move of $s$ along the surface does not change the distance
-# to first order, so that it does not matter whether $s$ moves along. (This is the **envelope theorem**;
-# for minima over a set it is due to Danskin, *The theory of max-min* (1967). It fails only where two places are
-# equally close: there the distance has a kink.) So choosing the contacts anew
-# at every linearization is no alternation: it is Gauss-Newton on the true cost. We check it against
+# That is all, and it is exact. (In general it is called the **envelope theorem**; for minima over a set it is due to
+# Danskin, *The theory of max-min* (1967). It fails only where two places are equally close: there the distance has a
+# kink.) So choosing the contacts anew at every linearization is no alternation: it is Gauss-Newton on the true cost.
+# We check it against
 # central differences, for which contacts are chosen anew at both ends. Beside it we put the form `offset`,
 # which has the three coordinates of $p - s$ in place of the distance, as point to point does. Half of its
 # sum of squares is the same cost.
@@ -309,9 +353,10 @@ for name, problem in problems.items():
 # body moves, and with the contact held it does not. And yet both have the right slope of the *cost*: the
 # missing part is along the surface, and $p - s$ is perpendicular to it. So both go downhill, and both
 # stop where the true gradient is zero. What differs is the length of the step. $J^\top J$ of the offset
-# contains, for each point, what it would cost to slide, which in truth is nearly nothing. This is the law of
-# lecture 6: every step multiplies the error by the part that $J^\top J$ has wrong over the part that was
-# kept, and where points slide this is nearly one.
+# contains, for each point, what it would cost to slide along the surface, which in truth is nearly nothing. In
+# lecture 6, every step of Gauss-Newton multiplied the error by the part of the Hessian that was left out over the part
+# that was kept. Here the kept part is too large in the directions in which points slide: what is to be taken away from
+# it is nearly all of it, so that the factor is nearly one, and the steps creep.
 #
 # `Problem.frozen` holds the contacts not for a derivative but for good. The problem is then an ordinary
 # one, with an expression of its own:
@@ -435,8 +480,9 @@ Picture(
 )
 
 # %% [markdown]
-# The loss $\rho(d) = d^2 / (1 + (d / c)^2)$ has one length, the scale $c$, here 3 cm: from there on a point
-# is hardly believed.
+# The loss is $\rho(d) = d^2 / (1 + (d / c)^2)$. A point with $d$ much smaller than $c$ costs $d^2$, as in least squares,
+# and one with $d$ much larger costs $c^2$, wherever it is. So there is one length, the scale $c$, here 3 cm, from which
+# on a point is hardly believed.
 #
 # ## Bodies bend
 #
@@ -573,8 +619,8 @@ Picture(
 # ## What betas cannot say
 #
 # The best fit of the model is off by about a centimetre, although the noise is 2 mm and there are
-# thousands of points. It cannot be better: the person's own bumps are not in the shape space. So give up the model,
-# and let all vertices be free? The distance from the scan is then the only thing that counts, and there
+# thousands of points. It cannot be better: the person's own bumps are not in the shape space. Should we give up the
+# model, and let all vertices be free? The distance from the scan is then the only thing that counts, and there
 # is a quick way to make it zero: move every vertex to the point of the scan that is closest to it.
 
 # %%
@@ -618,9 +664,11 @@ print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no cont
 #
 # Free vertices need the model after all, not as their place, but as their shape. Keep both: the
 # vertices $V$ and the model $M$, and ask that the *edges* of $V$ be like those of $M$. With the matrix $A$
-# that takes vertices to the differences along all edges, the **coupling** is
+# that takes vertices to the differences along all edges (a row of $A$ has a $1$ at one end of an edge, a $-1$ at the
+# other one, and zeros elsewhere), the **coupling** is
 #
-# $$ E_C = \frac{1}{\sigma_C^2} \| A V - A M(\theta, \beta) \|^2 . $$
+# $$ E_C = \frac{1}{\sigma_C^2} \| A V - A M(\theta, \beta) \|^2
+#    = \frac{1}{\sigma_C^2} \sum_{(i, j)} \| (V_i - V_j) - (M_i - M_j) \|^2 . $$
 #
 # (This is the coupling of Hirshberg, Loper, Rachlin and Black, *Coregistration* (2012), who couple
 # triangles, and of Bogo, Romero, Loper and Black, *FAUST* (2014).) It does not see a translation of all
@@ -937,13 +985,20 @@ Picture(
 # what the template says along the skin, and then the template keeps what the scans repeat.
 #
 # So a registration is no observation: the part of it that the scan did not see is an echo of the model. What a scan does
-# say of a vertex is left when the vertex is eliminated. If the scan alone would put it at $t$ with the precision $L$
-# (zero along the skin, and everywhere if it is hidden), then the best $V$ for a given $T$ leaves
+# say of a vertex is left when the vertex is eliminated. Let us do so along one direction. The scan alone would put the
+# vertex at $t$ with the precision $L$ (which is zero along the skin, and everywhere if the vertex is hidden), and the
+# coupling puts it at $T$ with the precision $\kappa = \sigma_C^{-2}$. Together they cost
+# $L\,(V - t)^2 + \kappa\,(V - T)^2$. The derivative by $V$ is zero at the weighted mean
 #
-# $$ \min_V \; L\,(V - t)^2 + \frac{(V - T)^2}{\sigma_C^2} = \frac{C\,(T - t)^2}{\sigma_C^2} ,
-# \qquad C = \frac{L}{L + \sigma_C^{-2}} , $$
+# $$ V = \frac{L t + \kappa T}{L + \kappa} , \qquad V - t = \frac{\kappa\,(T - t)}{L + \kappa} , \qquad
+#    V - T = - \frac{L\,(T - t)}{L + \kappa} . $$
 #
-# a cost of the template alone, with the weight $C$ that was missing. `workbench coregister` gives such weights, a
+# Put into the cost, this leaves $L \kappa\,(\kappa + L)\,(T - t)^2 / (L + \kappa)^2$, or
+#
+# $$ \min_V \; L\,(V - t)^2 + \kappa\,(V - T)^2 = \kappa\, C\,(T - t)^2 , \qquad C = \frac{L}{L + \kappa} . $$
+#
+# This is a cost of the template alone, with the weight $C$ that was missing: nearly one where the scan knows the vertex
+# well, and zero where it does not see it. `workbench coregister` gives such weights, a
 # matrix for each vertex, to the training of the model (lecture 13), and holds templates by their edges.
 #
 # ## What to remember

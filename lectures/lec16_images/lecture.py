@@ -42,7 +42,6 @@ from workbench.fitting import (
     shape_prior,
     shipped_regressor,
     stature,
-    stature_prior,
 )
 from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.image_recipe import NEARLY, ROUGHLY, smplify_stages
@@ -52,6 +51,7 @@ from workbench.fitting.keypoints import keypoint_setup
 from workbench.fitting.observations import COCO, LIMBS, SIDES
 from workbench.fitting.pose_regressor import normalised
 from workbench.fitting.regressor_training import radian_lengths
+from workbench.fitting.stature import stature_expression
 from workbench.fitting.synthetic_views import draw_facings, draw_views, people_in
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.lectures.material.photographs import (
@@ -73,7 +73,7 @@ from workbench.residuals import (
     scaled,
     spheres,
 )
-from workbench.residuals.bending import HINGES
+from workbench.residuals.bending import HINGES, bent_back
 from workbench.residuals.kernels import Scaled
 from workbench.solvers import SolveStage, Staged, Starts
 
@@ -120,9 +120,10 @@ print(f"{len(real)} real images, {len(people)} made up; {len(landmarks)} landmar
 #
 # $$ E_J(\theta, \beta, t) = \sum_k w_k\, \rho\bigl(\Pi(p_k(\theta, \beta, t)) - \hat u_k\bigr) $$
 #
-# with a weight $w_k$ from the detector's confidence. Let $\rho$ be the square for now. With the names of
-# this library the term is one call. The keypoints themselves and their confidences are blocks that stay
-# fixed, so that the same problem serves all images:
+# with a weight $w_k$ from the detector's confidence. Let $\rho$ be the square for now. In the library this term is
+# the residual `keypoints`: its rows are $(\Pi(p_k) - \hat u_k) / \sigma$, two for each landmark, and each counts
+# $w_k$ times. The places $\hat u_k$ and the confidences are blocks, called `observed` and `confidence`, which stay fixed,
+# so that the same problem serves all images:
 
 # %%
 source(camera_residual)
@@ -174,10 +175,10 @@ Picture(
 )
 
 # %% [markdown]
-# The problem is solved, exactly, and the answer is worthless. It has 46 equations for 85 unknowns: at least
-# 39 directions of the unknowns are seen by no keypoint (lecture 8), and the optimizer goes along them
-# wherever the way is easy. Adding the priors of lecture 10, the Gaussian of poses and the standard normal
-# law of the betas, says what people do:
+# The problem is solved, exactly, and the answer is worthless. Each of the landmarks gives two equations, 46 in
+# all, and there are 85 unknowns: the pose, the betas, and the place. So at least 39 directions of the unknowns are seen
+# by no keypoint (lecture 8), and the optimizer goes along them wherever the way is easy. Adding the priors of lecture
+# 10, the Gaussian of poses and the standard normal law of the betas, says what people do:
 
 # %%
 usual = KeypointProblem(body, SIGMA, priors=usual_priors)
@@ -194,12 +195,12 @@ print(
 #
 # ## Where to begin: similar triangles
 #
-# These fits began with the resting body, placed as SMPLify places it. A length $H$ across the line of
-# sight, seen with $h$ pixels, is at the depth $Z = f H / h$. Of all lengths the sides of the torso, from
-# shoulder to hip, change least with the pose. SMPLify takes their means and holds them against the image;
-# if the shoulders are nearer together than 25 px, the person may be seen from the side, and it tries the
-# body turned by half a turn as well. This library fits the torso in eight directions and keeps the best.
-# How far is the start from the truth?
+# These fits began with the resting body, placed as SMPLify places it. Two points at the depth $Z$ whose $X$ differ
+# by $H$ are $h = f X_2 / Z - f X_1 / Z = f H / Z$ pixels apart. So a known length $H$ across the line of sight that is
+# seen with $h$ pixels is at the depth $Z = f H / h$. Of all lengths the sides of the torso, from shoulder to hip,
+# change least with the pose. SMPLify divides the mean of the two in the model by their mean in the image. If the
+# shoulders are nearer together than 25 px, the person may be seen from the side, and it tries the body turned by half a
+# turn as well. This library fits the torso in eight directions and keeps the best. How far is the start from the truth?
 
 
 # %%
@@ -222,8 +223,8 @@ for name, shots in (("balance", real), ("made up", people)):
 
 # %% [markdown]
 # A torso that leans towards the camera looks short and is taken to be far away (lecture 9). The person on
-# the beam stands upright, and the start is good to a fifth. Other people bend, and theirs is worse. As a
-# start it will do, if the rest of the fit can repair it.
+# the beam stands upright, and the start is good to a fifth. Other people bend, and their starts are worse. For a
+# start that is good enough, if the rest of the fit can repair it.
 #
 # ## One keypoint is wrong
 #
@@ -239,7 +240,11 @@ for name, shots in (("balance", real), ("made up", people)):
 #
 # $$ c^2\, \rho\left(\frac{r^2}{c^2 \sigma^2}\right), \qquad \rho(s) = \frac{s}{1 + s} . $$
 #
-# Near zero it is $r^2 / \sigma^2$, whatever $c$ is. Beyond $c\, \sigma$ it levels off.
+# Multiplied out, this is $(r / \sigma)^2 / \bigl(1 + (r / c \sigma)^2\bigr)$. If $r$ is much smaller than $c\, \sigma$, the
+# denominator is one, and the loss is $r^2 / \sigma^2$, whatever $c$ is: sigma says how much a good keypoint counts. If $r$
+# is much larger, the one can be left out, and the loss is $c^2$, whatever $r$ is: $c\, \sigma$ says where bad keypoints
+# begin. In the library a kernel answers the factor $g$ by which a square $s$ is multiplied, so that $\rho(s) = g(s)\, s$.
+# Then $c^2 \rho(s / c^2) = g(s / c^2)\, s$, and the scale is one line:
 
 # %%
 source(Scaled.__call__)
@@ -309,17 +314,19 @@ Picture(
 )
 
 # %% [markdown]
-# With 4 px as the only number, a coordinate costs at most one half, whatever happens: it is cheap to give
+# With 4 px as the only number, a coordinate costs at most one half, because $\rho$ is below one: it is cheap to give
 # up most of the image and to take the pose that the prior likes best. With 40 px, good keypoints are
-# believed as little as if they were measured to 40 px, and the prior wins again. Two numbers say two
-# things.
+# believed as little as if they were measured to 40 px, and the prior wins again. Two things have to be said, and so
+# two numbers are needed.
 #
 # ### Confidence is a weight
 #
 # A detector says how sure it is, with a confidence between zero and one. Its square is the weight $w$ of
 # the keypoint (this is what SPIN does; the paper on SMPLify takes the confidence itself). Where does the
-# weight belong? Outside of $\rho$, as $w\, \rho(s)$. Inside, as $\rho(w s)$, it does the same for small
-# errors. For large ones it is the opposite of what we want:
+# weight belong? It belongs outside of $\rho$, as $w\, \rho(s)$. Inside, as $\rho(w s)$, it does the same for small
+# errors, where both are nearly $w s$. For large ones it is the opposite of what we want: the loss with the weight
+# outside levels off at a height that is multiplied by $w$, and with the weight inside it reaches the full height of a
+# keypoint that is sure, only later:
 
 
 # %%
@@ -351,10 +358,11 @@ print(
 # bend is taken to be a negative angle; the course notes *SMPL and SMPLify* repeat it. In SMPL's files this
 # is not so for all: a left elbow bends by a negative angle about $y$, but a right elbow by a positive one,
 # and both knees by a positive one about $x$. In SMPLify's code, which has the signs, the *residual* is the
-# exponential, so that the energy is $\exp(2 s_i \theta_i)$, as here.
+# exponential, so that the energy, its square, is $\exp(2 s_i \theta_i)$, as here. In the library's lines, a hinge
+# says which entry of a joint's rotation vector is the angle, and which sign the angle has if the joint bends backwards:
 
 # %%
-source(bending)
+source(bent_back)
 
 # %%
 for angle in (1.5, -0.5):
@@ -397,7 +405,7 @@ for name, of in (("without E_a", unhinged), ("with E_a", of_images)):
         )
 
 # %% [markdown]
-# It hardly helps. To see why, we make a person who stands before a camera with the left knee bent by 0.8
+# It hardly helps. To see why, we make up a person who stands before a camera with the left knee bent by 0.8
 # rad, hold everything at the truth but the left hip and ankle, and draw the lowest cost for each angle of
 # the knee.
 
@@ -462,24 +470,27 @@ Picture(
 #
 # ## Stages are data
 #
-# Hence fit in **stages**: at first the keypoints count little, and each further stage begins where the last
-# one ended. A stage is data: it says which names are free, and how often the rows of a residual count.
+# So we fit in **stages**: at first the keypoints count little, and each further stage begins where the last
+# one ended. In the library a stage is data: it says which names are free, and how often the rows of a residual count.
 # SMPLify has a schedule of four stages, after a first one for the place and the rotation of the root. Its
-# weights of the priors fall from 404 to 4.78:
+# weights of the priors fall from 404 to 4.78. The lines below divide all weights by those of the last stage, and square
+# them, because a weight of a residual is squared in the cost. They weigh the keypoints down where SMPLify weighs the
+# priors up, which is the same but for a factor:
 
 # %%
 source(smplify_stages)
 
 # %% [markdown]
-# What is a weight of 404? SMPLify multiplies *residuals* by weights, and so they are squared in the energy;
-# its keypoints are squares in pixels, and its prior on the pose is half of a squared distance $d$. Up to a
-# factor the energy is
+# What does a weight of 404 mean? SMPLify multiplies *residuals* by weights, and so they are squared in the energy. Its
+# keypoints are squares in pixels, and its prior on the pose is half of a squared distance $d$, so that the energy is
+# $\sum_k \|r_k\|^2 + \lambda_\theta^2\, \tfrac12 d(\theta)^2$. Divided by $\lambda_\theta^2$, which moves no minimum, it is
 #
-# $$ \frac{1}{\lambda_\theta^2} \sum_k \|r_k\|^2 + \frac12\, d(\theta)^2 , $$
+# $$ \frac{1}{\lambda_\theta^2} \sum_k \|r_k\|^2 + \frac12\, d(\theta)^2 . $$
 #
-# and a keypoint has the standard deviation $\sigma = \lambda_\theta / \sqrt 2$. This is 286 px in the first
-# two of the four stages, then 41 px, and 3.4 px at last. We take a single stage before the last one, with
-# 41 px:
+# Now the prior is what minus the logarithm of a probability should be. In our cost a keypoint with the standard
+# deviation $\sigma$ costs $\tfrac12 \|r_k\|^2 / \sigma^2$. The two agree if $\tfrac12 / \sigma^2 = 1 / \lambda_\theta^2$, so that
+# $\sigma = \lambda_\theta / \sqrt 2$. This is 286 px in the first two of the four stages, then 41 px, and 3.4 px at
+# last. We take a single stage before the last one, with 41 px:
 
 # %%
 ROWS = "keypoints(camera)"
@@ -515,8 +526,9 @@ for kind, shots in SHOTS.items():
 # the same body turned about its own axis, four starts in all, and keep the end with the lowest cost. The
 # other one is to **learn** where to begin. Draw thousands of poses from the mixture, give each a random
 # shape and a random camera, and let a small network learn to tell the pose from the keypoints, which are
-# put into units of the person's size first. It needs no photograph, only draws. Such a network comes with
-# the workbench. Each of its layers is a matrix, and between them negative numbers become zero:
+# put into units of the person's size first. It needs no photograph, only draws. Such a network comes with the
+# workbench. Layer $i$ multiplies its input by a matrix $W_i$ and adds a row $b_i$, and between two layers negative
+# numbers become zero:
 
 # %%
 source(PoseRegressor._forward)
@@ -602,8 +614,12 @@ for kind, shots in SHOTS.items():
 #
 # Poses are no single Gaussian (lecture 10), and SMPLify has a mixture of eight as its prior. It takes the
 # least of the components' costs, $\min_j e_j(\theta)$ (the **max-mixture**), in place of $-\log \sum_j
-# \exp(-e_j)$ (the **log-sum**). The largest of $C$ terms is no more than their sum, and no less than a
-# $C$-th of it. So
+# \exp(-e_j)$ (the **log-sum**). How far apart can the two be? Let $e$ be the least of the costs. The largest of the $C$
+# terms $\exp(-e_j)$ is then $\exp(-e)$, and it is no more than their sum, and no less than a $C$-th of it:
+#
+# $$ e^{-e} \;\le\; \sum_j e^{-e_j} \;\le\; C\, e^{-e} . $$
+#
+# Take logarithms, and add $e$ to all three sides:
 #
 # $$ 0 \;\le\; \min_j e_j + \log \sum_j \exp(-e_j) \;\le\; \log C . $$
 #
@@ -692,11 +708,14 @@ Picture(
 
 # %% [markdown]
 # From 15 % too near to 15 % too far the cost rises by less than 6, and the person grows by almost half a
-# metre: the betas pay. So measure the person, once. A stature that is known to 1 cm is one more residual,
-# linear in the betas:
+# metre: the betas pay for it. So measure the person, once. A stature $h$ that is known to 1 cm is one more residual,
+# the stature of the model less $h$, over 1 cm. At rest the stature of the model is the difference in height of two
+# vertices, the highest and the lowest one, and every vertex at rest is linear in the betas. So the stature is
+# $h_0 + a\, \beta$, where $h_0$ is that of the mean person and the row $a$ says by how much each beta changes it. In the
+# library's lines, `mean` is $h_0$ and `slopes` are $a$:
 
 # %%
-source(stature_prior)
+source(stature_expression)
 
 # %%
 known_tall = [
@@ -736,8 +755,11 @@ for name in ("learned", "stature"):
 #
 # over pairs of spheres with centres $C_i$ and radii $r_i$ in parts that should not meet. (The paper's
 # formula lacks the minus sign: without it the term grows with the distance.) Beside it we put the distance
-# $d_{ij}$ of the axes of two capsules, and the residual $\max(0, r_i + r_j - d_{ij})$: how deep they
-# overlap. We take the two learned fits with the deepest overlap and fit them again. (Ends and radii of the
+# $d_{ij}$ of the axes of two capsules, and the residual $\max(0, r_i + r_j - d_{ij})$, which says how deep they
+# overlap. Which of the two pushes parts that touch? The slope of a sphere's term by the distance $d$ of two centres is
+# $-2 d\, e^{-d^2 / S} / S$ with $S = s_i^2 + s_j^2$. Since $s$ is only a third of the radius, two spheres that touch, with
+# $d = r_i + r_j$, have a $d^2 / S$ of more than twenty, and $e^{-20}$ is nothing. The cost of a capsule,
+# $\tfrac12 (r_i + r_j - d)^2 / \sigma^2$, has the slope $-(r_i + r_j - d) / \sigma^2$, which grows with the depth. We take the two learned fits with the deepest overlap and fit them again. (Ends and radii of the
 # capsules are linear in the betas. SMPLify's code does not differentiate this term by them, since thinner
 # bodies would be an easy way out.)
 
@@ -801,7 +823,7 @@ Picture(
 # image. A sphere has no slope where it coincides with another one, and next to none where the surfaces begin to
 # touch. A capsule pushes the harder the deeper it is. (Where two axes cross, it does not know a direction
 # either.) The mixture has never heard of skin: our made-up people go through themselves. So the term makes
-# bodies possible, but it cannot bring these nearer to their truth, which is impossible itself.
+# bodies possible, but it cannot bring these fits nearer to their truths, which are impossible bodies themselves.
 #
 # ## Regressors in the loop
 #

@@ -33,7 +33,7 @@ from workbench.fitting import (
     stature,
     video_fit,
 )
-from workbench.fitting.effective_frames import autocorrelation
+from workbench.fitting.effective_frames import autocorrelation, worth_of_errors
 from workbench.fitting.keypoint_problem import camera_residual
 from workbench.fitting.markers import OFFSET_SIGMA, marker_frame, observations
 from workbench.fitting.observations import LIMBS, SIDES
@@ -239,8 +239,9 @@ Picture(
 # The right picture is a warning. Without smoothness the person is about 4 cm too small. Set sigma to
 # exactly the size of the person's own differences, and it is 20 cm. Smoothness of joints in metres is
 # worse: at three times the true differences the person loses 46 cm. The reason is that a residual of
-# smoothness does not say "as smooth as a person", but "the less motion the better". One camera cannot tell
-# a small person who is near from a tall one far away (lecture 9), and the small one moves less, in metres.
+# smoothness does not say "as smooth as a person", but "the less motion the better". Take a person whose lengths and
+# whose distance from the camera are both multiplied by $q$. The image stays the same (lecture 9), all ways in metres
+# are multiplied by $q$, and the cost of smoothness in metres by $q^2$: it is the lower, the smaller the person is.
 # (Translations are in metres as well.) So the sigma of smoothness should lie well above what the motion
 # needs; we take second differences and ten times. And be careful with smoothness in metres where one camera
 # sees the person.
@@ -306,17 +307,22 @@ Picture(
 # $$ \begin{pmatrix} D & B \\ B^\top & C \end{pmatrix} \begin{pmatrix} x \\ s \end{pmatrix}
 # = \begin{pmatrix} f \\ g \end{pmatrix}, $$
 #
-# $x$ being the unknowns of the frames and $s$ those that are shared. Elimination keeps the band, if it
+# where $x$ are the unknowns of the frames and $s$ those that are shared. Elimination keeps the band, if it
 # begins with the frames. If it begins with the shape, every frame is coupled with every other one, as the
 # picture shows; these new nonzeros are called **fill-in**. That makes sense: as long as the shape is
-# unknown, all frames have something to say about each other. The first row gives $x = D^{-1} (f - B s)$,
-# and put into the second one,
+# unknown, all frames have something to say about each other. The two rows are $D x + B s = f$ and
+# $B^\top x + C s = g$. The first one gives $x = D^{-1} (f - B s)$. Put into the second one, this is
+# $B^\top D^{-1} f - B^\top D^{-1} B s + C s = g$, and with the terms of $s$ on one side,
 #
 # $$ \underbrace{(C - B^\top D^{-1} B)}_S\, s = g - B^\top D^{-1} f . $$
 #
 # $S$ is the **Schur complement**. It is small, 10 by 10 here, and has a meaning: $C$ is what the film says
 # about the shape if the poses are known, and $B^\top D^{-1} B$ is what is lost because they have to be
-# found as well. $S^{-1}$ is the covariance of the shape (lecture 12).
+# found as well. $S^{-1}$ is the covariance of the shape: the last block of $(J^\top J)^{-1}$ is what the shared unknowns
+# answer to a right-hand side with $f = 0$, and by the last equation that is $S^{-1} g$ (lecture 12). We solve the
+# six frames in this way, and compare with the library's step. Its lines are below. `dpbtrf` of LAPACK is Cholesky's
+# factorization of the band, $D = L L^\top$; `answer` is $L^{-1} B$, so that `answer.T @ answer` is $B^\top D^{-1} B$; and
+# `dpotrf` factorizes $S$. What else is there guards against matrices from which too few digits would be left.
 
 # %%
 inner, border = slice(0, own.size), slice(own.size, None)
@@ -335,8 +341,7 @@ print(f"S^-1, and the last block of (J'J)^-1: they differ by {off_cov:.0e}")
 source(BandedMatrix.factorized)
 
 # %% [markdown]
-# The library factorizes the band with LAPACK, and evaluates the derivatives of all frames by the functions
-# of one. For $T$ frames with $k$ unknowns each, that takes $T k^3$ operations, times a constant, and memory
+# The derivatives of all frames come from the functions of one frame. For $T$ frames with $k$ unknowns each, that takes $T k^3$ operations, times a constant, and memory
 # in proportion to $T k^2$. How long does a linearization with a step take?
 
 
@@ -536,31 +541,38 @@ Picture(
 #
 # ## How many frames is a film worth?
 #
-# Let $x_t$ be errors of mean square $\sigma^2$, and $\mathrm{E}[x_t x_{t+k}] = \sigma^2 r_k$. The mean of
-# $T$ of them has the mean square
+# Let $x_t$ be errors of mean square $\sigma^2$, and $\mathrm{E}[x_t x_{t+k}] = \sigma^2 r_k$, where $\mathrm{E}$ is the mean
+# over many such films. The square of a sum is the sum over all pairs, so the mean of $T$ errors has the mean square
 #
 # $$ \mathrm{E}\Big[\Big(\frac1T \sum_t x_t\Big)^2\Big] = \frac{1}{T^2} \sum_{s, t} \mathrm{E}[x_s x_t]
 # = \frac{\sigma^2}{T} \Big(1 + 2 \sum_{k=1}^{T-1} \Big(1 - \frac kT\Big) r_k\Big), $$
 #
-# because $T - k$ pairs are $k$ apart, each counted in both orders. For $n$ independent frames it is
-# $\sigma^2 / n$. So $T$ frames are worth
+# because a frame makes $T$ pairs with itself, and $T - k$ pairs are $k$ apart, each of which is counted in both
+# orders: $T \sigma^2 + 2 \sum_k (T - k)\, \sigma^2 r_k$ in all. For $n$ independent frames the mean square is $\sigma^2 / n$.
+# Set the two equal, and solve for $n$. So $T$ frames are worth
 #
 # $$ n = \frac{T}{1 + 2 \sum_{k=1}^{T-1} (1 - k / T)\, r_k} $$
 #
 # independent ones (Bayley and Hammersley, *The "effective" number of independent observations in an
-# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain). White noise has
-# $n = T$. The autoregressive series has about $T (1 - \rho) / (1 + \rho)$. And if a share $b$ of the mean
-# square is constant, then $n < 1 / b$: *no film, however long*, is worth more. Note that correlations are
+# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain). Three cases show what the formula
+# says. In white noise all $r_k$ with $k \ge 1$ are zero, and $n = T$. The autoregressive series has $r_k = \rho^k$. In a long
+# film the factor $1 - k / T$ is nearly one for all $k$ that matter, and the geometric series gives
+# $1 + 2 (\rho + \rho^2 + \dots) = 1 + 2 \rho / (1 - \rho) = (1 + \rho) / (1 - \rho)$, so that $n$ is about
+# $T (1 - \rho) / (1 + \rho)$. And if a share $b$ of the mean square is constant and the rest is not negatively
+# correlated, then all $r_k$ are at least $b$. The sum of the $1 - k / T$ is $(T - 1) / 2$, so that the denominator is at
+# least $1 + (T - 1)\, b$, and $n < 1 / b$: *no film, however long*, is worth more. Note that correlations are
 # about zero and not about the mean of the series. Whoever subtracts the mean, as statistics packages do,
 # subtracts the bias. (The shape is no mean. But near the minimum it moves by a weighted sum of all errors,
 # so that $n$ is a good guide, and no exact law.)
 #
-# A single series says little about its $r_k$. Put the sum over all pairs in its place,
-# $\sum_{s,t} x_s x_t = (\sum_t x_t)^2$; then $n$ becomes the ratio of $\sum x_t^2$ to $(\sum x_t)^2 / T$,
-# and both can be summed over all coordinates of all keypoints before they are divided:
+# A single series says little about its $r_k$. But we need no $r_k$. By the first step above, the mean square of the
+# mean is $(\sum_t x_t)^2 / T^2$ for this series, and $\sigma^2$ is $\sum_t x_t^2 / T$. So $n$, the second over the first, is
+# the ratio of $\sum_t x_t^2$ to $(\sum_t x_t)^2 / T$, and both can be summed over all coordinates of all keypoints before
+# they are divided. In the library's lines a column of `x` is one coordinate, zero where the keypoint was not seen, and
+# `count` says in how many frames it was:
 
 # %%
-source(effective_frames)
+source(worth_of_errors)
 
 # %%
 true_worth = effective_frames(errors, known)
@@ -593,7 +605,7 @@ for bias in (0.0, 0.35):
 #
 # How should the problem be told? Give all terms of frames the weight $n / T$, and leave the shape prior as
 # it is. Between the terms of a frame nothing changes, so that for a given shape the likeliest poses stay
-# what they are. What changes is what the film has to say about the shape: as much as $n$ frames. (The pose
+# what they are. What changes is how much the film says about the shape: as much as $n$ frames would. (The pose
 # prior counts less as well. It should, as we shall see.) The price is that the posterior is then too
 # careful about the pose of a single frame. For $n$ we take the 4.4, which needs no other camera.
 
@@ -809,7 +821,9 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
 # (2014)) makes its place an unknown: marker $m$ is a vertex of the body at rest plus an offset $o_m$, and
 # it moves with the skin. The offset is known beforehand to 9.5 mm. The unknowns are the pose of each frame,
 # one shape and one set of offsets, which MoSh finds from 12 frames. So a marker set is a detector with
-# unknown offsets, and the problem is a sequence with a wide border.
+# unknown offsets, and the problem is a sequence with a wide border. In the lines of the library, `landmark_points`
+# with the offsets are the places of the markers on the body, and `landmarks` is how far they are from those observed.
+# The block `seen` is one for each marker that was seen, and zero for one that was hidden:
 
 # %%
 source(marker_frame)
@@ -864,7 +878,7 @@ for name, (frames, *free) in mosh_fits.items():
 #
 # ## What one frame cannot see
 #
-# We ask the diagnosis of lecture 8, without any prior, and even hold the pose:
+# We ask the diagnosis of lecture 8. No prior takes part, and even the pose is held:
 
 
 # %%

@@ -30,19 +30,39 @@ def a_swing_halves(wobble):
         equal(r ** (fps * came), 0.5, f"what is left after that time, for r = {r}, {fps:g} fps")
 
 
-@mistake("wobble", "an angle of 2 pi a frame would be one swing a frame: divide by 2 pi")
+@mistake(
+    "wobble",
+    "this frequency is in radians a second: a whole swing is 2 pi radians, so divide by 2 pi to get Hz",
+)
 def in_radians(a1, a2, fps):
     frequency, half = solutions.wobble(a1, a2, fps)
-    return 2 * np.pi * frequency, half * 2
+    return 2 * np.pi * frequency, half
 
 
-@mistake("wobble", "this counts in frames; with fps frames a second a frame takes 1 / fps s")
+@mistake(
+    "wobble",
+    "after this time a quarter of the swing is left: r^t falls to a half where t log r = log(1/2), and the pole's "
+    "size is the root of -a2, not -a2 itself",
+)
+def until_a_quarter(a1, a2, fps):
+    frequency, half = solutions.wobble(a1, a2, fps)
+    return frequency, half * 2
+
+
+@mistake(
+    "wobble",
+    "these are swings for each frame, and a time in frames; a second has fps frames",
+)
 def in_frames(a1, a2, fps):
     frequency, half = solutions.wobble(a1, a2, fps)
     return frequency / fps, half * fps
 
 
-@mistake("wobble", "z^2 = a1 z + a2 is z^2 - a1 z - a2 = 0: the coefficients change their signs")
+@mistake(
+    "wobble",
+    "these are not the poles: z^2 = a1 z + a2 means z^2 - a1 z - a2 = 0, so that the coefficients of the "
+    "polynomial are 1, -a1, -a2",
+)
 def with_wrong_signs(a1, a2, fps):
     pole = np.roots([1.0, a1, a2]).astype(complex)[0]
     return abs(np.angle(pole)) * fps / (2 * np.pi), np.log(0.5) / np.log(abs(pole) * 0.999) / fps
@@ -65,20 +85,27 @@ def a_known_model_is_found(one_step):
 
 @check("one_step", points=1)
 def with_noise_it_is_the_least_squares(one_step):
-    """nothing else has a smaller sum of squares, one step ahead"""
+    """with noise, the sum of squares of what is left one step ahead is the least"""
     for found, right, name in zip(
         one_step(NOISY, X), solutions.one_step(NOISY, X), ("a1", "a2", "b"), strict=True
     ):
         equal(found, right, name + " with noise", within=1e-7)
 
 
-@mistake("one_step", "a1 belongs to the frame before, and a2 to the one before that")
+@mistake(
+    "one_step",
+    "a1 and a2 are exchanged: a1 is the factor of phi[t - 1], the frame just before, and a2 that of phi[t - 2]",
+)
 def the_other_way_round(phi, x):
     a1, a2, b = solutions.one_step(phi, x)
     return a2, a1, b
 
 
-@mistake("one_step", "the input of frame t moves phi[t]: use x[2:], not those of two frames ago")
+@mistake(
+    "one_step",
+    "each row takes the input of two frames ago; phi[t] is driven by x[t], so that the rows for t = 2, 3, ... take "
+    "x[2:]",
+)
 def inputs_too_early(phi, x):
     rows = np.column_stack([phi[1:-1], phi[:-2], x[:-2]])
     found = np.linalg.lstsq(rows, phi[2:], rcond=None)[0]
@@ -86,7 +113,9 @@ def inputs_too_early(phi, x):
 
 
 @mistake(
-    "one_step", "the inputs are missing while a1 and a2 are found: solve for all of them at once"
+    "one_step",
+    "a1 and a2 were found without the inputs here, and b from what was left: put all columns into one matrix and "
+    "solve for a1, a2 and b at once",
 )
 def one_after_the_other(phi, x):
     rows = np.column_stack([phi[1:-1], phi[:-2]])

@@ -19,7 +19,7 @@ def wobble(a1: float, a2: float, fps: float) -> tuple[float, float]:
     """How fast phi[t] = a1 phi[t - 1] + a2 phi[t - 2] swings, and how fast it dies away.
 
     The poles solve z^2 = a1 z + a2; here they are complex, r exp(i w) and r exp(-i w), with r below 1. The
-    swing is r^t cos(w t + phase).
+    swing is r^t cos(w t + phase), where t counts frames: w is an angle in radians for each frame.
 
     a1, a2; fps frames a second -> the frequency in Hz, and the time in s in which the swing falls to half
     """
@@ -69,9 +69,12 @@ def felt(R: Array, places: Array, fps: float) -> Array:
 def joint_between(Ra: Array, ta: Array, Rb: Array, tb: Array) -> tuple[Array, int]:
     """The joint of two bones: the point at rest that both bones take to the same places.
 
-    Bone a takes a point p at rest to Ra[t] p + ta[t], and bone b to Rb[t] p + tb[t]. Where the motion leaves
-    the joint undetermined, return the place that is closest to the origin, and in how many independent
-    directions it may slide. Singular values below a millionth of the largest count as zero.
+    Bone a takes a point p at rest to Ra[t] p + ta[t], and bone b to Rb[t] p + tb[t]. Solve for p by least
+    squares over all frames, three equations each. Where the motion leaves the joint undetermined, return the
+    place that is closest to the origin, and in how many independent directions it may slide. A singular value
+    of the matrix of all these equations counts as zero if it is below a millionth of the largest one, and if
+    all of them are zero. (Both np.linalg.lstsq and np.linalg.matrix_rank take such a tolerance. Read what
+    theirs is relative to.)
 
     Ra, Rb (T, 3, 3); ta, tb (T, 3) m -> the place (3,) m, and a whole number from 0 to 3
     """

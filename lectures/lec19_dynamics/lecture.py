@@ -21,7 +21,7 @@ from workbench.bodies.body_mass import body_mass_index
 from workbench.bodies.forward.posing import Posing
 from workbench.course import Picture, source
 from workbench.motions import load_tissue
-from workbench.motions.accelerations import MovingFrames
+from workbench.motions.accelerations import MovingFrames, second_differences
 from workbench.motions.soft_tissue import companion, free_run
 from workbench.plots import house_style, sheet
 from workbench.synthetic import simulate_tissue
@@ -122,8 +122,10 @@ Picture(
 #
 # $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 , $$
 #
-# because both solutions $z^t$, with $z = r e^{\pm i w}$, obey $z^2 = a_1 z + a_2$. These numbers $z$ are
-# the **poles**. Their angle $w = \omega \sqrt{1 - \zeta^2} / f$ is how far the swing gets in a frame, and their size
+# because the path is a sum of two terms of the form $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the
+# equation on the left and divide by $z^{t-2}$: it holds if $z^2 = a_1 z + a_2$. The equation with these two solutions
+# is $(z - r e^{i w}) (z - r e^{-i w}) = z^2 - 2 r \cos w\, z + r^2 = 0$, which gives $a_1$ and $a_2$ as above. These
+# numbers $z$ are the **poles**. Their angle $w = \omega \sqrt{1 - \zeta^2} / f$ is how far the swing gets in a frame, and their size
 # $r = e^{-\zeta \omega / f}$ is how much of it is left.
 # The two frames before are what the pose cannot know: where the tissue is, and how fast it moves.
 
@@ -153,10 +155,19 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 #
 # Where all coefficients are zero, this is SMPL. In Dyna the inputs are velocities and accelerations of the
 # joints and of the root. Matrices are found by linear least squares: predict each frame from the two frames
-# before it, as they were observed. Here are the lines that do it.
+# before it, as they were observed. With one row for each frame, the equations are
+#
+# $$ \underbrace{\begin{pmatrix} \varphi_{t-1}^\top & \varphi_{t-2}^\top & x_t^\top \end{pmatrix}}_{\text{a row of } Z}
+# \begin{pmatrix} A_1^\top \\ A_2^\top \\ B^\top \end{pmatrix} = \varphi_t^\top . $$
+#
+# Here are the lines that do it. `OneStep.of` stacks these rows of all clips; `regressors` is $Z$, and `targets` are
+# the right-hand sides. In `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames
+# before, and `price` is the ridge (lecture 5) of each column: next to nothing for these, and for inputs the larger,
+# the smaller the input is, so that an input which hardly moves in the clips does not explain their noise. `penalised`
+# solves the normal equations $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 
 # %%
-source(OneStep.solve)
+source(OneStep.of, OneStep.solve)
 
 # %%
 PLANS = {
@@ -222,21 +233,30 @@ Picture(
 # of Dyna's inputs. What it feels in the rest pose, $g$, has to be subtracted, since the template hangs in
 # gravity already. The soft vertices are divided into parts, and what the middle of each part feels are three
 # more inputs.
+#
+# How does the library get $\ddot p$? A point that is fixed to a joint is carried by it: if the joint is at $j_t$ in frame
+# $t$ and has turned by $R_t$, and the point is off the joint by the arm $a$ at rest, it is at $p_t = R_t\, a + j_t$. Half
+# a frame before and after frame $t$, its velocity is $f\, (p_t - p_{t-1})$ and $f\, (p_{t+1} - p_t)$, with $f$ frames a
+# second. Their difference, times $f$ again, is the acceleration, $f^2 (p_{t+1} - 2 p_t + p_{t-1})$. In the lines,
+# `self.turns` are the $R_t$ of all joints, `self.joints` their places $j_t$, and $R^\top$ is the index order `tpji`.
 
 # %%
-source(MovingFrames.forces)
+source(second_differences, MovingFrames.forces)
 
 # %% [markdown]
 # ## A model that does not blow up
 #
-# A free run repeats its own output. The poles of the matrices are the eigenvalues $z$ of
+# A free run repeats its own output. As above, we ask for $\varphi_t = z^t v$, now with a vector $v$. Put into the model,
+# it gives $z^2 v = z A_1 v + A_2 v$. With $u = z v$ these are the two equations $A_1 u + A_2 v = z u$ and $u = z v$, and
+# so the poles of the matrices are the eigenvalues $z$ of
 #
-# $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} , \qquad z^2 v = z A_1 v + A_2 v , $$
+# $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} . $$
 #
-# and in the long run, each frame multiplies what is left of a push by the size of the largest one, the
-# **spectral radius**. If that is above one, the model blows up. Least squares does not forbid this. With $\rho A_1$
-# and $\rho^2 A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by $\rho^t$: every wobble
-# keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
+# In the long run, each frame multiplies what is left of a push by the size of the largest one, the
+# **spectral radius**. If that is above one, the model blows up. Least squares does not forbid this. But multiply
+# $z^2 v = z A_1 v + A_2 v$ by $\rho^2$: it becomes $(\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v$. So with $\rho A_1$ and
+# $\rho^2 A_2$ in place of $A_1$ and $A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by
+# $\rho^t$: every wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
 
 # %%
 tissue = tissues["and forces on parts"]
@@ -311,8 +331,13 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # $$ R^a_t\, p + t^a_t = R^b_t\, p + t^b_t \quad \text{for all frames } t ,
 # \qquad \text{or} \quad (R^a_t - R^b_t)\, p = t^b_t - t^a_t . $$
 #
-# These are linear equations for three numbers. Do they determine them? We try it with a synthetic limb of
-# two bones that moves in two ways: like a shoulder, about all axes, and like a hinge, about one.
+# These are linear equations for three numbers, three in each frame. Do they determine them? Put the matrices
+# $R^a_t - R^b_t$ of all frames below each other, and call that matrix $Q$. The directions in which $p$ may slide without
+# a change are those of its null space, and the singular values of $Q$ tell how many there are (lecture 8). With
+# measured meshes, noise leaves none of them exactly zero, so that one asks how small a singular value is *compared
+# with the largest one*: the smaller it is, the further a given noise moves the joint along its direction. We try it
+# with a synthetic limb of two bones that moves in two ways: like a shoulder, about all axes, and like a hinge, about
+# one.
 
 # %%
 made = random_smpl(limb(9, 6), 1, seed=0)

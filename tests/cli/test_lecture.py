@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Run
+from workbench.course import notebooks
 from workbench.course.outline import course, lecture
 
 
@@ -111,6 +112,19 @@ def test_notebooks_are_not_written_over(workbench: Run) -> None:
     assert "somebody's work" in err
     assert Path("books/lec06_least_squares.ipynb").read_text() == "a student's evening"
     assert len(list(Path("books").iterdir())) == 1
+
+
+def test_a_missing_library_is_told_before_a_folder_is_made(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(notebooks, "import_module", missing)
+    code, _, err = workbench("lecture", "notebooks", "new")
+    assert code == 2
+    assert "need the library jupytext" in err
+    assert not Path("new").exists()
 
 
 def test_the_guide_shows_what_a_misprint_is_told(workbench: Run) -> None:

@@ -91,12 +91,23 @@ def by_ratio(log_p, x: Array, y: Array, u: float) -> Array:
     return np.where(u < min(1.0, np.exp(log_p(y) - log_p(x))), y, x)
 
 
-def on_a_grid(log_p, start: Array, count: int) -> Array:
-    rng, axis = np.random.default_rng(5), np.linspace(-7, 7, 141)
-    places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-    p = np.exp([log_p(x) for x in places])
-    chosen = places[rng.choice(len(places), size=count, p=p / p.sum())]
-    return chosen + rng.uniform(-0.05, 0.05, (count, 2))
+def by_halves(log_p, start: Array, count: int) -> Array:
+    """Differential evolution as in the lecture: one half moves, and the other stands still."""
+    rng, H = np.random.default_rng(5), 20
+    x = start + 2.5 * rng.standard_normal((2, H, 2))
+    here = np.array([[log_p(one) for one in half] for half in x])
+    kept, rounds = [], 10 * count // (2 * H)
+    for k in range(rounds):
+        for moving, other in ((0, x[1]), (1, x[0])):
+            a, b = rng.integers(H, size=(2, H))
+            steps = rng.choice([1.0, 1.2], size=(H, 1)) * (other[a] - other[b])
+            y = x[moving] + steps + 1e-4 * rng.standard_normal((H, 2))
+            there = np.array([log_p(one) for one in y])
+            taken = np.log(rng.uniform(size=H)) < there - here[moving]
+            x[moving][taken], here[moving][taken] = y[taken], there[taken]
+        if k >= rounds // 5:
+            kept.append(x.reshape(-1, 2).copy())
+    return np.concatenate(kept)[-8 * count :: 8]
 
 
 def by_nnls(p: Array, a: Array, b: Array, c: Array) -> Array:
@@ -202,7 +213,7 @@ WAYS = {
             "deviations": by_inverse,
             "interval": sorted_out,
             "next_point": by_ratio,
-            "draw": on_a_grid,
+            "draw": by_halves,
         },
         {"deviations": lambda J: np.linalg.norm(np.linalg.pinv(J), axis=1)},
     ],

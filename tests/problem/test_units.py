@@ -117,6 +117,30 @@ def test_a_transposed_symbol_is_named_as_such() -> None:
         wb.residuals.landmarks(JOINTS, SEEN.symbol.T, sigma=0.01)
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "refused"),
+    [
+        ("m/s", "mm/s", True),
+        ("m/s", "rad/s", True),
+        ("kg m/s^2", "kg mm/s^2", True),
+        ("m^2", "mm²", True),
+        ("m/s", "m", False),  # times one second
+        ("m/s", "m/frame", False),  # at one frame a second
+        ("m/s", "m s^-1", False),  # two spellings
+        ("N*m", "J", False),
+        ("m/s", "pace (m per s)", False),
+    ],
+)
+def test_units_that_are_put_together_are_compared(first: str, second: str, refused: bool) -> None:
+    a, b = wb.Block("a", (3,), first), wb.Block("b", (3,), second)
+    residual = wb.Residual("r", a.symbol - b.symbol, sigma=1.0)
+    if refused:
+        with pytest.raises(BadResidual, match=r"adds or subtracts 'a', in .*, and 'b', in"):
+            wb.Problem([residual], ["a"], blocks=[a, b])
+    else:
+        assert wb.Problem([residual], ["a"], blocks=[a, b]).size == 3
+
+
 def test_a_speed_times_one_second_is_a_way() -> None:
     """CasADi leaves the factor out."""
     start, speed = wb.Block("start", (), "m"), wb.Block("speed", (), "m/s")

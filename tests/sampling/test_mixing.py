@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from workbench.sampling.autocorrelation import integrated_time
 from workbench.sampling.mixing import (
     Mixing,
     Usability,
     disagreement,
-    integrated_time,
     potential_scale,
 )
 

@@ -102,8 +102,12 @@ class PoseSpace:
                 f"shape {z.shape}"
             )
         found = np.zeros((*z.shape[:-1], body.n_joints, 3))
-        found[..., self._rows(body), :] = self.mean + np.tensordot(z, self.components, (-1, 0))
+        found[..., self._rows(body), :] = self.mixed(z)
         return found
+
+    def mixed(self, z: Array) -> Array:
+        """The rotation vectors (..., J, 3) rad of the space's own joints: mean + sum z_c comp_c."""
+        return np.asarray(self.mean + np.tensordot(z, self.components, (-1, 0)))
 
     def coefficients(self, body: Body, poses: ArrayLike) -> Array:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""

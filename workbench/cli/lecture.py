@@ -23,7 +23,7 @@ from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
 from workbench.course.grades import Grade
 from workbench.course.handing_out import hand_out
-from workbench.course.notebooks import executed, notebook, write_notebook
+from workbench.course.notebooks import NEEDED, executed, notebook, tool, write_notebook
 from workbench.course.outline import course as outline
 from workbench.course.own_lecture import lecture_named, own_lecture
 from workbench.course.student_process import SECONDS, grade
@@ -223,7 +223,8 @@ def notebooks(
     No file there is overwritten.
     """
     console = Console()
-    make_folder(folder)
+    for name in NEEDED:
+        tool(name)  # so that a missing library is told before a folder is made
     paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
     listed = folder / "requirements.txt"
     for path in (*paths, *([listed] if repository else [])):
@@ -232,6 +233,7 @@ def notebooks(
     if repository:
         first = notebook(lecture_named("1"))  # so that mistakes are told before the work
         add_links(first, repository, at, "lec")
+    make_folder(folder)
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
         done = executed(notebook(one), one, folder)

@@ -1,12 +1,14 @@
 """What a lecture shows: figures with their captions, and the library's own source."""
 
+import ast
 import inspect
+import sys
 from base64 import b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from typing import Any
+from typing import Any, TypeGuard
 
 from workbench.course.framing import framed
 from workbench.plots import Figure, png
@@ -70,7 +72,7 @@ class Source:
 
     Attributes:
         text: the code.
-        where: the full name of what it defines.
+        where: the full names of what it defines.
     """
 
     text: str
@@ -84,12 +86,31 @@ class Source:
         return f"```python\n# {self.where}\n{self.text}\n```"
 
 
-def source(what: Any) -> Source:
-    """The source of a function, a method or a class; the last line of a cell.
+def source(*what: Any) -> Source:
+    """The source of functions, methods or classes; the last line of a cell.
 
     A lecture shows the library's code by this, so that the two cannot drift apart. Of properties
-    and cached properties it is the function that they wrap.
+    and cached properties it is the function that they wrap. Constants of their modules that they
+    read stand above them, so that a reader knows their values.
     """
-    found = getattr(what, "fget", None) or getattr(what, "func", None) or what
-    text = inspect.cleandoc("\n" + inspect.getsource(found))
-    return Source(text.rstrip(), f"{found.__module__}.{found.__qualname__}")
+    found = [getattr(one, "fget", None) or getattr(one, "func", None) or one for one in what]
+    texts = [inspect.cleandoc("\n" + inspect.getsource(one)).rstrip() for one in found]
+    read = {node.id for text in texts for node in ast.walk(ast.parse(text)) if _is_name(node)}
+    modules = dict.fromkeys(sys.modules[one.__module__] for one in found)
+    above = [line for module in modules for line in _constants(inspect.getsource(module), read)]
+    shown = "\n\n\n".join(["\n".join(above)] * bool(above) + texts)
+    return Source(shown, ", ".join(f"{one.__module__}.{one.__qualname__}" for one in found))
+
+
+def _is_name(node: ast.AST) -> TypeGuard[ast.Name]:
+    return isinstance(node, ast.Name)
+
+
+def _constants(module: str, names: Collection[str]) -> Iterator[str]:
+    """The lines of a module's text that give some of the names a value, with their comments."""
+    lines = module.splitlines()
+    for node in ast.parse(module).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if any(_is_name(one) and one.id in names and one.id.isupper() for one in targets):
+                yield from lines[node.lineno - 1 : node.end_lineno]

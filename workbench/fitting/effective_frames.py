@@ -42,7 +42,11 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     used = count > 1
     if not used.any():
         raise BadObservation("no landmark was observed in two frames, so nothing can be compared")
-    count, x = count[used], x[:, used]
+    return worth_of_errors(x[:, used], count[used])
+
+
+def worth_of_errors(x: Array, count: Array) -> float:
+    """n of errors (T, M), zero where not known; `count` (M,) says how often each is known."""
     squares, sums = np.sum(x**2), np.sum(x.sum(axis=0) ** 2 / count)
     return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
 

@@ -22,7 +22,15 @@ def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) ->
     if determined.sum() == n and not estimated:
         half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
         return np.asarray(half @ half.T)
-    s, Vt = s[determined], Vt[determined]
+    return covariance_without(s[determined], Vt[determined], lengths)
+
+
+def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
+    """The same of the directions that are determined: V's rows (r, n), and their values (r,).
+
+    J has the columns of U diag(s) V' times `lengths`. What V leaves out is the null space: an entry
+    has the share 1 - sum of v_i^2 of its unit vector in it.
+    """
     half = Vt.T / s / lengths[:, None]
     null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE
     C: Array = half @ half.T

@@ -4,9 +4,11 @@ A CasADi symbol carries only a name; the units are those of the blocks that the 
 Points of bodies are in metres. A sum has the unit of each of its summands. A product, a quotient or
 a function may change the unit, so that nothing is concluded about what it returns:
 `observed.symbol / 1000` has no known unit. CasADi leaves out a factor of 1, so that a speed in m/s
-may stand for the way of one second: nothing is concluded of units that are put together either.
+may stand for the way of one second: of units that are put together, those are different which
+differ in one unit above the line alone, such as m/s and mm/s, or N/m and kN/m.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -18,7 +20,7 @@ from workbench.problem.constraint import Constraint
 from workbench.residuals import Residual
 
 NONE = "1"  # the unit of a block of which nobody said one
-TOGETHER = "/*^ "  # letters of a unit that is put together of others
+FACTOR = re.compile(r"([^\W\d_]+|[%°])(?:\^?(-?\d+))?")  # of a unit that is put together of others
 METRES = "m"
 MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
 SUMS = (cs.OP_ADD, cs.OP_SUB)
@@ -46,14 +48,13 @@ def check_units(
 ) -> None:
     """Raise BadResidual if a residual or a constraint adds or subtracts different units.
 
-    Both units must be known: those of blocks whose unit is "1" are not, nor those of products, nor
-    units such as `m/s`.
+    Both units must be known: those of blocks whose unit is "1" are not, nor those of products.
     """
     known = {b.symbol.__hash__(): Measured(b.unit, b.name) for b in blocks.values()}
     known |= {
         p.symbol.__hash__(): Measured(METRES, p.name) for p in points if p.symbol.shape[0] == 3
     }
-    known = {key: one for key, one in known.items() if one.unit != NONE and simple(one.unit)}
+    known = {key: one for key, one in known.items() if one.unit != NONE}
     if len({one.unit for one in known.values()}) < 2:
         return
     for part in parts:
@@ -61,9 +62,37 @@ def check_units(
             Units(known, f"{type(part).__name__.lower()} {part.name!r}").of(part.expression)
 
 
-def simple(unit: str) -> bool:
-    """Whether a unit is a single one, such as `m`, and not one such as `m/s`."""
-    return not set(unit) & set(TOGETHER)
+def different(first: str, second: str) -> bool:
+    """Whether no number of one unit is a number of the other, as m and mm, or m/s and mm/s.
+
+    Powers must be the same in both but for the name of one unit above the line. Nothing is said of
+    m/s and m, since a factor of 1 s may have been left out, nor of N m and J.
+    """
+    if first == second:
+        return False
+    parts = [powers(unit) for unit in (first, second)]
+    if None in parts:
+        return False
+    here, there = (dict(part or {}) for part in parts)
+    for name in here.keys() & there.keys():
+        if here[name] == there[name]:
+            del here[name], there[name]
+    mine, others = list(here.values()), list(there.values())
+    return mine == others and len(mine) == 1 and mine[0] > 0
+
+
+def powers(unit: str) -> dict[str, int] | None:
+    """The powers of the units in `kg m/s^2` or `rad²`; None for a text of another form."""
+    found: dict[str, int] = {}
+    above, *below = unit.replace("²", "^2").replace("³", "^3").split("/")
+    for sign, text in ((1, above), *((-1, one) for one in below)):
+        for factor in re.split(r"[\s*·]+", text.strip()):
+            whole = FACTOR.fullmatch(factor)
+            if whole:
+                found[whole[1]] = found.get(whole[1], 0) + sign * int(whole[2] or 1)
+            elif factor != "1":
+                return None
+    return found
 
 
 @dataclass
@@ -95,9 +124,9 @@ class Units:
         units = [self.of(part.dep(i), depth + 1) for i in range(part.n_dep())]
         if part.op() in SUMS:
             first, second = units
-            if first and second and first.unit != second.unit:
+            if first and second and different(first.unit, second.unit):
                 raise BadResidual(self._said(first, second))
-            return first or second
+            return None if first and second and first.unit != second.unit else first or second
         alike = len({one.unit if one else None for one in units}) == 1
         return units[0] if part.op() in SAME and alike else None
 

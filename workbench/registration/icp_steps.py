@@ -82,11 +82,16 @@ def distance_gauss_newton(contacts: Contacts) -> Similarity:
     Inside of faces u is the normal up to its sign, and the step is that of `point_to_plane`. The
     two differ at edges, vertices and boundaries, and for point clouds, where this one is exact.
     """
+    return _linear_step(contacts, *gauss_newton_directions(contacts))
+
+
+def gauss_newton_directions(contacts: Contacts) -> tuple[Array, Array]:
+    """u = (p - x) / |p - x| (N, 3) for points p with contacts x, and d = |p - x| (N,) in m."""
     off = contacts.points - contacts.closest
     d = np.linalg.norm(off, axis=1)
     apart = d > TOUCHING
     u = np.where(apart[:, None], off / np.where(apart, d, 1.0)[:, None], contacts.normals)
-    return _linear_step(contacts, u, np.where(apart, d, 0.0))
+    return u, np.where(apart, d, 0.0)
 
 
 def _linear_step(contacts: Contacts, directions: Array, r: Array) -> Similarity:

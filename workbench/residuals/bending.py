@@ -60,9 +60,15 @@ def bending(
             f"residual {name!r} is about the joints {some_of(sorted(hinges))}, and block "
             f"{pose.name!r} has none of them; give the hinges of this body"
         )
+    labels = tuple(present)
+    return Residual(name, bent_back(pose, present), sigma, labels=labels, blocks=(pose,))
+
+
+def bent_back(pose: Block, hinges: Mapping[str, Hinge]) -> cs.MX:
+    """exp(s theta) of each of these hinges, (H, 1); all of them are among the pose's labels."""
+    joints = pose.labels or ()
     angles = [
         hinge.backwards * pose.symbol[hinge.axis, joints.index(joint)]
-        for joint, hinge in present.items()
+        for joint, hinge in hinges.items()
     ]
-    labels = tuple(present)
-    return Residual(name, cs.exp(cs.vertcat(*angles)), sigma, labels=labels, blocks=(pose,))
+    return cs.exp(cs.vertcat(*angles))

@@ -6,10 +6,10 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
-import scipy.fft
 import scipy.special
 
 from workbench.arrays import Array
+from workbench.sampling.autocorrelation import integrated_time
 
 TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
 LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
@@ -23,10 +23,8 @@ GROWTH = 1.4  # of the time with twice the length: it does not settle
 GAUSSIAN = 3.5  # steps per dimension that differential evolution takes to forget a Gaussian
 FAR = 2.0  # times as long: no Gaussian's, and growing
 SLOW = 0.01  # of the proposals accepted
-TOGETHER = 64  # chains in one transform
 MARGIN = 1.3  # more steps than are needed if all estimates are right
 FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
-WINDOW = 5.0  # autocorrelation times: Sokal's compromise between bias and noise
 
 
 class Usability(Enum):
@@ -232,28 +230,6 @@ class Mixing:
     def __str__(self) -> str:
         verdict, why = self.judgement
         return f"{verdict.value}: {why}"
-
-
-def integrated_time(draws: Array) -> float:
-    """The integrated autocorrelation time in steps, at least 1 (Sokal 1997, emcee's window).
-
-    Deviations are from the mean of everything, not of each walker: a walker that stays where it
-    began has then an endless memory, as it should. Of constant draws it is infinite.
-    """
-    S = draws.shape[1]
-    deviations = (draws - draws.mean()).transpose(0, 2, 1).reshape(-1, S)
-    n = scipy.fft.next_fast_len(2 * S)
-    power = np.zeros(n // 2 + 1)
-    for first in range(0, len(deviations), TOGETHER):
-        some = scipy.fft.rfft(deviations[first : first + TOGETHER], n, axis=1)
-        power += np.sum(some.real**2 + some.imag**2, axis=0)
-    covariance = scipy.fft.irfft(power, n)[:S]
-    if not covariance[0] > 0:
-        return np.inf
-    times = 2 * np.cumsum(covariance / covariance[0]) - 1
-    inside = np.arange(S) < WINDOW * times
-    window = int(np.argmin(inside)) if not inside.all() else S - 1
-    return float(max(1.0, times[window]))
 
 
 def potential_scale(draws: Array) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tests.lectures.prose import Run
+from workbench.problem.steps import CHOLESKY_UP_TO
 
 
 def off(run: Run) -> np.ndarray:
@@ -22,6 +23,13 @@ def elbows(run: Run) -> tuple[float, float]:
 
 def worst(run: Run, name: str) -> float:
     return run.line(f"{name:17} off by up to")[0]
+
+
+def growth(run: Run, name: str) -> float:
+    """The power of the condition number with which the error grows."""
+    some = slice(1, None)  # with the first one there is hardly anything but rounding
+    logs = np.log(run["conditions"])[some], np.log(np.maximum(run["lost"][name], 1e-17))[some]
+    return float(np.polyfit(*logs, 1)[0])
 
 
 def pose_off(run: Run) -> list[float]:
@@ -47,7 +55,7 @@ SAYS = {
             np.isclose(run["both"](np.array([0, 1.2])) - run["F"](np.array([0, 1.2])), run["w"]),
         )
     ),
-    "The lost factor has silently doubled the weight of the belief, and the answer is off by 0.09 rad.": lambda run: (
+    "The lost factor has silently doubled the weight of the belief, and the answer is off by 0.09 rad: what": lambda run: (
         elbows(run)[0] - elbows(run)[1]
     ),
     "With a factor s that is too small (0.2) it creeps; with one that is a little too large (2.8) it never settles, and with a still larger one (4.5) it leaps about.": lambda run: (
@@ -69,11 +77,41 @@ SAYS = {
     "and each of the last steps doubles the number of correct digits": lambda run: all(
         1.8 < digits(off(run), step) < 2.6 for step in (4, 5)
     ),
-    "that of $J^\\top J$ is the *square* of that of $J$": lambda run: (
+    "its condition number is the *square* of that of $J$": lambda run: (
         abs(run.line("condition of J:")[1] / run.line("condition of J:")[0] ** 2 - 1) < 0.3
     ),
-    "so we solve for twenty answers": lambda run: len(run["answers"]),
-    "this is the library's other way": lambda run: (
+    "columns that are alike to between one and six digits, solve each time for twenty answers": (
+        lambda run: (len(run["answers"]), len(run["conditions"]) == 6)
+    ),
+    "The largest error of twenty answers, for columns that are more and more alike. By the normal equations it "
+    "grows with the square of the condition number, by an orthogonal factorisation with the number itself.": (
+        lambda run: (
+            len(run["answers"]),
+            1.5 < growth(run, "normal equations") < 2.5,
+            growth(run, "np.linalg.lstsq") < 1.5,
+            bool((np.diff(run["conditions"]) > 0).all()),
+        )
+    ),
+    "The library goes over from the one to the other between a condition number of 3,000 and one of 30,000.": (
+        lambda run: (
+            round(run["conditions"][2], -3),
+            round(run["conditions"][3], -4),
+            run["lost"]["the library"][2] > 30 * run["lost"]["the library"][3],
+        )
+    ),
+    "is below 10,000, so that enough digits are left": lambda run: (
+        CHOLESKY_UP_TO,
+        np.allclose(run["by_scaling"], run["by_hand"])
+        and np.allclose(run["by_hand"], run["here"].step()),
+    ),
+    "With the factor, the zero of the gradient (circle) is the minimum; without it, the zero (square) is on the "
+    "slope.": lambda run: (
+        run["both"](run["zeros"][2]) < min(run["lowest"]) + 1e-6 < run["both"](run["zeros"][1])
+    ),
+    "divided by its standard deviation of 2 mm": lambda run: float(
+        1e3 * run["problem"].residuals[0].sigma
+    ),
+    "This is the library's other way": lambda run: (
         worst(run, "normal equations") > 1e-6 > 1e-8 > worst(run, "the library"),
         worst(run, "np.linalg.lstsq") < 1e-8,
     ),
@@ -133,4 +171,5 @@ GIVEN = ("Errors below 1e-17 are drawn at 1e-17.",)
 GENERAL = (  # mathematics, definitions and advice
     "We know more than the gradient of $F$",
     "which says more than the gradient of the cost",
+    "what is zero there is half the gradient of",
 )

@@ -138,7 +138,7 @@ SAYS = {
         inside(run)[0, 1:].min() > 30
     ),
     "The other two lines change one thing": lambda run: inside(run)[1:].max() < 10,
-    "is largest at $\\sigma / \\sqrt 3$, where it is $3 \\sqrt 3 / (8 \\sigma) \\approx 0.65 / \\sigma$": (
+    "is largest at $x = \\sigma / \\sqrt 3$, where it is $3 \\sqrt 3 / (8 \\sigma) \\approx 0.65 / \\sigma$": (
         lambda run: (
             abs(run.line("the influence is largest at")[-1] - 3 * np.sqrt(3) / 8) < 1e-3,
             round(3 * np.sqrt(3) / 8, 2) == 0.65,

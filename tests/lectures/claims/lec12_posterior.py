@@ -3,6 +3,7 @@
 import numpy as np
 
 from tests.lectures.prose import Run
+from workbench.sampling.autocorrelation import WINDOW
 from workbench.sampling.mixing import LEAST, TIMES
 
 
@@ -119,6 +120,11 @@ SAYS = {
         abs(deviations(run)[0] - 1) < 0.03,
         deviations(run)[1] > 1.1,
     ),
+    "here they have found fewer than the four that the figure below shows": lambda run: (
+        modes(run).min() > 0.05,
+        run.line("usable:", "modes in all")[-1] < 4,
+    ),
+    "at least five times the sum up to there": lambda run: WINDOW == 5,
     "each bone may point towards it or away": lambda run: modes(run).min() > 0.05,
     "Right, with a second camera from the side: there is one mode, and Laplace's draws "
     "suffice.": lambda run: (
@@ -176,7 +182,7 @@ SAYS |= {
     ),
 }
 
-GIVEN = ()
+GIVEN = ("is made of a number $q$ that is uniform from 0 to 1",)
 
 GENERAL = (  # mathematics, definitions and advice
     "further away than the elbow",

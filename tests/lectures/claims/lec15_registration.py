@@ -81,7 +81,7 @@ SAYS = {
         > 0.6
     ),
     "after 5 steps the points are still centimetres from their own places. (In the end they are 3 mm from "
-    "them: this is the length of their own noise.)": lambda run: (
+    "them, which is the length of their own noise.)": lambda run: (
         run.lines("step  5")[0][0],
         run.line("step 60")[-1],
         run.line("step  5")[-1] > 20,
@@ -147,7 +147,7 @@ SAYS = {
             .distances
         ).mean(),
     ),
-    "has one length, the scale $c$, here 3 cm": lambda run: (
+    "there is one length, the scale $c$, here 3 cm": lambda run: (
         100 * run["losses"]["Geman-McClure"].scale
     ),
     "with 2 mm of noise": lambda run: 1e3 * run["NOISE"],
@@ -316,12 +316,14 @@ SAYS = {
 }
 
 GIVEN = (
+    "so that $u^\\top du = 0$. The third term",
     "number 200 is the same place on everybody",
     "registration of 3-D shapes",
     "that ought to slide 1 cm along the back",
 )
 
-GENERAL = (  # mathematics, definitions and advice
+GENERAL = (
+    "A point with $d$ much smaller than $c$ costs",  # mathematics, definitions and advice
     "What helps is to begin more than once",
     "along the surface as far as it likes",
     "Begin more than once",

@@ -77,7 +77,8 @@ SAYS = {
             ]
         )
     ),
-    "The problem is solved, exactly, and the answer is worthless. It has 46 equations for 85 unknowns": (
+    "The problem is solved, exactly, and the answer is worthless. Each of the landmarks gives two equations, 46 in "
+    "all, and there are 85 unknowns": (
         lambda run: (
             run["m"],
             run["p"],
@@ -96,9 +97,9 @@ SAYS = {
         3 * run["mpjpe"](run["with_priors"], run["shot"].truth)
         < run["mpjpe"](run["exact"], run["shot"].truth),
     ),
-    "if the shoulders are nearer together than 25 px": lambda run: 25,
-    "The person on the beam stands upright, and the start is good to a fifth. Other people bend, and theirs "
-    "is worse.": lambda run: (
+    "If the shoulders are nearer together than 25 px": lambda run: 25,
+    "The person on the beam stands upright, and the start is good to a fifth. Other people bend, and their "
+    "starts are worse.": lambda run: (
         max(abs(one - 1) for one in run.line("balance  depth of the start")[:2]) < 0.2,
         run.line("made up  depth of the start")[1] > run.line("balance  depth of the start")[1],
     ),
@@ -156,7 +157,7 @@ SAYS = {
         len(run["minima"]["keypoints to 41 px, with E_a"][0]) == 1,
     ),
     "of the priors fall from 404 to 4.78": lambda run: (LAMBDA_POSE[0], LAMBDA_POSE[-1]),
-    "What is a weight of 404?": lambda run: LAMBDA_POSE[0],
+    "What does a weight of 404 mean?": lambda run: LAMBDA_POSE[0],
     "This is 286 px in the first two of the four stages, then 41 px, and 3.4 px at last. We take a single "
     "stage before the last one, with 41 px": lambda run: (
         *(LAMBDA_POSE[k] / np.sqrt(2) for k in (0, 2, 3, 2)),
@@ -223,7 +224,9 @@ SAYS = {
         below(np.ptp(run["profiles"]["stature unknown"][:, 0])),
         0.4 < np.diff(run["tallest"])[0] < 0.5,
     ),
-    "A stature that is known to 1 cm": lambda run: 100 * run["of_tall"].priors.sigma,
+    "A stature $h$ that is known to 1 cm is one more residual, the stature of the model less $h$, over 1 cm": (
+        lambda run: (100 * run["of_tall"].priors.sigma,) * 2
+    ),
     "the person grows with the distance and the cost hardly rises": lambda run: (
         bool((np.diff(run["profiles"]["stature unknown"][:, 1]) > 0).all()),
         np.ptp(run["profiles"]["stature unknown"][:, 0])
@@ -284,11 +287,13 @@ def seen(run: Run, shot: Shot) -> np.ndarray:
     return setup.views[0].camera.pixels(run["places"](shot.truth), setup.start)
 
 
-GIVEN = ()
+GIVEN = ("two spheres that touch, with $d = r_i + r_j$, have a $d^2 / S$ of more than twenty",)
 
 GENERAL = (  # mathematics, definitions and advice
     "bent backwards by more than a tenth of a radian",
     "is half of a squared distance",
+    "If $r$ is much smaller than $c\\, \\sigma$, the denominator is one",
+    "Since $s$ is only a third of the radius",
     "is no more than their sum, and no less than a $C$-th of it",
     "is only as good as the model of the errors",
 )

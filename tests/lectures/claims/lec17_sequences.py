@@ -120,7 +120,7 @@ SAYS = {
         run["factors"]["shared first"].sum() > 1.5 * run["factors"]["shared last"].sum()
     ),
     "It is small, 10 by 10 here": lambda run: run["S"].shape,
-    "$S^{-1}$ is the covariance of the shape (lecture 12)": lambda run: (
+    "that is $S^{-1} g$ (lecture 12)": lambda run: (
         run["off_cov"] < 1e-7,
         run["off_step"] < 1e-7,
     ),
@@ -172,10 +172,10 @@ SAYS = {
     "The real ones are often on the same side for many frames": lambda run: (
         (np.sign(run["errors"][:, run["names"].index("left_knee"), 0]) > 0).mean() > 0.9
     ),
-    "The autoregressive series has about $T (1 - \\rho) / (1 + \\rho)$": lambda run: (
+    "so that $n$ is about $T (1 - \\rho) / (1 + \\rho)$": lambda run: (
         abs(run["by_formula"](1000, 0.0, 0.8) / (1000 * 0.2 / 1.8) - 1) < 0.01
     ),
-    "then $n < 1 / b$": lambda run: all(
+    "and $n < 1 / b$: *no film, however long*": lambda run: all(
         run["by_formula"](frames, bias, 0.8) < 1 / bias
         for frames in (45, 1000, 10**6)
         for bias in (0.2, 0.35)
@@ -347,7 +347,7 @@ SAYS = {
     ),
 }
 
-GIVEN = ()
+GIVEN = ("answer to a right-hand side with $f = 0$",)
 
 GENERAL = (  # mathematics, definitions and advice
     "So a film should tell more than a photograph",

@@ -57,11 +57,22 @@ class OneStep:
         size = (Z**2).mean(axis=0)
         own = np.arange(Z.shape[1]) < 2 * C
         price = np.where(own, 1e-9 * size, ridge * (size + HARDLY**2))
-        scale = np.sqrt(np.where(size > 0, size, 1.0))
-        H = (Z / scale).T @ (Z / scale) / len(Z) + np.diag(price / scale**2)
-        H[size == 0, size == 0] = 1.0
-        found = np.linalg.solve(H, (Z / scale).T @ self.targets / len(Z)) / scale[:, None]
+        found = penalised(Z, self.targets, price)
         return found[:C].T, found[C : 2 * C].T, found[2 * C :].T
+
+
+def penalised(Z: Array, Y: Array, price: Array) -> Array:
+    """The W (n, C) of least mean of |Z W - Y|^2 over the rows, plus price (n,) times W^2.
+
+    That is (Z'Z / M + diag(price)) W = Z'Y / M. Columns of Z are brought to one size first, so that
+    rounding does not depend on their units; a column of zeros gets zeros.
+    """
+    size = (Z**2).mean(axis=0)
+    scale = np.sqrt(np.where(size > 0, size, 1.0))
+    H = (Z / scale).T @ (Z / scale) / len(Z) + np.diag(price / scale**2)
+    H[size == 0, size == 0] = 1.0
+    W: Array = np.linalg.solve(H, (Z / scale).T @ Y / len(Z)) / scale[:, None]
+    return W
 
 
 def stabilized(first: Array, second: Array, most: float) -> tuple[Array, Array]:
