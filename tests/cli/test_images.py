@@ -155,7 +155,7 @@ def test_a_folder_whose_fits_are_killed_ends_with_the_same_bits(tmp_path: Path) 
     fits = out / "fit-images" / "fits"
     for already in range(2):  # killed as soon as there is one more image
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        while process.poll() is None and len(list(fits.glob("*.npz"))) <= already:
+        while process.poll() is None and len(list(fits.glob("*.json"))) <= already:
             time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL

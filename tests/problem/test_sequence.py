@@ -634,9 +634,7 @@ def test_what_the_frames_would_not_see_cannot_be_replaced_for_all_rows() -> None
     problem = wb.sequence([one] * 3)
     (whole,) = problem.residuals
     for changed in ({"weights": np.full(6, 4.0)}, {"sigma": 0.1}, {"kernel": geman_mcclure}):
-        with pytest.raises(
-            wb.BadResidual, match=rf"3 frames.* {next(iter(changed))} were replaced"
-        ):
+        with pytest.raises(BadResidual, match=rf"3 frames.* {next(iter(changed))} were replaced"):
             replace(whole, **changed)
     at = {"x": np.zeros((3, 2))}
     four = wb.Problem([whole.weighed(4.0)], ("x",))

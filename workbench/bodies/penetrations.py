@@ -67,7 +67,8 @@ class BodySolids:
         joined: pairs of solids that are joined, or the same.
         patches: each solid's skin and openings.
         skins: for each solid, the numbers of its triangles.
-        looked: for each solid and each part that may go into it, the part's triangles that count.
+        looked: for each solid and each part that may go into it, the part's triangles that count,
+            those on its border by themselves.
     """
 
     shape: tuple[int, ...]
@@ -78,7 +79,7 @@ class BodySolids:
     joined: frozenset[frozenset[str]]
     patches: tuple[Patch, ...]
     skins: tuple[Index, ...]
-    looked: tuple[dict[int, Index], ...]
+    looked: tuple[tuple[Index, ...], ...]
 
     @staticmethod
     def of(body: SkinnedBody) -> BodySolids:
@@ -113,7 +114,7 @@ class BodySolids:
         found: dict[tuple[str, str], Penetration] = {}
         for patch, skin, looked in zip(self.patches, self.skins, self.looked, strict=True):
             solid = patch.solid(vertices)
-            for chosen in looked.values():
+            for chosen in looked:
                 at = deepest(vertices[self.faces[chosen]], solid, tolerance)
                 if at.face < 0:
                     continue
@@ -142,8 +143,9 @@ def _joined(faces: Index, corner_of: Index, solids: Array) -> frozenset[frozense
 
 def _looked_at(
     body: SkinnedBody, skin: Index, part_of: Index, corner_of: Index, solids: Array
-) -> dict[int, Index]:
-    """For each part the triangles that may go into the solid with this skin.
+) -> tuple[Index, ...]:
+    """For each part the triangles that may go into the solid with this skin: those that are the
+    part's with all three corners, and those on its border.
 
     Of joined solids, one of which is the torso, they are those far from each other; of others none.
     """
@@ -155,7 +157,9 @@ def _looked_at(
     torso = (solids[part_of[outside]] == TORSO) | (own == TORSO)
     reaching = beside[corner_of[body.faces[outside]]].any(axis=1)
     chosen = outside[np.where(torso, far | ~beside[part_of[outside]], ~reaching)]
-    return {int(part): chosen[part_of[chosen] == part] for part in np.unique(part_of[chosen])}
+    whole = (corner_of[body.faces[chosen]] == part_of[chosen, None]).all(axis=1)
+    kinds = 2 * part_of[chosen] + whole  # of triangles on a border the deepest place counts as well
+    return tuple(chosen[kinds == kind] for kind in np.unique(kinds))
 
 
 def _of_faces(body: SkinnedBody) -> Index:

@@ -33,7 +33,7 @@ def in_short(s: LoopStudy) -> str:
     more = (
         ""
         if last is first
-        else f" {last.number - 1} more rounds bring that to {last.kept.mean:.0f} mm, and held-out "
+        else f" {_further(last.number - 1)} that to {last.kept.mean:.0f} mm, and fits to held-out "
         f"images from {first.begun.mean:.0f} to {last.begun.mean:.0f} mm."
     )
     return (
@@ -44,6 +44,10 @@ def in_short(s: LoopStudy) -> str:
         f"{s.others[SHIPPED].mean:.0f} mm if the shipped regressor begins them, which learned from "
         f"the pose prior alone, and {s.others[TRUTH].mean:.0f} mm if they begin at the truth."
     )
+
+
+def _further(rounds: int) -> str:
+    return "Another round brings" if rounds == 1 else f"{rounds} more rounds bring"
 
 
 def of_rounds(s: LoopStudy) -> Table:
