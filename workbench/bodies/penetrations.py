@@ -152,8 +152,12 @@ def _looked_at(
     own, joined = str(solids[part_of[skin[0]]]), _joined(body.faces, corner_of, solids)
     outside = np.flatnonzero(solids[part_of] != own)
     beside = np.array([frozenset((own, str(solid))) in joined for solid in solids])
-    middles = body.template[body.faces[outside]].mean(axis=1)
-    far = abs(SurfaceTree(body.template, body.faces[skin]).closest(middles).distances) > FOLDS
+    corners = np.unique(body.faces[outside])
+    away = np.zeros(len(body.template))
+    away[corners] = abs(
+        SurfaceTree(body.template, body.faces[skin]).closest(body.template[corners]).distances
+    )
+    far = (away[body.faces[outside]] > FOLDS).all(axis=1)
     torso = (solids[part_of[outside]] == TORSO) | (own == TORSO)
     reaching = beside[corner_of[body.faces[outside]]].any(axis=1)
     chosen = outside[np.where(torso, far | ~beside[part_of[outside]], ~reaching)]

@@ -14,7 +14,7 @@ from workbench.experiments.photographed import Shot, made_up_shots
 from workbench.fitting.image_recipe import NEARLY, image_priors
 from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.keypoints import keypoint_setup
-from workbench.fitting.observations import LIMBS, SIDES
+from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.pose_regressor import PoseRegressor
 from workbench.fitting.regressed_start import regressed_start
 from workbench.fitting.synthetic_views import draw_facings
@@ -48,9 +48,14 @@ class Fitting:
         return {block.name: found[block.name] for block in self.body.blocks()}, solution.cost
 
     def regressed(self, shot: Shot, regressor: PoseRegressor) -> Values:
-        """What a regressor makes of the keypoints."""
+        """What a regressor makes of the keypoints; the body at rest, where the torso was seen, if
+        it would be behind the camera, as that of a regressor may be that has learned little.
+        """
         setup = keypoint_setup(self.problem, shot.observed, "")
-        return regressed_start(regressor, self.body, setup.views[0], setup.start)
+        try:
+            return regressed_start(regressor, self.body, setup.views[0], setup.start)
+        except BadObservation:
+            return {block.name: setup.start[block.name] for block in self.body.blocks()}
 
     def error(self, found: Values, shot: Shot) -> float:
         """The mean distance of 12 landmarks of the limbs from the truth, in mm, after the middles
