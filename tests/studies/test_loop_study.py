@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_the_page_tells_the_numbers(found: LoopStudy, tmp_path: Path) -> None:
     assert kept["plan"]["seed"] == 42
     assert len(kept["rounds"]) == 3
     told = in_short(found)
-    assert told in page.read_text()
+    assert told in unescape(page.read_text())
     assert f"from {found.rounds[0].kept.mean:.0f} to {found.rounds[1].kept.mean:.0f} mm" in told
     assert f"{found.others[SHIPPED].mean:.0f} mm if the shipped regressor begins them" in told
     assert [row[3] for row in of_rounds(found).rows] == [str(one.replaced) for one in found.rounds]
