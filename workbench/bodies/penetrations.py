@@ -131,8 +131,8 @@ class BodySolids:
     def _part_at(self, vertices: Array, place: Array, faces: Index) -> str:
         """The part of that corner of triangles (F, 3) which is nearest to a place."""
         corners = np.unique(faces)
-        nearest = np.argmin(np.linalg.norm(vertices[corners] - place, axis=1))
-        return self.parts[self.corner_of[corners[nearest]]]
+        nearest = int(np.argmin(np.linalg.norm(vertices[corners] - place, axis=1)))
+        return self.parts[int(self.corner_of[corners[nearest]])]
 
 
 def _joined(faces: Index, corner_of: Index, solids: Array) -> frozenset[frozenset[str]]:
