@@ -4,13 +4,14 @@ Poses of the prior in which `default` penetrates itself are fitted to their join
 and with each term for self-contact; and the capsules' alarms are compared with penetrations on the
 mesh (`workbench.bodies.penetrations`), in poses of the prior and of a recording's held-out clips.
 Numbers go to `results/contact.json`, and the tables of IMAGES.md are written from them. With
-`--tuning` other poses are taken and nothing is kept: settings were chosen there.
+`--tuning` other poses are taken and nothing is kept: settings were chosen there. `--parts` measures
+some of the tables again; the others stay as they are.
 """
 
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -172,8 +173,9 @@ def fits(body: SkinnedBody, poses: list[Array]) -> dict[str, dict[str, list[floa
 def alarms(body: SkinnedBody, poses: Array) -> dict[str, list[list[float]]]:
     """For each pose and each two solids that may meet: the depth on the mesh and the gap, in mm.
 
-    Solids are those of `penetrations`. Pairs that are neither within each other nor overlap are
-    left out; the gap of those that no capsules stand for is infinite.
+    Solids are those of `penetrations`, which tells parts by the corners nearest to a place. Pairs
+    that are neither within each other nor overlap are left out; the gap of those that no capsules
+    stand for is infinite.
     """
     solids, capsules = BodySolids.of(body), capsules_of(body)
     of_pair = [_pair(capsules.names[i], capsules.names[j]) for i, j in capsules.pairs]
@@ -261,28 +263,35 @@ def _median_ms(call: Callable[[Array], object], places: list[Array]) -> float:
 BODIES = "small", "default", "default-male", "default-female"
 
 
-def run(recording: Path, tuning: bool) -> dict[str, Any]:
-    """All numbers."""
+PARTS = "linearizations", "capsules", "alarms", "fits"
+
+
+def run(recording: Path, tuning: bool, parts: Sequence[str] = PARTS) -> dict[str, Any]:
+    """The numbers of these parts."""
     body = load_body("default")
     assert isinstance(body, SkinnedBody)
     seed = 100 if tuning else 200
     clips = read_mocap(recording).split()[0].poses if tuning else held_out_poses(recording)
     rng = np.random.default_rng(seed)
     found: dict[str, Any] = {"machine": machine.description()}
-    found["linearizations"] = linearizations(body)
-    found["capsules"] = {}
-    for name in BODIES:
-        model = load_body(name)
-        assert isinstance(model, SkinnedBody)
-        found["capsules"][name] = {"draws": draws(model, seed), "others": others(model, name)}
+    if "linearizations" in parts:
+        found["linearizations"] = linearizations(body)
+    if "capsules" in parts:
+        found["capsules"] = {}
+        for name in BODIES:
+            model = load_body(name)
+            assert isinstance(model, SkinnedBody)
+            found["capsules"][name] = {"draws": draws(model, seed), "others": others(model, name)}
     print(found, flush=True)
-    found["alarms"] = {
-        "prior": alarms(body, draw_poses(shipped_mixture(), POSES, rng)),
-        "recording": alarms(body, clips[rng.choice(len(clips), POSES, replace=False)]),
-    }
-    for name, each in found["alarms"].items():
-        print(name, counted(each["rows"]), flush=True)
-    found["fits"] = fits(body, penetrating_poses(body, FITS, seed))
+    if "alarms" in parts:
+        found["alarms"] = {
+            "prior": alarms(body, draw_poses(shipped_mixture(), POSES, rng)),
+            "recording": alarms(body, clips[rng.choice(len(clips), POSES, replace=False)]),
+        }
+        for name, each in found["alarms"].items():
+            print(name, counted(each["rows"]), flush=True)
+    if "fits" in parts:
+        found["fits"] = fits(body, penetrating_poses(body, FITS, seed))
     return found
 
 
@@ -349,11 +358,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recording", type=Path, help="motion capture (.npz)")
     parser.add_argument("--tuning", action="store_true", help="other poses; keep nothing")
+    parser.add_argument("--parts", nargs="*", default=list(PARTS), choices=list(PARTS))
     options = parser.parse_args()
-    found = run(options.recording, options.tuning)
-    print(tables(found))
+    found = run(options.recording, options.tuning, options.parts)
     if not options.tuning:
-        keep(RESULTS, found, 4)
+        keep(RESULTS, json.loads(RESULTS.read_text()) | found, 4)
         write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))
 
 

@@ -41,15 +41,16 @@ def test_all_ways_agree_in_nine_of_ten_poses() -> None:
 
 def test_the_hinge_keeps_limbs_apart_on_the_mesh_and_spheres_do_not() -> None:
     for way in ("hinge", "hinge, Levenberg-Marquardt", "hinge, sigma 0.1 mm"):
-        assert of(way, "depth").mean() < 1.3
+        assert of(way, "depth").mean() < 1
         assert of(way, "depth").max() < 10
     assert of("SMPLify's spheres", "depth").mean() > 15
     assert of("nothing", "depth").mean() > 40
 
 
-def test_capsules_miss_few_penetrations() -> None:
+def test_capsules_miss_no_penetration() -> None:
     for each in FOUND["alarms"].values():
         k = counted(each["rows"])
-        assert k["missed"] <= 0.03 * k["deep"]
-        assert k["false"] <= 0.35 * k["alarms"]
+        assert k["deep"] > 90
+        assert k["missed"] == 0
+        assert k["false"] <= 0.5 * k["alarms"]
     assert max(each["draws"] for each in FOUND["capsules"].values()) < 9.5

@@ -7,6 +7,7 @@ import pytest
 
 from workbench import load_body
 from workbench.bodies import BodySolids, SkinnedBody, penetrations
+from workbench.bodies.parts import solid_of
 from workbench.errors import BadBody
 
 
@@ -48,6 +49,29 @@ def test_legs_crossed_are_within_each_other_and_bent_joints_are_not() -> None:
     }
     assert solids.penetrations(turned(body, left_elbow=(0, -1.5, 0))) == ()
     assert solids.penetrations(turned(body, left_knee=(1.2, 0, 0))) == ()
+
+
+def test_a_triangle_of_two_parts_folds_with_both() -> None:
+    body = load_body("small")
+    solids = BodySolids.of(body)
+    of_corner = np.array([solid_of(part) for part in solids.parts])[solids.corner_of]
+    looked = zip(solids.skins, solids.looked, strict=True)
+    for skin, groups in looked:
+        own = solid_of(solids.parts[solids.part_of[skin[0]]])
+        beside = {s for s in of_corner if frozenset((s, own)) in solids.joined} | {own}
+        for faces in groups:
+            reached = {*of_corner[body.faces[faces]].ravel()}
+            assert "torso" in (own, *reached) or not reached & beside
+
+
+def test_the_part_that_is_inside_is_that_of_the_nearest_corner() -> None:
+    body = load_body("small")
+    solids = BodySolids.of(body)
+    through = turned(body, left_shoulder=(0, -1.2, 0), left_elbow=(0, -2.2, 0))
+    for one in solids.penetrations(through):
+        nearest = int(np.argmin(np.linalg.norm(through - one.place, axis=1)))
+        there = solids.parts[solids.corner_of[nearest]]
+        assert one.part == there or one.within == there
 
 
 def test_what_is_no_such_body_is_refused() -> None:

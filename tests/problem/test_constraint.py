@@ -70,6 +70,24 @@ def test_values_and_derivatives_are_those_of_the_expression() -> None:
     assert there.label(1) == "c[1]"
 
 
+def test_the_hessian_of_points_by_the_chain_rule_is_that_of_differences() -> None:
+    body = random_body(3, n_vertices=6, n_joints=3, n_betas=2)
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    joints, skin = body.joint_points(pose, betas, trans), body.points(pose, betas, trans)
+    far = cs.sumsqr(joints.symbol[:, 2] - skin.symbol[:, 1]) * trans[0]
+    mixed = cs.dot(skin.symbol[:, 0], joints.symbol[:, 1]) + cs.sin(pose[0, 1]) * betas[0]
+    c = Constraint("c", cs.vertcat(far, mixed), 0.0, points=(joints, skin))
+    free = ["pose", "trans", "betas[1]"]
+    there = Problem([residuals.gaussian(trans)], free, constraints=(c,)).stacked_constraints
+    assert there is not None
+    rng = np.random.default_rng(42)
+    at, fixed, y = 0.5 * rng.normal(size=9 + 3 + 1), np.array([0.3, 0.0]), np.array([0.7, -1.3])
+    H = differences(lambda v: y @ there.linearize(v, fixed).jacobian, at)
+    assert abs(H).max() > 0.1
+    np.testing.assert_allclose(there.hessian(at, fixed, y), H, atol=1e-7)
+    np.testing.assert_array_equal(there.hessian(at, fixed, 0 * y), np.zeros(H.shape))
+
+
 def test_a_miss_is_counted_in_tolerances_and_said() -> None:
     there = near(
         Constraint("a", x[0], upper=1.0, unit="m", tolerance=0.1), Constraint("b", x[1], 0.0, 0.0)

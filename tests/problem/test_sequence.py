@@ -626,3 +626,18 @@ def test_no_residual_reads_symbols_of_single_frames() -> None:
     read = {s.name() for s in cs.symvar(whole.graph())}
     assert read == set(whole.known)
     assert all(whole.known[name].framed == (name not in SHARED) for name in read)
+
+
+def test_what_the_frames_would_not_see_cannot_be_replaced_for_all_rows() -> None:
+    x = wb.Block("x", (2,))
+    one = wb.Problem([wb.Residual("off", x.symbol - 1.0, 0.5)], ("x",))
+    problem = wb.sequence([one] * 3)
+    (whole,) = problem.residuals
+    for changed in ({"weights": np.full(6, 4.0)}, {"sigma": 0.1}, {"kernel": geman_mcclure}):
+        with pytest.raises(BadResidual, match=rf"3 frames.* {next(iter(changed))} were replaced"):
+            replace(whole, **changed)
+    at = {"x": np.zeros((3, 2))}
+    four = wb.Problem([whole.weighed(4.0)], ("x",))
+    assert four.linearize(at).cost == pytest.approx(4 * problem.linearize(at).cost, rel=1e-14)
+    again = replace(whole.weighed(4.0), name="other").weighed(0.25)
+    assert wb.Problem([again], ("x",)).linearize(at).cost == pytest.approx(12.0, rel=1e-14)

@@ -8,6 +8,7 @@ import pytest
 
 from tests.differences import assert_jacobian
 from workbench import SOLVERS, Block, Constraint, Problem, load_body, residuals, solve
+from workbench.blocks.batched import CALLS, without_calls
 from workbench.bodies.capsules import segment_distances
 from workbench.bodies.posed_capsules import capsule_gaps, capsule_points
 from workbench.errors import BadResidual
@@ -218,3 +219,18 @@ def test_hinge_and_limits_agree_in_cost_from_one_start() -> None:
     assert worst["hinge"] < 2e-3
     assert worst["stiff"] < worst["hinge"] / 20
     assert max(worst["sqp"], worst["ipopt"]) < 2e-4
+
+
+def test_a_graph_of_many_calls_is_evaluated_without_them() -> None:
+    a, b = cs.MX.sym("a"), cs.MX.sym("b", CALLS)
+    one = cs.SX.sym("one")
+    square = cs.Function("square", [one], [cs.sin(one) ** 2])
+
+    def summed(count: int) -> cs.Function:
+        return cs.Function("f", [a, b], [sum(square(a * b[k]) for k in range(count))])
+
+    many, few = summed(CALLS), summed(3)
+    assert without_calls(many).is_a("SXFunction")
+    assert without_calls(few) is few
+    at = 0.3, np.linspace(-1, 2, CALLS)
+    assert float(without_calls(many)(*at)) == pytest.approx(float(many(*at)), rel=1e-14)

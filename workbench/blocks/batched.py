@@ -11,6 +11,8 @@ from workbench.arrays import Array
 
 LONGEST = 20_000  # instructions; above, operations on whole matrices are faster
 TOGETHER = 32  # calls that one evaluation serves
+CALLS = 20  # of other functions, from which on a graph is evaluated in scalar instructions
+LONGEST_OF_CALLS = 400_000  # instructions, up to which it is
 
 
 class Buffered:
@@ -63,6 +65,18 @@ def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
     except RuntimeError:
         return None
     return expanded if expanded.n_instructions() <= longest else None
+
+
+def without_calls(function: cs.Function, calls: int = CALLS) -> cs.Function:
+    """The function in scalar instructions if it calls `calls` small ones, or else as it is.
+
+    A call costs a microsecond or so, often more than what is computed in it: the 197 pairs of
+    capsules of a body, whose distances are calls, are differentiated in a fifth of the time.
+    """
+    if function.is_a("SXFunction"):
+        return function
+    called = (function.instruction_id(k) == cs.OP_CALL for k in range(function.n_instructions()))
+    return (scalar(function, LONGEST_OF_CALLS) or function) if sum(called) >= calls else function
 
 
 class OneByOne:

@@ -21,6 +21,7 @@ from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.live import live
+from workbench.cli.loop import loop
 from workbench.cli.motion import motion
 from workbench.cli.new import new
 from workbench.cli.register import register
@@ -99,6 +100,7 @@ for command in (
     live,
     blendshapes,
     together,
+    loop,
     triangles,
     solvers,
     new,

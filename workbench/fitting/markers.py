@@ -30,6 +30,7 @@ from workbench.solvers.solution import Solver
 
 SIGMA = 0.002  # m, of a marker's place beside that of the body: noise, and skin that slides
 OFFSET_SIGMA = 0.0095 / np.sqrt(3)  # m along each axis: MoSh's 9.5 mm from the nominal place
+POSE_WORTH = 0.5  # of a frame, for the pose prior: poses of one person in one clip are alike
 LEAST = 4  # markers that place a body
 WIDE = (0.1, 0.02)  # m, sigmas of markers in turn while poses are looked for: no arm is twisted
 ITERATIONS = 100  # of a frame by itself
@@ -88,6 +89,8 @@ def marker_frame(
 ) -> tuple[Problem, tuple[str, ...]]:
     """The problem of one frame, and the names of its priors; see `marker_fit`.
 
+    The pose prior counts half. It was learned from many people, and what is peculiar to one person,
+    such as how the feet are held, is the same in all frames and no independent evidence in each.
     Its fixed blocks are `observed` (M, 3) m and `seen` (M,), the weight of each marker.
     """
     names, blocks, offsets = marker_set.names, body.blocks(), body.offsets(MARKERS)
@@ -96,7 +99,7 @@ def marker_frame(
     place, seen = Block("observed", (len(names), 3), "m", names), Block("seen", (len(names),))
     data = landmarks(points, place.symbol, sigma=sigma, kernel=kernel, name=MARKERS)
     data = replace(data, weights=seen.symbol)
-    priors = [pose_prior(body)]
+    priors = [pose_prior(body).weighed(POSE_WORTH)]
     if "betas" in free:
         priors.append(shape_prior(body))
     if "offsets" in free:

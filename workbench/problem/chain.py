@@ -19,7 +19,7 @@ from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
-from workbench.blocks.batched import Buffered
+from workbench.blocks.batched import Buffered, without_calls
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of
 from workbench.problem.graph import FORWARD, Graph, split
@@ -50,7 +50,9 @@ class Chain:
         r = cs.densify(graph.residual)
         self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
-        self.to_derivative = Buffered(cs.Function("derivative", arguments, [r, *jacobians]))
+        self.to_derivative = Buffered(
+            without_calls(cs.Function("derivative", arguments, [r, *jacobians]))
+        )
         self._slopes: Buffered | None = None  # the Jacobians alone, if they do not read the points
         read = cs.veccat(*graph.points)
         if self.sources and not any(cs.depends_on(J, read) for J in jacobians):

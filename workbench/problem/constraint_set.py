@@ -13,10 +13,19 @@ from workbench.blocks import Layout, in_blocks
 from workbench.blocks.batched import Buffered
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
+from workbench.problem.constraint_hessian import ConstraintHessian, has_arithmetic
 from workbench.problem.graph import Graph, split
 from workbench.problem.naming import distinct, part_at
 from workbench.problem.pattern import Pattern
-from workbench.problem.storage import Stored, absolute, dense, entries, is_sparse, scaled_sparse
+from workbench.problem.storage import (
+    DENSE_FROM,
+    Stored,
+    absolute,
+    dense,
+    entries,
+    is_sparse,
+    scaled_sparse,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +96,9 @@ class LinearizedConstraints:
 class ConstraintSet:
     """All constraints c(x, fixed) (k,), their Jacobian, and the Hessian of multipliers' c.
 
-    Values and Jacobian come from the chain rule, the Hessian from the whole graph. Each is built
-    when it is first asked for.
+    Values and Jacobian come from the chain rule. So does the Hessian, unless it is large or the
+    derivatives of points are sparse, where it comes from the whole graph. Each is built when it is
+    first asked for.
     """
 
     def __init__(self, constraints: Sequence[Constraint], free: Layout, fixed: Layout) -> None:
@@ -149,6 +159,8 @@ class ConstraintSet:
 
     def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Stored:
         """The Hessian of multipliers' c, (n, n), stored like a Jacobian of this size."""
+        if len(x) ** 2 <= DENSE_FROM and has_arithmetic(self._points):
+            return self._by_chain.at(x, fixed, multipliers)
         found = self._hessian(x, fixed, multipliers)[0]
         if len(found) == len(x) ** 2:
             return found.reshape(len(x), len(x))
@@ -185,6 +197,10 @@ class ConstraintSet:
     @cached_property
     def _chain(self) -> Chain:
         return Chain(*split(self._stacked, self._points, *self._layouts), *self._layouts)
+
+    @cached_property
+    def _by_chain(self) -> ConstraintHessian:
+        return ConstraintHessian(self._stacked, self._points, *self._layouts)
 
     @cached_property
     def _multipliers(self) -> cs.MX:

@@ -1,7 +1,7 @@
 """The form of every error term."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as cs
 import numpy as np
@@ -11,7 +11,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block, Points, in_blocks
 from workbench.blocks.checks import reals, several, texts
 from workbench.blocks.points import unlisted
-from workbench.errors import BadResidual
+from workbench.errors import BadResidual, listed
 from workbench.residuals.kernels import Kernel, OfNorms, quadratic
 
 
@@ -34,7 +34,8 @@ class Residual:
     has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of
     blocks, and `workbench.jacobian` refuses an expression with placeholders. `blocks` describe
     symbols that the expression reads, by unit and labels. A residual of a sequence has the rows of
-    all frames, and says in `by_frame` which residual of a single frame they come from.
+    all frames, and says in `by_frame` which residual of a single frame they come from. What these
+    say cannot be replaced for all rows: BadResidual says so.
 
     Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
     points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
@@ -66,6 +67,7 @@ class Residual:
     blocks: tuple[Block, ...] = ()
     rows_per_point: int = 1
     by_frame: tuple[tuple[int, "Residual"], ...] = ()
+    _of_frames: tuple[object, ...] = field(default=(), repr=False)  # what `by_frame` says in full
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -115,6 +117,27 @@ class Residual:
         why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
         check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)
         check_listed(f"residual {self.name!r}", self.expression, self.points)
+        self._check_frames()
+
+    def _check_frames(self) -> None:
+        """Raise BadResidual if what `by_frame` says of every row was replaced for all rows.
+
+        A sequence computes from the residuals of single frames and would not see the change.
+        """
+        given = self.expression, self.sigma, self.kernel, self.weights
+        if not self.by_frame or not self._of_frames:
+            self.__dict__["_of_frames"] = given if self.by_frame else ()
+            return
+        kept = zip(
+            ("expression", "sigma", "kernel", "weights"), given, self._of_frames, strict=True
+        )
+        if changed := [what for what, now, then in kept if now is not then]:
+            raise BadResidual(
+                f"residual {self.name!r} has the rows of {len(self.by_frame)} frames, and the "
+                f"frames would not see that its {listed(changed)} were replaced; replace them in "
+                "the residual of a frame, before sequence(...), or weigh all rows alike by "
+                "residual.weighed(factor)"
+            )
 
     @property
     def size(self) -> int:
@@ -157,7 +180,7 @@ class Residual:
         once = {id(one): one for _, one in self.by_frame}
         parts = {key: one.weighed(factor) for key, one in once.items()}  # frames stay alike
         by_frame = tuple((t, parts[id(one)]) for t, one in self.by_frame)
-        return replace(self, weights=weights, by_frame=by_frame)
+        return replace(self, weights=weights, by_frame=by_frame, _of_frames=())
 
     @property
     def reads(self) -> tuple[str, ...]:
