@@ -36,7 +36,7 @@ def motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, .glb, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
+            help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
         ),
     ],
     out: Annotated[

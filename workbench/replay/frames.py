@@ -76,10 +76,9 @@ def recorded_motion(motion: Motion, body: Body) -> Recording | None:
     if shown is None:
         return None
     here = motion.named(body)
-    betas = np.zeros(body.n_betas)
-    betas[: len(here.betas)] = here.betas
     T = len(here)
-    rows = np.hstack([here.pose.reshape(T, -1), np.tile(betas, (T, 1)), here.trans])
+    betas = np.broadcast_to(here.betas_on(body), (T, body.n_betas))
+    rows = np.hstack([here.pose.reshape(T, -1), betas, here.trans])
     some = spread(T, MOST)
     return recording(shown, rows[0], _caption(len(some), T), series=[_series(rows, some, here.fps)])
 
