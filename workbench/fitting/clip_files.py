@@ -1,4 +1,4 @@
-"""Reading a clip: a keypoint file for each frame, or one for all of them; for one camera or more."""
+"""Reading a clip: a keypoint file for each frame or one for all, of one camera or several."""
 
 from dataclasses import dataclass
 from math import gcd
