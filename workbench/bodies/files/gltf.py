@@ -4,8 +4,8 @@ Each pose is a key frame: joints turn, and morph targets add to the rest surface
 to it. glTF adds morph targets first and skins then, which is SMPL's own order, so at the key
 frames the file says what the body says, in single precision; in between both are interpolated.
 Further morph targets are the shape directions, at zero for the person of the file. They move the
-surface alone, as a glTF has no means to move joints with them. Those of an expression follow the
-frames, and the joints with them: a joint at J that the expression takes to J + d turns about there,
+surface alone, as a glTF has no means to move joints with them. Those of betas that move follow the
+frames, and the joints with them: a joint at J that such betas take to J + d turns about there,
 so that v goes to R (v - J - d) + J + d = R (v - J) + J + (I - R) d. A node's place gets (I - R) d.
 """
 
@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
 from workbench.bodies.files.correctives import Correctives, correctives_of
-from workbench.bodies.shape_space import shape_space
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, BadBody
@@ -27,7 +26,7 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
 from workbench.writing import replacing
 
-STILL = 1e-9  # m: a joint that an expression moves by less stays where it is
+STILL = 1e-9  # m: a joint that betas move by less stays where it is
 SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
 
 
@@ -38,15 +37,15 @@ def write_gltf(
     betas: ArrayLike | None = None,
     *,
     trans: ArrayLike | None = None,
-    expression: ArrayLike | None = None,
+    moving: ArrayLike | None = None,
     seconds: float = 1.0,
     correctives: int | None = None,
     shapes: int = 0,
 ) -> Correctives:
     """Write one person in poses (P, K, 3) rad as a .glb with a skeleton, `seconds` from key to key.
 
-    `trans` (P, 3) m moves the root, and `expression` (P, E) the face of a body that has one (see
-    `shape_space`), whose directions become morph targets. `correctives` is the number of morph
+    `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such as
+    an expression, whose directions become morph targets. `correctives` is the number of morph
     targets that stand for the pose blend shapes: None for as many as the poses need, which is
     exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
     standard deviation, which the file leaves at zero. What is returned says how far the surface is
@@ -78,18 +77,19 @@ def write_gltf(
         given = np.asarray(betas, dtype=float)
         beta[: len(given)] = given
     P = len(theta)
-    face = np.zeros((P, 0)) if expression is None else np.asarray(expression, dtype=float)
-    if face.ndim != 2 or len(face) != P:
-        raise BadArgument(f"the expression of {P} poses has the shape ({P}, E), not {face.shape}")
-    if face.shape[1]:
-        face = shape_space(body).numbers(np.zeros(0), face)
+    B = body.n_betas
+    added = np.zeros((P, B)) if moving is None else np.asarray(moving, dtype=float)
+    if added.shape != (P, B):
+        raise BadArgument(
+            f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
+        )
     found = correctives_of(body, theta, beta, correctives)
     content = _glb(
         body,
         theta,
         beta,
         None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),
-        face,
+        added,
         seconds,
         found,
         shapes,
@@ -104,7 +104,7 @@ def _glb(
     poses: Array,
     betas: Array,
     trans: Array | None,
-    face: Array,
+    added: Array,
     seconds: float,
     correctives: Correctives,
     shapes: int,
@@ -117,10 +117,10 @@ def _glb(
         "NORMAL": chunk.add(_normals(rest, body.faces), "float32", ATTRIBUTES),
     }
     attributes |= _influences(body.weights, chunk)
-    used = np.flatnonzero(face.any(axis=0)).tolist()  # betas that are an expression
+    used = np.flatnonzero(added.any(axis=0)).tolist()  # betas that move
     directions = np.moveaxis(body.shapedirs, 2, 0)
     morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
-    names = [f"betas[{b}]" for b in range(shapes)] + [f"expression: betas[{b}]" for b in used]
+    names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
     names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
     primitive: dict[str, Any] = {
         "attributes": attributes,
@@ -144,9 +144,9 @@ def _glb(
     for k, parent in enumerate(body.parents[1:], start=1):
         nodes[parent].setdefault("children", []).append(k)
     nodes.append({"name": body.name, "mesh": 0, "skin": 0})
-    weights = np.hstack([np.zeros((len(poses), shapes)), face[:, used], correctives.shares])
+    weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
     slopes = body.numeric.skeleton.slopes[:, :, used]
-    moved = np.einsum("kab,pb->pka", slopes, face[:, used])
+    moved = np.einsum("kab,pb->pka", slopes, added[:, used])
     turned = matrix_from_vector(poses)
     places = {
         k: offsets[k] + moved[:, k] - np.einsum("pij,pj->pi", turned[:, k], moved[:, k])
