@@ -20,8 +20,9 @@ def written(found: dict[str, Any]) -> str:
             of poses and, for fingers, from the pose space of the embedded hands; ten frames from
             one to the next, and a person drawn as well. Every row of the first two tables is of
             {count} clips of 100 frames, on which nothing was tuned. Nobody was recorded, and real
-            motion is smoother. `full-hands` and `full-hands-female` have 52 joints, the others
-            24."""),
+            motion is smoother. `+ fingers` is a body of 52 joints that was made of the one with 24
+            and the embedded hands before there was `full-hands`, which the benchmark takes now; the
+            rows were not measured again with it."""),
         "## Conversion",
         _filled("""
             A vertex is compared with its place on the surface of the first body, in mm: means over
@@ -42,9 +43,11 @@ def written(found: dict[str, Any]) -> str:
             {_mean(there["body"])} mm without the hands, where {over} of them are at 3 mm or more;
             that is {_share(there)} of the error of copying. The largest errors are at arms and
             thighs, where `default` has few and long triangles and other weights. That is the limit
-            and not the fit: of two tuning clips, at rest a person is 1.5 mm off without hands, in
-            motion with the mean shape 2.5 to 2.7 mm, and with both 2.7 to 2.9; four times as many
-            vertices in the fit change nothing, and a kernel close to the mean distance gains 1 %. Back, the clips are
+            and not the fit, as tuning clips onto `full-hands` show (seeds 0 to 2, every fourth
+            frame: 2.5, 2.8 and 2.9 mm without hands; two of them taken apart): at rest the mean
+            person is 1.5 mm off, in motion 2.5 to 2.7 mm, and a person of the clip in motion 2.7
+            to 2.9 mm; more than three times as many vertices in the fit change nothing, and a
+            kernel close to the mean distance gains 1 %. Back, the clips are
             {_mean(back["mean"])} mm off and {_mean(back["body"])} mm without the hands,
             {_share(back)} of the error of copying; the fingers lead, which a body of 24 joints
             cannot bend. `default` and `default-male` have the same triangles, so that what remains

@@ -28,8 +28,8 @@ def write_glb(
     Each frame is a key frame. `correctives` is the number of morph targets that stand for what the
     motion uses of the pose blend shapes: None for all of it, 0 for none. What is returned says how
     far the surface is off with them, and so do the file's extras. An expression moves the face of a
-    body that has one; `betas` (T, B) take the place of the motion's own. `shapes` is the number of shape
-    directions that become morph targets as well, at zero for the person of the motion.
+    body that has one; `betas` (T, B) take the place of the motion's own. `shapes` is the number of
+    shape directions that become morph targets as well, at zero for the person of the motion.
 
     Raises BadArgument for a file of more than 250 MB, and what `write_gltf` and `Motion.named`
     raise.

@@ -44,8 +44,8 @@ def write_gltf(
 ) -> Correctives:
     """Write one person in poses (P, K, 3) rad as a .glb with a skeleton, `seconds` from key to key.
 
-    `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such as
-    an expression, whose directions become morph targets. `correctives` is the number of morph
+    `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such
+    as an expression, whose directions become morph targets. `correctives` is the number of morph
     targets that stand for the pose blend shapes: None for as many as the poses need, which is
     exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
     standard deviation, which the file leaves at zero. What is returned says how far the surface is
