@@ -4,7 +4,8 @@ With `--untouched PURPOSE` the untouched cases are run instead, after the look h
 in `looks.md`. With `--ends` some 2,000 runs of the solvers of the workbench on the cases for tuning
 are drawn, and every end that is called converged is judged again in more digits. Finished runs are
 kept in a folder under the version of the code, so that an interrupted run continues where it
-stopped; `--again` forgets them.
+stopped; `--again` forgets them. With `--solvers` only some are run, and the numbers of the others
+stay as they were.
 """
 
 import argparse
@@ -65,7 +66,10 @@ def _run(asked: argparse.Namespace, half: str, cases: tuple[Case, ...]) -> None:
         print("\n".join(page.lines({half: found})))
         return
     results = asked.out / "results"
-    keep(results / f"gym-{half}.json", found, DIGITS)
+    before = results / f"gym-{half}.json"
+    if before.exists():
+        found = page.renewed(page.read(before), found)
+    keep(before, found, DIGITS)
     figure.draw(found, results / f"gym-{half}.svg")
     _write_page(asked.out)
 

@@ -144,6 +144,14 @@ def lines(ends: Sequence[End], shown: int = 60) -> Iterator[str]:
         f"{len(claimed):,}, {in_doubles} (those of bodies) were judged by differences in double "
         f"precision, and {unjudged} could not be judged.\n"
     )
+    shallow = [end for end in claimed if not end.violations and float(end.fall or 0) > 0]
+    if shallow:
+        told = ", ".join(f"{end.solver} on {end.case}, by {end.fall} of it" for end in shallow)
+        at = "One of them lies" if len(shallow) == 1 else f"{len(shallow)} of them lie"
+        yield (
+            f"{at} at a saddle all the same: the cost falls to both sides, but by no more than 10 "
+            f"times the square of the tolerance, which CONVERGED does not exclude ({told}).\n"
+        )
     statuses = [name for name, _ in Counter(end.status for end in ends).most_common()]
     yield "| solver | runs | " + " | ".join([*statuses, *KINDS]) + " |"
     yield "| --- |" + " --: |" * (1 + len(statuses) + len(KINDS))

@@ -9,7 +9,9 @@ A point violates what CONVERGED claims in three ways, each a kind of its own:
   rounding errors explain: those that the workbench estimates, and the difference of its residual
   from the one in 50 digits;
 - `saddle`: the cost has negative curvature in a direction, by more than the error of the
-  differences, and is lower to both sides along it by more than its rounding error.
+  differences, and is lower to both sides along it by more than its rounding error and by more than
+  10 times the square of the tolerance, as a share of the cost. CONVERGED does not claim that there
+  are no smaller falls; they are recorded all the same.
 """
 
 from collections.abc import Sequence
@@ -24,6 +26,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import explained_by_rounding
 from workbench.problem.rounding import Rounding
 from workbench.problem.storage import dense
+from workbench.solvers.end_point import WORTH
 
 LOST, GRADIENT, SADDLE = "lost", "gradient", "saddle"
 KINDS = (LOST, GRADIENT, SADDLE)
@@ -47,7 +50,8 @@ class Verdict:
         lost: the labels of unknowns that are lost.
         curvature: the least over the largest one, in unknowns scaled by their columns, of the
             directions that were tried; NaN if none was flat.
-        fall: by how much the cost is lower to both sides of a saddle, as a share of it; else 0.
+        fall: by how much the cost is lower to both sides of a saddle, as a share of it; else 0. It
+            is no violation up to what the tolerance counts.
         violations: the kinds of violations.
     """
 
@@ -115,7 +119,7 @@ class _Judged:
             for kind, there in (
                 (LOST, bool(lost)),
                 (GRADIENT, unexplained > SLACK * tolerance),
-                (SADDLE, fall > 0),
+                (SADDLE, fall > WORTH * tolerance**2),
             )
             if there
         ]

@@ -434,6 +434,12 @@ source(next_radius)
 #    e_{pp} = \frac{d^2}{dt^2}\, e(x + t p) \Big|_{t=0} . $$
 #
 # This is the equation of a damped step once more, with half of the curvature in the place of $e$.
+#
+# And one precaution. The first radius is the distance of the start from zero, and a first step of that length may
+# lead past the nearest minimum, into the basin of a worse one. Such an end often shows by how it was reached. Near
+# a minimum with a small residual, the last steps are Gauss-Newton steps and few. Where the residual reaches the
+# radius of curvature of the model, they are many. For a problem of at most twenty unknowns that ends in this way,
+# the workbench tries once more from the same start, with a tenth of the first radius, and keeps the lower end.
 
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})

@@ -134,6 +134,22 @@ def test_minima_are_not_called_false(name: str, kind: str) -> None:
     assert verdict(expression, start, end, kind) == ""
 
 
+def test_a_fall_that_the_tolerance_counts_as_none_is_recorded_and_no_violation() -> None:
+    expression, start, end, _ = next(one for one in FALSE.values() if one[3] == SADDLE)
+    found = posed(expression, start)
+    x, fixed = found.problem.split(found.start)
+    to = np.array(end)
+    strict, loose = (judge(found.problem, fixed, to, [x, to], t) for t in (1e-6, 1.0))
+    assert strict.violations == (SADDLE,)
+    assert loose.violations == ()
+    assert strict.fall == loose.fall > 0
+    told = End("a case", "made up", "claims", "CONVERGED", "1", "0", IN_DIGITS, fall="2.3e-14")
+    text = "\n".join(lines([told]))
+    assert "0 of these ends are not what CONVERGED claims" in text
+    assert "One of them lies at a saddle all the same" in text
+    assert "(claims on a case, by 2.3e-14 of it)" in text
+
+
 def made_up(expression: Expression = decay, start: tuple[float, ...] = (3.0,)) -> Case:
     return case("made-up", "made up", posed, {"expression": expression, "start": start})
 

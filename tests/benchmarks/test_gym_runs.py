@@ -212,15 +212,18 @@ def test_the_page_is_written_from_the_numbers_that_are_kept() -> None:
 
 @pytest.mark.parametrize("half", ["tuning", "untouched"])
 def test_the_default_is_within_two_points_of_the_best_at_every_factor(half: str) -> None:
-    """By evaluations; and a third fewer of them than Levenberg-Marquardt where both succeed."""
+    """By evaluations; and a quarter fewer of them than Levenberg-Marquardt where both succeed.
+
+    This is a geometric mean: where the second attempt succeeds, a sum would count little else.
+    """
     found = page.read(PLACE / "results" / f"gym-{half}.json")
     assert page.profiled(found)[0] == DEFAULT
     shares = page.profile(found, list(np.geomspace(1, 1000, 300)))
     assert (shares[:, 0] >= shares.max(axis=1) - 0.02).all()
     ours, theirs = (found["solvers"][name] for name in (DEFAULT, "levenberg-marquardt"))
     both = np.array(ours["solved"], bool) & np.array(theirs["solved"], bool)
-    spent, before = (np.array(one["evaluations"])[both].sum() for one in (ours, theirs))
-    assert 0.6 < spent / before < 0.7
+    spent, before = (np.log(np.array(one["evaluations"])[both]) for one in (ours, theirs))
+    assert 0.7 < np.exp(np.mean(spent - before)) < 0.8
 
 
 def test_every_run_of_nists_regressions_is_solved_by_the_default() -> None:
@@ -236,3 +239,34 @@ def test_every_run_of_nists_regressions_is_solved_by_the_default() -> None:
         }
         assert len(solved) in {24, 30}
         assert all(solved.values()), [name for name, ours in solved.items() if not ours]
+
+
+def test_the_three_that_were_missed_at_the_first_look_are_reached() -> None:
+    """Two of them under the limits of the gym, and all with the default's own."""
+    found = page.read(PLACE / "results" / "gym-untouched.json")
+    names = [name for name, _ in found["cases"]]
+    missed = (
+        "exponentials-exact-0, start far",
+        "exponentials-noisy-3",
+        "robust-exponentials-geman-mcclure-1",
+    )
+    reached = {
+        solver: [found["solvers"][solver]["solved"][names.index(name)] for name in missed]
+        for solver in (DEFAULT, AS_IT_COMES)
+    }
+    assert reached == {DEFAULT: [1, 1, 0], AS_IT_COMES: [1, 1, 1]}
+
+
+def test_solvers_that_are_run_again_leave_the_numbers_of_the_others() -> None:
+    before = {**made_up(), "machine": {"processor": "old", "date": "1"}}
+    one = {**before, "machine": {"processor": "new", "date": "2"}}
+    one["solvers"] = {"trust-region": before["solvers"]["peer trf"]}  # type: ignore[index]
+    merged = page.renewed(before, one)
+    assert merged["solvers"]["trust-region"] == before["solvers"]["peer trf"]  # type: ignore[index]
+    assert merged["solvers"]["peer trf"] == before["solvers"]["peer trf"]  # type: ignore[index]
+    text = "\n".join(page.lines({"tuning": merged}))
+    assert "Measured on old, 1." in text
+    assert "Of these, trust-region was measured again on new, 2." in text
+    whole = {**before, "machine": one["machine"]}
+    assert page.renewed(before, whole) == whole
+    assert page.renewed({**before, "cases": []}, one) == one

@@ -15,7 +15,9 @@ from tests.bodies_made_up import SMPL_PARENTS, random_body
 from workbench import compiling
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import arithmetic, surface
+from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
+from workbench.bodies.forward.exact_storage import Stored
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.packed_vertices import PackedVertices
@@ -113,6 +115,36 @@ def test_the_numbers_of_the_whole_graph(kind: str, where: str) -> None:
 @pytest.mark.parametrize("N", [1, 7, 8, 9, 16, 1030])
 def test_any_number_of_vertices(N: int) -> None:
     assert_right(body_of("small", N))
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("kind", [Stored.STEPS, Stored.SINGLE])
+def test_directions_that_are_stored_small_are_the_same_numbers(
+    kind: Stored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The results are those of plain double precision, to 1e-13 of the size of the body."""
+    body, step = body_of("smpl", 61), 1e-5
+    small = {
+        name: (
+            np.rint(array / step) * step
+            if kind is Stored.STEPS
+            else array.astype(np.float32).astype(np.float64)
+        )
+        for name, array in (("shapedirs", body.shapedirs), ("posedirs", body.posedirs))
+    }
+    body = replace(body, **small)
+    monkeypatch.setattr(compiled_kernels, "WORTH_NARROWING", 0)
+    narrow = arithmetic_of(body, surface.ALL)
+    assert_right(body)
+    monkeypatch.setattr(compiled_kernels, "WORTH_NARROWING", np.inf)
+    plain = arithmetic_of(body, surface.ALL)
+    assert isinstance(narrow, CompiledArithmetic)
+    assert isinstance(plain, CompiledArithmetic)
+    assert narrow.packed.bends.dtype == kind.dtype
+    assert plain.packed.bends.dtype == np.float64
+    motion = body.kinematics.motion(pose_at("anywhere", 24), np.ones(10))
+    found = [one.evaluate(motion, np.ones(10)).points for one in (narrow, plain)]
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-13 * np.ptp(found[1]))
 
 
 @NEEDS_COMPILER

@@ -12,7 +12,7 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Setup, find
 from workbench.experiments.nist import MODELS, certified
 from workbench.fitting.known import KnownAnswer, digits
-from workbench.solvers import SOLVERS, LevenbergMarquardt
+from workbench.solvers import SOLVERS, LevenbergMarquardt, TrustRegion
 
 NAMES = [experiment.name for experiment in SUITES["nist"]]
 EACH = pytest.mark.parametrize("name", NAMES)
@@ -139,6 +139,24 @@ def test_all_twenty_four_runs_are_solved_to_ten_digits_in_the_mean(solver: str) 
     assert len(found) == 24
     assert min(found) > LEAST_DIGITS[solver]
     assert np.mean(found) >= 10
+
+
+def test_the_defaults_own_tolerance_gives_seven_digits_in_the_mean() -> None:
+    """Ten need the tolerance of 1e-12, as the page of the gym says."""
+    found: dict[float, list[float]] = {}
+    for tolerance in (TrustRegion().gradient_tolerance, GRADIENT_TOLERANCE):
+        solver = TrustRegion(gradient_tolerance=tolerance)
+        for name in NAMES:
+            for start in (1, 2):
+                setup, known = built(name, start)
+                solution = solver.solve(setup.problem, setup.start)
+                assert known.values is not None
+                right = min(11.0, digits(solution.values, known.values))
+                found.setdefault(tolerance, []).append(right)
+    assert np.mean(found[1e-6]) == pytest.approx(7.0, abs=0.1)
+    assert min(found[1e-6]) == pytest.approx(4.8, abs=0.1)
+    assert np.mean(found[1e-12]) == pytest.approx(10.5, abs=0.1)
+    assert min(found[1e-12]) > 7.5
 
 
 def test_in_the_blocks_own_units_the_digits_are_fewer() -> None:

@@ -9,6 +9,8 @@ from workbench import Nlopt, Problem, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.solvers.nlopt_objective import Objective
+from workbench.solvers.run import Run
 
 EACH = pytest.mark.parametrize("name", ALGORITHMS)
 BOX = {"x": (np.array([-2.0, -1.0]), np.array([0.7, 3.0]))}  # the minimum of the valley is outside
@@ -100,3 +102,21 @@ def test_many_valleys_are_searched_by_mlsl() -> None:
     solution = Nlopt("G_MLSL_LDS", max_evaluations=500).solve(problem, start)
     assert solution.values["x"] == pytest.approx(1.0, abs=1e-3)
     assert solution.status in (Status.MAX_EVALUATIONS, Status.CONVERGED)
+
+
+def test_a_point_that_is_not_a_number_ends_the_run_and_the_residual_is_not_blamed() -> None:
+    """MMA asks for one after some nine thousand evaluations of the experiment `landmarks`."""
+    solver = Nlopt("LD_MMA")
+    with Run("nlopt LD_MMA", solver, rosenbrock()[0], START, None) as run:
+        optimizer = nlopt.opt(nlopt.LD_MMA, 2)
+        objective = Objective(run, run.begin(), np.ones(2), optimizer, solver.abilities)
+        assert np.isfinite(objective.cost(np.full(2, np.nan), np.zeros(2)))
+        assert objective.error is not None
+        raise objective.error
+    solution = run.solution()
+    assert solution.status is Status.STALLED
+    assert (
+        "broke down, for it asks for the cost at a point that is not a number" in solution.message
+    )
+    assert solution.evaluations.gradient == 0
+    np.testing.assert_array_equal(solution.values["x"], START["x"])

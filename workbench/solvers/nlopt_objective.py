@@ -12,6 +12,10 @@ from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.run import BOUGHT, Run
 
+NOT_A_POINT = (
+    "the algorithm broke down, for it asks for the cost at a point that is not a number; the best "
+    "point before that was kept; try another algorithm"
+)
 LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
 
 
@@ -91,6 +95,8 @@ class Objective:
 
     def _evaluate(self, y: Array, gradient: Array) -> float:
         run, x = self.run, self._x(y)
+        if not np.isfinite(y).all():
+            run.stall(NOT_A_POINT)
         if gradient.size:
             cost, g = run.cost_and_gradient(x)
             if np.isfinite(cost):

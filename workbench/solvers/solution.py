@@ -38,7 +38,8 @@ class Status(Enum):
 
     CONVERGED = (
         "the gradient, or what bounds and constraints leave of it, vanishes here, as at a minimum, "
-        "and no direction was found along which the cost falls"
+        "and no direction was found along which the cost falls by more than rounding and the "
+        "tolerance explain"
     )
     SADDLE = (
         "the gradient vanishes, but this is no minimum: the cost falls along a direction; start "

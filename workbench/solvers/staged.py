@@ -15,6 +15,7 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.problem.stages import in_stage
 from workbench.solvers.abilities import Abilities
+from workbench.solvers.attempts import beyond_saddle
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
@@ -77,7 +78,8 @@ class Staged:
 
     The rest is fixed meanwhile, so that, say, a body stands in the right place before the pose of
     its arms is looked for. The trace of the solution is that of all stages and holds all blocks;
-    where a stage weights residuals otherwise, its costs are not those of the problem. The limits of
+    where a stage weights residuals otherwise, its costs are not those of the problem. A stage that
+    ends at a saddle goes on once from the `lower` point beside it. The limits of
     the solver apply to each stage by itself. Raises BadArgument for a stage that is no tuple of
     names and no `SolveStage`.
 
@@ -137,7 +139,11 @@ class Staged:
             for stage, part in zip(self.each, parts, strict=True):
                 if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
-                last = (stage.solver or self.solver).solve(part, values, callback=record)
+                solver, begun = stage.solver or self.solver, len(trace)
+                first = solver.solve(part, values, callback=record)
+                last = beyond_saddle(first, solver, part, values, record)
+                kept = {before + iterate.evaluations for iterate in last.trace}
+                trace[begun:] = [one for one in trace[begun:] if one.evaluations in kept]
                 values |= last.values
                 ends.append(len(trace) - 1)
                 before, seconds = before + last.evaluations, seconds + last.seconds

@@ -15,6 +15,7 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes.forked import forked
 from workbench.solvers.abilities import Abilities
+from workbench.solvers.attempts import beyond_saddle
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.limits import Stop, stop_asked
@@ -77,7 +78,8 @@ def within_bounds(problem: Problem, start: Values, rng: np.random.Generator) -> 
 class Starts:
     """Solve from several starts, and keep every minimum that was found.
 
-    The solution is the lowest end. Its `hypotheses` are the minima, the lowest first, each with
+    A run that ends at a saddle goes on once from the `lower` point beside it. The solution is the
+    lowest end. Its `hypotheses` are the minima, the lowest first, each with
     the starts that led to it; ends whose residuals cannot be told apart are one minimum. The
     message says how likely it is that no further minimum exists, from the number of starts and the
     number of different minima (`solvers.minima.all_seen`); a run that ended at a limit, away from
@@ -140,7 +142,9 @@ class Starts:
             return bool(asked)
 
         def run(k: int) -> Solution:
-            return self.solver.solve(problem, starts[k], callback=told if alone else None)
+            seen = told if alone else None
+            first = self.solver.solve(problem, starts[k], callback=seen)
+            return beyond_saddle(first, self.solver, problem, starts[k], seen)
 
         alone = self.workers == 1
         with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:

@@ -1,7 +1,7 @@
 """The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.attempts import is_doubtful, once_more
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
 from workbench.solvers.run import Run
@@ -23,6 +24,7 @@ AHEAD = 0.1  # of a step: where its bend is measured
 BENT = 0.75  # of the length of a step: 2 |a| of a bend that is trusted
 UNSEEN = 1e-9  # of the cost: a smaller predicted decrease says nothing of the linear model
 SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
+SHORTER = 0.1  # of the first radius: that of a second attempt
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,19 @@ class TrustRegion:
     nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
     inside.
 
-    Raises BadArgument for a first radius that is not positive and finite.
+    A long first step may lead past the nearest minimum. So, with at most 20 unknowns, a second
+    attempt with a tenth of the first radius is made where a lower minimum is likely elsewhere: the
+    end is LOST or a VALLEY, or it was approached slowly (`solvers.attempts.is_doubtful`). The
+    solution is the lower end with its own trace, and the evaluations of both attempts. An attempt
+    that is not lower after half as many evaluations as the first took is given up.
+
+    Raises BadArgument for a first radius that is not positive and finite, and for less than one
+    attempt.
 
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
             start.
+        attempts: how often it starts at most; 1 for no second attempt.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
         max_iterations: the largest number of steps.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
@@ -65,6 +75,7 @@ class TrustRegion:
     """
 
     first_radius: float | None = None
+    attempts: int = 2
     linear_algebra: LinearAlgebra = sparing
     max_iterations: int = 2_000
     max_evaluations: int = 10_000
@@ -77,6 +88,8 @@ class TrustRegion:
                 "`first_radius` must be a positive, finite length in the units of the unknowns, or "
                 f"None for the length of the start, not {self.first_radius}"
             )
+        if self.attempts < 1:
+            raise BadArgument(f"`attempts` must be 1 or more, not {self.attempts}")
 
     @property
     def abilities(self) -> Abilities:
@@ -90,11 +103,44 @@ class TrustRegion:
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
+        first = self._attempt(problem, start, callback)
+        return self._again(first, problem, start, callback) if self.attempts > 1 else first
+
+    def _again(
+        self, first: Solution, problem: Problem, start: Values, callback: Callback
+    ) -> Solution:
+        """The first end, or a lower one that a further attempt finds within what is left."""
+        if not is_doubtful(first, problem, self.gradient_tolerance):
+            return first
+        x = problem.free.pack(first.trace[0].values)
+        left = (
+            self.max_iterations - first.iterations,
+            self.max_evaluations - first.evaluations.total,
+            self.max_seconds - first.seconds,
+        )
+        if min(left) <= 0:
+            return first
+        second = replace(
+            self,
+            first_radius=SHORTER * self._first_radius(x),
+            attempts=self.attempts - 1,
+            max_iterations=left[0],
+            max_evaluations=left[1],
+            max_seconds=left[2],
+        )
+        return once_more(first, lambda told: second.solve(problem, start, callback=told), callback)
+
+    def _first_radius(self, x: Array) -> float:
+        """The radius at the start x (n,); see `trust_radius.first_radius`."""
+        return self.first_radius or float(np.linalg.norm(x)) or 1.0
+
+    def _attempt(self, problem: Problem, start: Values, callback: Callback) -> Solution:
+        """One attempt."""
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
-            size = float(np.linalg.norm(x))
-            radius = self.first_radius or size or 1.0  # see `trust_radius.first_radius`
-            damping, slow, least = 0.0, False, SHORTEST * max(size, radius)
+            radius = self._first_radius(x)
+            damping, slow = 0.0, False
+            least = SHORTEST * max(float(np.linalg.norm(x)), radius)
             unseen = True  # so far, steps have been too short for the cost to show them
             while True:
                 steepness = float(np.linalg.norm(here.gradient))

@@ -4,7 +4,8 @@ import numpy as np
 
 from tests.lectures.prose import Run
 from workbench.solvers.damped_length import LEAST, MOST
-from workbench.solvers.trust_region import AHEAD, GOOD, POOR, SLOW, next_radius
+from workbench.solvers.saddle import FEW
+from workbench.solvers.trust_region import AHEAD, GOOD, POOR, SHORTER, SLOW, next_radius
 
 
 def ended(run: Run, solver: str) -> tuple[int, int]:
@@ -103,6 +104,8 @@ SAYS = {
     ),
     "Once a step lowers the cost by less than a tenth": lambda run: SLOW == 0.1,
     "looks a tenth of the next step ahead": lambda run: AHEAD == 0.1,
+    "For a problem of at most twenty unknowns": lambda run: FEW,
+    "with a tenth of the first radius": lambda run: SHORTER == 0.1,
     "Grey: the cost, and four radii": lambda run: len(run["radii"]) == 4,
     "the dogleg does the same in two straight legs": lambda run: all(
         line[-1] > 0.98 for line in run.lines("the dogleg keeps")

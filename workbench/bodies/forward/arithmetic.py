@@ -7,7 +7,7 @@ from typing import Protocol
 
 from workbench.arrays import Array
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
-from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
+from workbench.bodies.forward.kernels import CompiledArithmetic
 from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.rows import Target
@@ -49,8 +49,8 @@ def arithmetic_of(
     chosen = vertices if isinstance(vertices, slice) else list(vertices)
     count = body.n_vertices if isinstance(chosen, slice) else len(chosen)
     if count >= WORTH_COMPILING:
-        library, _ = kernels(body.parents, body.n_betas)
-        if library is not None:
-            return CompiledArithmetic.of(library, body, body.parents, chosen)
+        compiled = CompiledArithmetic.of(body, body.parents, chosen)
+        if compiled is not None:
+            return compiled
     packed = chunks_of(body, chosen) if chunks is None else chunks()
     return ChunkedArithmetic(packed, body.parents)

@@ -5,40 +5,45 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from importlib.resources import files
 from typing import NamedTuple
 
-import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
-from workbench.blocks.simd import C_OF, statements
 from workbench.bodies.forward.arrays import SurfaceArrays
+from workbench.bodies.forward.exact_storage import Storage, Stored, storages
+from workbench.bodies.forward.kernel_code import vertex_code
 from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import ChunkedArithmetic, ChunkedSurface, chunks_of
 from workbench.bodies.forward.packed_vertices import PackedVertices
 from workbench.bodies.forward.rows import Rows, Target
-from workbench.bodies.forward.vertex import ADDED, OF_JOINT, motion_column, vertex_functions
-from workbench.compiling import NoLibrary, library, vectors
+from workbench.bodies.forward.vertex import motion_column, vertex_functions
+from workbench.compiling import NoLibrary, library
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
 TRIED = 11  # vertices: all lanes full at least once, and some that are left over
 TRIED_SHARE = 0.1  # of its joints that carry and bend each of them
-SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
+STEP = 1e-3  # of the numbers that are tried
+WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
 BLOCKS = ("pose", "betas", "trans")
 
 
 @cache
-def kernels(parents: tuple[int, ...], B: int) -> tuple[ctypes.CDLL | None, str]:
-    """The library for bodies with B betas on this tree, once per process; or None, and why."""
+def kernels(
+    parents: tuple[int, ...], B: int, kind: Stored = Stored.DOUBLE
+) -> tuple[ctypes.CDLL | None, str]:
+    """The library for bodies with B betas on this tree, once per process; or None, and why.
+
+    `kind` is the type in which shape and pose directions are stored.
+    """
     try:
-        source = vertex_code(vertex_functions(B), parents, B)
-        return library(NAME, source, lambda loaded: _agrees(loaded, parents, B)), ""
+        source = vertex_code(vertex_functions(B), parents, B, kind)
+        return library(NAME, source, lambda loaded: _agrees(loaded, parents, B, kind)), ""
     except (NoLibrary, NotSupported) as error:
         LOG.info("surfaces are computed by NumPy: %s", error)
         return None, str(error)
@@ -51,14 +56,17 @@ class _Arrays(NamedTuple):
     weights: Array
 
 
-def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
+def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, kind: Stored) -> bool:
     """Whether the library says what NumPy says, about a few random vertices."""
     rng, K, N = np.random.default_rng(0), len(parents), TRIED
     bends, carries = rng.random((N, 1, K - 1, 1)) < TRIED_SHARE, rng.random((N, K)) < TRIED_SHARE
+    storage = (Storage(kind, STEP if kind is Stored.STEPS else 1.0),) * 2
     arrays = _Arrays(
         rng.standard_normal((N, 3)),
-        rng.standard_normal((N, 3, B)),
-        (rng.standard_normal((N, 3, K - 1, 9)) * bends).reshape(N, 3, 9 * (K - 1)),
+        _as_stored(rng.standard_normal((N, 3, B)), storage[0]),
+        _as_stored(
+            (rng.standard_normal((N, 3, K - 1, 9)) * bends).reshape(N, 3, 9 * (K - 1)), storage[1]
+        ),
         rng.standard_normal((N, K)) * carries,
     )
     axes = rng.standard_normal((K, 3, 1, 3))
@@ -76,7 +84,10 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     answers = [
         _answers(way.evaluate(motion, betas), slopes, betas, scale)
         for way in (
-            CompiledArithmetic.of(loaded, arrays, parents, slice(None)),
+            CompiledArithmetic(
+                loaded,
+                PackedVertices.of(arrays, parents, slice(None), int(loaded.lanes()), storage),
+            ),
             ChunkedArithmetic(chunks_of(arrays, slice(None)), parents),
         )
     ]
@@ -84,6 +95,21 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
         np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
         for got, expected in zip(*answers, strict=True)
     )
+
+
+def _worth_storing(arrays: SurfaceArrays) -> tuple[Storage, Storage]:
+    """How shapedirs and posedirs are stored: as they are, if the processor's cache holds them."""
+    shapes, bends = arrays.shapedirs, arrays.posedirs
+    size = 8 * (shapes.size + np.count_nonzero(bends))
+    if size < WORTH_NARROWING:
+        return Storage(Stored.DOUBLE), Storage(Stored.DOUBLE)
+    shape, bend = storages(shapes, bends)
+    return shape, bend
+
+
+def _as_stored(array: Array, storage: Storage) -> Array:
+    """The numbers that are left of an array when it is stored."""
+    return storage.stored(array) * np.float64(storage.step)
 
 
 def _answers(
@@ -97,49 +123,6 @@ def _answers(
     surface.tangent(slopes, into, scale)
     alone = surface.of.evaluate(surface.motion, betas).points
     return [surface.points, alone, *into.values(), *surface.adjoint(scale.reshape(-1, 3))]
-
-
-def vertex_code(functions: Mapping[str, cs.Function], parents: tuple[int, ...], B: int) -> str:
-    """The whole source, for this tree and B betas: the kernels, and loops around them."""
-    K = len(parents)
-    sizes: dict[str, int | str] = {
-        "PARENTS": "{" + ", ".join(map(str, parents)) + "}",
-        "JOINTS": K,
-        "BETAS": B,
-        "SHAPEDIRS": 3,
-        "WEIGHTS": 3 + 3 * B,
-        "ROWS": 3 + 3 * B + K,
-        "FEATURES": B,
-        "MOTIONS": B + 9 * (K - 1),
-        "CENTRES": B + 9 * (K - 1) + 12 * K,
-        "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
-        "OF_JOINT": OF_JOINT,
-        "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
-    }
-    loops = files(__package__).joinpath("vertex_loops.c").read_text(encoding="utf-8")
-    defines = [f"#define {name} {size}" for name, size in sizes.items()]
-    kernels = [kernel(f, "+=" if name in ADDED else "=") for name, f in functions.items()]
-    return "\n".join([vectors(), *defines, *kernels, loops])
-
-
-def kernel(function: cs.Function, put: str = "=") -> str:
-    """A function as C for several vertices; the input called `motion` is the same for all.
-
-    `put` says whether outputs are set or, with `+=`, added to what is there.
-    Raises NotSupported for any operation but sums and products.
-    """
-    shared = [function.name_in(i) == "motion" for i in range(function.n_in())]
-    lines = [
-        f"{to} {put} {text.format(*of)};"
-        if to.startswith("o")
-        else f"const v {to} = {text.format(*of)};"
-        for to, of, text in statements(function, shared, SUMS_AND_PRODUCTS)
-    ]
-    inputs = [
-        f"const {'double' if same else 'anywhere'} *restrict i{i}" for i, same in enumerate(shared)
-    ]
-    head = f"static ALWAYS_INLINE void {function.name()}({', '.join(inputs)}, v *restrict o0)"
-    return "\n".join([head, "{", *lines, "}", ""])
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +139,16 @@ class CompiledArithmetic:
 
     @staticmethod
     def of(
-        library: ctypes.CDLL,
-        arrays: SurfaceArrays,
-        parents: tuple[int, ...],
-        vertices: slice | list[int],
-    ) -> CompiledArithmetic:
-        """A body's vertices, or some of them, in order."""
+        arrays: SurfaceArrays, parents: tuple[int, ...], vertices: slice | list[int]
+    ) -> CompiledArithmetic | None:
+        """A body's vertices, or some of them, in order; None if nothing can be compiled."""
+        storage = _worth_storing(arrays)
+        library, _ = kernels(parents, arrays.shapedirs.shape[2], storage[0].kind)
+        if library is None:
+            return None
+        lanes = int(library.lanes())
         return CompiledArithmetic(
-            library, PackedVertices.of(arrays, parents, vertices, int(library.lanes()))
+            library, PackedVertices.of(arrays, parents, vertices, lanes, storage)
         )
 
     def evaluate(self, motion: Motion, betas: Array) -> CompiledSurface:
@@ -189,7 +174,7 @@ class CompiledSurface:
     def points(self) -> Array:
         """The posed vertices before translation, (N, 3) m."""
         found = np.empty((self.of.packed.count, 3))
-        self.of.run("points", motion_column(self.motion, self.betas), _address(found))
+        self.of.run("points", self._column(), _address(found))
         return found
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
@@ -198,7 +183,7 @@ class CompiledSurface:
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
         tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
-        column = motion_column(self.motion, self.betas, slopes)
+        column = self._column(slopes)
         wanted = (factor, *(tables.get(name) for name in BLOCKS), found)
         self.of.run("tangent", column, *(None if a is None else _address(a) for a in wanted))
         if found is not None:
@@ -211,10 +196,18 @@ class CompiledSurface:
         (K, B), features = self.of.packed.sizes, len(self.motion.features)
         pulled = np.ascontiguousarray(pull, dtype=np.float64)
         felt = np.empty(B + features + 12 * K)
-        column = motion_column(self.motion, self.betas)
-        self.of.run("adjoint", column, _address(pulled), _address(felt))
+        self.of.run("adjoint", self._column(), _address(pulled), _address(felt))
         on_betas, on_features, on_G = np.split(felt, [B, B + features])
-        return on_G.reshape(K, 3, 4), on_features, on_betas
+        shape, bend = self.of.packed.steps
+        return on_G.reshape(K, 3, 4), bend * on_features, shape * on_betas
+
+    def _column(self, slopes: Slopes | None = None) -> Array:
+        """The column that all vertices share, in the units of what is stored."""
+        shape, bend = self.of.packed.steps
+        motion = replace(self.motion, features=bend * self.motion.features)
+        if slopes is not None:
+            slopes = replace(slopes, d_features=bend * slopes.d_features)
+        return motion_column(motion, shape * self.betas, slopes)
 
 
 def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:

@@ -2,7 +2,8 @@
 
 Vertices are packed in groups of as many as the processor takes side by side. Most joints neither
 carry a vertex nor bend the skin around it (their weights and posedirs there are zero), which is why
-each group has lists of the joints that do, and holds the posedirs of these joints only.
+each group has lists of the joints that do, and holds the posedirs of these joints only. Shape and
+pose directions are stored in the smallest type that holds them exactly.
 """
 
 from __future__ import annotations
@@ -10,30 +11,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array, Mask
 from workbench.bodies.forward.arrays import SurfaceArrays
+from workbench.bodies.forward.exact_storage import Storage, Stored
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.vertex import vertex_columns
+from workbench.bodies.forward.vertex import shape_columns, vertex_columns
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 TOGETHER = 1024  # vertices, so that packing needs little memory beside the result
+LINE = 64  # bytes of a cache line
 
 
 @dataclass(frozen=True, eq=False)
 class PackedVertices:
     """N vertices of a surface with K joints and B betas, in groups; `vertex_loops.c` reads them.
 
+    Every array begins at an address that is a multiple of 64.
+
     Attributes:
         count: N, the number of vertices.
         sizes: K and B.
-        vertices: (groups, rows, lanes), at an address that is a multiple of 64.
-        bends: (., 27, lanes), the same, for each group and each joint that bends it.
+        vertices: (groups, 3 + K, lanes).
+        shapes: (groups, 3 B, lanes), as they are stored.
+        bends: (., 27, lanes), as they are stored, for each group and each joint that bends it.
+        steps: (2,) by which the stored shapes and bends are multiplied.
         joints: for each group three lists, each after its length: the joints that carry it, bend
             it, and have joints that carry it at or below them.
         still: (., 3) the stretches of vertices that a joint neither turns nor bends: the joint,
@@ -43,41 +50,54 @@ class PackedVertices:
     count: int
     sizes: tuple[int, int]
     vertices: Array
-    bends: Array
+    shapes: NDArray[Any]
+    bends: NDArray[Any]
+    steps: Array
     joints: NDArray[np.intp]
     still: NDArray[np.intp]
 
     @staticmethod
     def of(
-        arrays: SurfaceArrays, parents: Sequence[int], vertices: slice | list[int], lanes: int
+        arrays: SurfaceArrays,
+        parents: Sequence[int],
+        vertices: slice | list[int],
+        lanes: int,
+        storages: tuple[Storage, Storage] = (Storage(Stored.DOUBLE),) * 2,
     ) -> PackedVertices:
-        """Some vertices of a surface on this tree, in order."""
+        """Some vertices of a surface on this tree, in order.
+
+        `storages` say how shapedirs and posedirs are stored.
+        """
         chosen = np.arange(len(arrays.template))[vertices]
         K, B, N = arrays.weights.shape[1], arrays.shapedirs.shape[2], len(chosen)
-        groups, rows = -(-N // lanes), len(vertex_columns(arrays, chosen[:1]))
-        packed = _aligned((groups, rows, lanes))
+        groups, (shape, bend) = -(-N // lanes), storages
+        packed = _aligned((groups, 3 + K, lanes))
+        shapes = _aligned((groups, 3 * B, lanes), shape.kind)
         carried, bent = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
-        bends: list[Array] = [np.zeros((0, 27, lanes))]
+        bends: list[NDArray[Any]] = [np.zeros((0, 27, lanes), dtype=bend.kind.dtype)]
         for start in range(0, N, TOGETHER):
             some = chosen[start : start + TOGETHER]
             here = slice(start // lanes, start // lanes + -(-len(some) // lanes))
             packed[here] = _grouped(vertex_columns(arrays, some), lanes)
+            shapes[here] = _grouped(shape.stored(shape_columns(arrays, some)), lanes)
             carried[here] = (_grouped(arrays.weights[some].T, lanes) != 0).any(axis=2)
             by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
             which = (by_joint != 0).any(axis=(1, 3))  # of vertices, joints
             bent[here, 1:] = _grouped(which.T, lanes).any(axis=2)
             planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
             all_bends = _grouped(planar, lanes).reshape(len(bent[here]), K - 1, 27, lanes)
-            bends.append(all_bends[bent[here, 1:]])
+            bends.append(bend.stored(all_bends[bent[here, 1:]]))
         moved = carried @ ancestors(parents) > 0
         own = np.concatenate(bends)
-        room = _aligned((len(own), 27, lanes))
+        room = _aligned((len(own), 27, lanes), bend.kind)
         room[:] = own
         return PackedVertices(
             N,
             (K, B),
             packed,
+            shapes,
             room,
+            np.array([shape.step, bend.step]),
             _lists(carried, bent, moved),
             _stretches(moved | bent, lanes, N),
         )
@@ -85,7 +105,7 @@ class PackedVertices:
     @cached_property
     def structure(self) -> NDArray[np.intp]:
         """The `body_t` of `vertex_loops.c`."""
-        arrays = self.vertices, self.bends, self.joints, self.still
+        arrays = self.vertices, self.shapes, self.bends, self.steps, self.joints, self.still
         addresses = [array.ctypes.data for array in arrays]
         return np.array([self.count, *addresses, len(self.still)], dtype=np.intp)
 
@@ -118,9 +138,9 @@ def _grouped(columns: NDArray[Scalar], lanes: int) -> NDArray[Scalar]:
     return filled.reshape(rows, -(-n // lanes), lanes).transpose(1, 0, 2)
 
 
-def _aligned(shape: tuple[int, int, int]) -> Array:
+def _aligned(shape: tuple[int, int, int], kind: Stored = Stored.DOUBLE) -> NDArray[Any]:
     """Zeros that begin where a cache line does."""
-    size = int(np.prod(shape))
-    room = np.zeros(size + 8)
-    first = -room.ctypes.data % 64 // 8
-    return room[first : first + size].reshape(shape)
+    size = int(np.prod(shape)) * kind.dtype.itemsize
+    room = np.zeros(size + LINE, dtype=np.uint8)
+    first = -room.ctypes.data % LINE
+    return room[first : first + size].view(kind.dtype).reshape(shape)

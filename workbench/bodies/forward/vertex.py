@@ -1,13 +1,15 @@
 """One vertex of a linearly blended body in symbols: its point, and the point's derivative.
 
-Compiled arithmetic is made from these functions; `numeric` has the formulas. There are two kinds of
-input, each a column of numbers whose order is known here only:
+Compiled arithmetic is made from these functions; `numeric` has the formulas. Their inputs are
+columns of numbers whose order is known here only:
 
-    vertex  template (3,), shapedirs (B, 3), weights (K,) of one vertex; apart from them, because
-            most are zero, its posedirs (9, 3) of each joint but the root
-    motion  what the kinematics say at one pose and shape, the same for all vertices: betas,
-            features, G (K, 3, 4), joints (K, 3), then per joint three axes and its features'
-            derivative (9 + 27; zeros for the root's), then per beta and joint its shift of G (3,)
+    vertex     template (3,) and weights (K,) of one vertex
+    shapedirs  (B, 3) of one vertex
+    posedirs   (9, 3) of one vertex and one joint; most are zero, and left out
+    motion     what the kinematics say at one pose and shape, the same for all vertices: betas,
+               features, G (K, 3, 4), joints (K, 3), then per joint three axes and its features'
+               derivative (9 + 27; zeros for the root's), then per beta and joint its shift of G
+               (3,)
 """
 
 from __future__ import annotations
@@ -28,13 +30,14 @@ OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
 
 
 def vertex_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
-    """A column for each of n vertices, (., n)."""
-    parts = (
-        arrays.template[vertices],
-        arrays.shapedirs[vertices].transpose(0, 2, 1),
-        arrays.weights[vertices],
-    )
-    return np.concatenate([part.reshape(len(vertices), prod(part.shape[1:])).T for part in parts])
+    """The columns `vertex` of n vertices, (3 + K, n)."""
+    return np.concatenate([arrays.template[vertices].T, arrays.weights[vertices].T])
+
+
+def shape_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
+    """The columns `shapedirs` of n vertices, (3 B, n)."""
+    by_beta = arrays.shapedirs[vertices].transpose(2, 1, 0)
+    return by_beta.reshape(prod(by_beta.shape[:2]), len(vertices))
 
 
 def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) -> Array:

@@ -8,7 +8,9 @@ fail: memory is asked for ahead of use there.
 typedef struct {
     integer N;              /* how many vertices there are */
     const double *vertices; /* ROWS x LANES numbers for every group */
-    const double *bends;    /* 27 x LANES for every group and every joint that bends it */
+    const STORED *shapes;   /* 3 BETAS x LANES for every group */
+    const STORED *bends;    /* 27 x LANES for every group and every joint that bends it */
+    const double *steps;    /* what a stored 1 of shapes and of bends is worth; `motion` is in these units */
     const integer *joints;  /* for every group three lists, each after its length: the joints that
                                carry it, bend it, and have joints that carry it at or below them */
     const integer *still;   /* joint, first vertex, number of vertices: stretches that a joint
@@ -22,6 +24,13 @@ typedef struct {
 } lists_t;
 
 static const integer parents[JOINTS] = PARENTS;
+
+/* what is stored of one group of vertices */
+typedef struct {
+    const anywhere *vertex, *weights;
+    const stored *shapes, *bends;
+    lists_t lists;
+} group_t;
 
 /* the lists of a group; returns where those of the next one begin */
 static inline const integer *read_lists(const integer *from, lists_t *lists)
@@ -37,9 +46,25 @@ static inline const integer *read_lists(const integer *from, lists_t *lists)
     return from + lists->movers;
 }
 
-static inline void look_ahead(const double *next, integer rows)
+static inline void look_ahead(const void *next, integer bytes)
 {
-    for (integer i = 0; i < LANES * rows; i += 8) __builtin_prefetch(next + i);
+    for (integer i = 0; i < bytes; i += 64) __builtin_prefetch((const char *)next + i);
+}
+
+/* the next group: every pointer is moved on by what the group before it takes */
+static inline const integer *next_group(const body_t *body, integer i, const integer *joints, group_t *here)
+{
+    if (i == 0) {
+        here->vertex = (const anywhere *)body->vertices;
+        here->shapes = (const stored *)body->shapes;
+        here->bends = (const stored *)body->bends;
+    } else {
+        here->vertex += ROWS;
+        here->shapes += 3 * BETAS;
+        here->bends += 27 * here->lists.benders;
+    }
+    here->weights = here->vertex + WEIGHTS;
+    return read_lists(joints, &here->lists);
 }
 
 static inline integer at_most_all(integer left) { return left < LANES ? left : LANES; }
@@ -91,16 +116,17 @@ static inline void spread(const v *from, integer rows, integer count, const v *f
 }
 
 /* the rest vertex, the motion M (12) of it, and where that takes it */
-static inline void posed(const anywhere *vertex, const anywhere *bends, const lists_t *lists,
-                         const double *motion, v *restrict rest, v *restrict M, v *restrict found)
+static inline void posed(const group_t *of, const double *motion, v *restrict rest, v *restrict M,
+                         v *restrict found)
 {
+    const lists_t *lists = &of->lists;
     v sum[3], M_sum[12] = {{0}};
-    shaped(vertex, vertex + SHAPEDIRS, motion, sum);
+    shaped(of->vertex, of->shapes, motion, sum);
     for (integer i = 0; i < lists->benders; ++i)
-        bent(bends + 27 * i, motion + FEATURES + 9 * (lists->bender[i] - 1), sum);
+        bent(of->bends + 27 * i, motion + FEATURES + 9 * (lists->bender[i] - 1), sum);
     for (integer i = 0; i < lists->carriers; ++i) {
         const integer k = lists->carrier[i];
-        blended(vertex + WEIGHTS + k, motion + MOTIONS + 12 * k, M_sum);
+        blended(of->weights + k, motion + MOTIONS + 12 * k, M_sum);
     }
     memcpy(rest, sum, sizeof sum);
     memcpy(M, M_sum, sizeof M_sum);
@@ -111,30 +137,27 @@ static inline void posed(const anywhere *vertex, const anywhere *bends, const li
 EXPORT void points(const body_t *body, const double *motion, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-    const double *vertices = body->vertices, *bends = body->bends;
     const integer *joints = body->joints;
-    for (integer i = 0; i < body->N; i += LANES, vertices += LANES * ROWS) {
+    group_t of;
+    for (integer i = 0; i < body->N; i += LANES) {
         v rest[3], M[12], here[3];
-        lists_t lists;
-        joints = read_lists(joints, &lists);
-        posed((const anywhere *)vertices, (const anywhere *)bends, &lists, motion, rest, M, here);
+        joints = next_group(body, i, joints, &of);
+        posed(&of, motion, rest, M, here);
         spread(here, 1, at_most_all(body->N - i), one, &found, 3 * i);
-        bends += 27 * LANES * lists.benders;
     }
 }
 
 /* the derivative of a group by the pose, to rows from column 3 i on */
-static inline void by_pose(const anywhere *vertex, const anywhere *bends, const lists_t *lists,
-                           const double *motion, const v *rest, const v *M, integer count,
-                           const v *factor, double *const *pose, integer i)
+static inline void by_pose(const group_t *of, const double *motion, const v *rest, const v *M,
+                           integer count, const v *factor, double *const *pose, integer i)
 {
+    const lists_t *lists = &of->lists;
     v hanging[4 * JOINTS]; /* set only where something hangs */
     for (integer m = 0; m < lists->movers; ++m)
         memset(hanging + 4 * lists->mover[m], 0, 4 * sizeof(v));
     for (integer c = 0; c < lists->carriers; ++c) {
         const integer k = lists->carrier[c];
-        below(vertex + WEIGHTS + k, motion + MOTIONS + 12 * k, (const anywhere *)rest,
-              hanging + 4 * k);
+        below(of->weights + k, motion + MOTIONS + 12 * k, (const anywhere *)rest, hanging + 4 * k);
     }
     for (integer m = lists->movers - 1; m > 0; --m) { /* children come after their parents */
         const integer k = lists->mover[m];
@@ -147,7 +170,7 @@ static inline void by_pose(const anywhere *vertex, const anywhere *bends, const 
         const integer k = turns < bulges ? turns : bulges;
         const double *of_joint = motion + OF_JOINTS + OF_JOINT * k;
         double *const *rows = pose + 3 * k;
-        const anywhere *bend = bends + 27 * b;
+        const stored *bend = of->bends + 27 * b;
         m += turns == k;
         b += bulges == k;
         if (!rows[0] && !rows[1] && !rows[2]) continue; /* a joint that is held */
@@ -156,7 +179,7 @@ static inline void by_pose(const anywhere *vertex, const anywhere *bends, const 
             turned((const anywhere *)own, of_joint, slope);
         }
         if (bulges == k) {
-            look_ahead((const double *)(bend + 27 * lists->benders), 27);
+            look_ahead(bend + 27 * lists->benders, 27 * sizeof(stored));
             bulged(bend, (const anywhere *)M, of_joint, slope);
         }
         spread(slope, 3, count, factor, rows, 3 * i);
@@ -170,8 +193,8 @@ EXPORT void tangent(const body_t *body, const double *motion, const double *scal
                     double *const *pose, double *const *betas, double *const *trans, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-    const double *vertices = body->vertices, *all_bends = body->bends;
     const integer *joints = body->joints;
+    group_t of;
     if (pose)
         for (integer s = 0; s < body->stretches; ++s) {
             const integer *stretch = body->still + 3 * s;
@@ -179,28 +202,25 @@ EXPORT void tangent(const body_t *body, const double *motion, const double *scal
                 if (pose[row])
                     memset(pose[row] + 3 * stretch[1], 0, 3 * stretch[2] * sizeof(double));
         }
-    for (integer i = 0; i < body->N; i += LANES, vertices += LANES * ROWS) {
+    for (integer i = 0; i < body->N; i += LANES) {
         const integer count = at_most_all(body->N - i);
-        const anywhere *vertex = (const anywhere *)vertices, *weights = vertex + WEIGHTS;
-        const anywhere *bends = (const anywhere *)all_bends;
         v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
         v rest[3], M[12], here[3], slope[9];
-        lists_t lists;
-        joints = read_lists(joints, &lists);
-        all_bends += 27 * LANES * lists.benders;
+        joints = next_group(body, i, joints, &of);
         if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
-        look_ahead(vertices + LANES * ROWS, ROWS);
-        posed(vertex, bends, &lists, motion, rest, M, here);
+        look_ahead(of.vertex + ROWS, ROWS * sizeof(v));
+        look_ahead(of.shapes + 3 * BETAS, 3 * BETAS * sizeof(stored));
+        posed(&of, motion, rest, M, here);
         if (found) spread(here, 1, count, one, &found, 3 * i);
-        if (pose)
-            by_pose(vertex, bends, &lists, motion, rest, M, count, factor, pose, i);
+        if (pose) by_pose(&of, motion, rest, M, count, factor, pose, i);
         if (betas) {
+            for (int j = 0; j < 12; ++j) M[j] *= BROADCAST(body->steps[0]);
             for (integer b = 0; b < BETAS; ++b) {
                 if (!betas[b]) continue;
-                by_beta(vertex + SHAPEDIRS + 3 * b, (const anywhere *)M, slope);
-                for (integer c = 0; c < lists.carriers; ++c) {
-                    const integer k = lists.carrier[c];
-                    shifted(weights + k, motion + OF_BETAS + 3 * (JOINTS * b + k), slope);
+                by_beta(of.shapes + 3 * b, (const anywhere *)M, slope);
+                for (integer c = 0; c < of.lists.carriers; ++c) {
+                    const integer k = of.lists.carrier[c];
+                    shifted(of.weights + k, motion + OF_BETAS + 3 * (JOINTS * b + k), slope);
                 }
                 spread(slope, 1, count, factor, betas + b, 3 * i);
             }
@@ -217,28 +237,26 @@ EXPORT void tangent(const body_t *body, const double *motion, const double *scal
 EXPORT void adjoint(const body_t *body, const double *motion, const double *pull, double *felt)
 {
     v sum[MOTIONS + 12 * JOINTS] = {{0}};
-    const double *vertices = body->vertices, *all_bends = body->bends;
     const integer *joints = body->joints;
-    for (integer i = 0; i < body->N; i += LANES, vertices += LANES * ROWS) {
-        const anywhere *vertex = (const anywhere *)vertices, *bends = (const anywhere *)all_bends;
+    group_t of;
+    for (integer i = 0; i < body->N; i += LANES) {
         v planar[3], rest[3], M[12], here[3], inside[3];
         double some[3 * LANES] = {0};
-        lists_t lists;
-        joints = read_lists(joints, &lists);
-        all_bends += 27 * LANES * lists.benders;
+        joints = next_group(body, i, joints, &of);
         memcpy(some, pull + 3 * i, 3 * at_most_all(body->N - i) * sizeof(double));
         for (int lane = 0; lane < LANES; ++lane)
             for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
-        look_ahead(vertices + LANES * ROWS, ROWS);
-        posed(vertex, bends, &lists, motion, rest, M, here);
+        look_ahead(of.vertex + ROWS, ROWS * sizeof(v));
+        look_ahead(of.shapes + 3 * BETAS, 3 * BETAS * sizeof(stored));
+        posed(&of, motion, rest, M, here);
         on_rest((const anywhere *)M, (const anywhere *)planar, inside);
-        on_betas(vertex + SHAPEDIRS, (const anywhere *)inside, sum);
-        for (integer b = 0; b < lists.benders; ++b)
-            on_features(bends + 27 * b, (const anywhere *)inside,
-                        sum + FEATURES + 9 * (lists.bender[b] - 1));
-        for (integer c = 0; c < lists.carriers; ++c) {
-            const integer k = lists.carrier[c];
-            on_motion(vertex + WEIGHTS + k, (const anywhere *)rest, (const anywhere *)planar,
+        on_betas(of.shapes, (const anywhere *)inside, sum);
+        for (integer b = 0; b < of.lists.benders; ++b)
+            on_features(of.bends + 27 * b, (const anywhere *)inside,
+                        sum + FEATURES + 9 * (of.lists.bender[b] - 1));
+        for (integer c = 0; c < of.lists.carriers; ++c) {
+            const integer k = of.lists.carrier[c];
+            on_motion(of.weights + k, (const anywhere *)rest, (const anywhere *)planar,
                       sum + MOTIONS + 12 * k);
         }
     }

@@ -1,0 +1,79 @@
+"""The C source of compiled surfaces: functions of one vertex, written for several, and loops."""
+
+from collections.abc import Mapping
+from importlib.resources import files
+
+import casadi as cs
+
+from workbench.blocks.simd import C_OF, statements
+from workbench.bodies.forward.exact_storage import Stored
+from workbench.bodies.forward.vertex import ADDED, OF_JOINT
+from workbench.compiling import vectors
+
+SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
+STORED = ("shapedirs", "posedirs")  # what is read in the type in which it is stored
+WIDENED = {  # a number as it is stored, as a number to compute with
+    Stored.STEPS: "__builtin_convertvector(__builtin_convertvector(x, whole), v)",
+    Stored.SINGLE: "__builtin_convertvector(x, v)",
+    Stored.DOUBLE: "(x)",
+}
+
+
+def vertex_code(
+    functions: Mapping[str, cs.Function],
+    parents: tuple[int, ...],
+    B: int,
+    kind: Stored = Stored.DOUBLE,
+) -> str:
+    """The whole source, for this tree and B betas: the kernels, and loops around them."""
+    K = len(parents)
+    sizes: dict[str, int | str] = {
+        "PARENTS": "{" + ", ".join(map(str, parents)) + "}",
+        "JOINTS": K,
+        "BETAS": B,
+        "WEIGHTS": 3,
+        "ROWS": 3 + K,
+        "STORED": kind.value,
+        "WIDENED(x)": WIDENED[kind],
+        "FEATURES": B,
+        "MOTIONS": B + 9 * (K - 1),
+        "CENTRES": B + 9 * (K - 1) + 12 * K,
+        "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
+        "OF_JOINT": OF_JOINT,
+        "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
+    }
+    head, loops = (
+        files(__package__).joinpath(name).read_text(encoding="utf-8")
+        for name in ("stored.h", "vertex_loops.c")
+    )
+    defines = [f"#define {name} {size}" for name, size in sizes.items()]
+    kernels = [kernel(f, "+=" if name in ADDED else "=") for name, f in functions.items()]
+    return "\n".join([vectors(), *defines, head, *kernels, loops])
+
+
+def kernel(function: cs.Function, put: str = "=") -> str:
+    """A function as C for several vertices; the input called `motion` is the same for all.
+
+    Inputs that `STORED` names are read in the type in which they are stored. `put` says whether
+    outputs are set or, with `+=`, added to what is there.
+    Raises NotSupported for any operation but sums and products.
+    """
+    names = [function.name_in(i) for i in range(function.n_in())]
+    shared = [name == "motion" for name in names]
+    stored = tuple(f"i{i}[" for i, name in enumerate(names) if name in STORED)
+
+    def read(operand: str) -> str:
+        return f"WIDENED({operand})" if operand.startswith(stored) else operand
+
+    lines = [
+        f"{to} {put} {text.format(*map(read, of))};"
+        if to.startswith("o")
+        else f"const v {to} = {text.format(*map(read, of))};"
+        for to, of, text in statements(function, shared, SUMS_AND_PRODUCTS)
+    ]
+    inputs = []
+    for i, name in enumerate(names):
+        kind = "double" if shared[i] else "stored" if name in STORED else "anywhere"
+        inputs.append(f"const {kind} *restrict i{i}")
+    head = f"static ALWAYS_INLINE void {function.name()}({', '.join(inputs)}, v *restrict o0)"
+    return "\n".join([head, "{", *lines, "}", ""])
