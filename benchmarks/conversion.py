@@ -22,7 +22,6 @@ import workbench as wb
 from benchmarks import machine
 from benchmarks.clips_made_up import clip
 from benchmarks.keeping import keep
-from benchmarks.made_up_fingers import with_fingers
 from workbench.bodies.files.correctives import correctives_of
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
 from workbench.motions import write_glb
@@ -32,18 +31,18 @@ HERE = Path(__file__).parent
 SCRIPT = HERE.parent / "tests" / "motions" / "three.mjs"
 FRAMES, SEEDS, DIGITS = 100, range(10, 15), 4
 PAIRS = (
-    ("default", "full + fingers"),
-    ("full + fingers", "default"),
-    ("default", "full-female + fingers"),
-    ("full-female + fingers", "default"),
-    ("default-male", "full-female + fingers"),
+    ("default", "full-hands"),
+    ("full-hands", "default"),
+    ("default", "full-hands-female"),
+    ("full-hands-female", "default"),
+    ("default-male", "full-hands-female"),
     ("default", "default-male"),
     ("default", "small"),
     ("small", "default"),
 )
 POINTS = (("default", "joints"), ("default", "coco"), ("hand", "hand"))
 NOISE, MISSING = 0.005, 0.1  # m along each axis; share of points in a frame
-GLB = (("default", 100), ("full", 100), ("hand", 100), ("default + fingers", 100))
+GLB = (("default", 100), ("full", 100), ("hand", 100), ("full-hands", 100))
 COUNTS, UNRELATED = (0, 16, 32, None), (16, 32, 64, 96)
 
 
@@ -65,11 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def body_called(name: str) -> wb.SkinnedBody:
-    """An embedded body, with fingers if its name says so."""
-    known, _, fingers = name.partition(" + ")
-    body = wb.load_body(known)
+    """An embedded body."""
+    body = wb.load_body(name)
     assert isinstance(body, wb.SkinnedBody)
-    return with_fingers(body) if fingers else body
+    return body
 
 
 def pair(first: str, second: str) -> dict[str, Any]:

@@ -1,14 +1,16 @@
 """Rigging of the embedded body `small`, driven by recorded motion, blend shapes off.
 
-    python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved] [--frames 120]
+    python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved] [--seed 3]
 
 RECORDING is a recording as `workbench.priors.mocap` reads it. In `recorded` the body makes the
 recorded poses, in which feet, collars and hands do not move at all, and elbows and wrists hardly
 about more than one axis. In `moved` every joint is turned by made-up angles as well, of 0.15 rad
-(standard deviation) about each axis, so that each of them can be found. Bones, weights, joints and
-tree are compared with those of the body, and the error is measured on poses of clips that nothing
-was learned from. PYTHON is a Python in which py-dem-bones is installed: it decomposes the same
-meshes into as many bones.
+(standard deviation) about each axis, so that each of them can be found. In `placed` the body is
+also put at places of 1 m (standard deviation along each axis) and turned by any angle. Bones,
+weights, joints and tree are compared with those of the body, and the error is measured on poses of
+clips that nothing was learned from. PYTHON is a Python in which py-dem-bones is installed: it
+decomposes the same meshes into as many bones, or as many as it makes; ours is then asked for that
+number too.
 """
 
 import argparse
@@ -22,6 +24,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
 
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
@@ -29,7 +32,8 @@ from workbench.priors.mocap import read_mocap
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 
 RESULTS = Path(__file__).parent / "results" / "rigging.json"
-ADDED = {"moved": 0.15, "recorded": 0.0}  # rad
+ADDED = {"moved": 0.15, "recorded": 0.0, "placed": 0.15}  # rad
+FAR = 1.0  # m, of the places in `placed`
 FRAMES, HELD_OUT = 120, 20
 SEED = 3
 PEER = """
@@ -67,8 +71,8 @@ class Driven:
     held_out: Array
 
 
-def driven(recording: Path, added: float, frames: int) -> Driven:
-    """The body `small` without blend shapes, in poses of a recording with angles added (rad)."""
+def driven(recording: Path, kind: str, frames: int, seed: int) -> Driven:
+    """The body `small` without blend shapes, in poses of a recording with angles added."""
     whole = load_body("small")
     assert isinstance(whole, SkinnedBody)
     body = replace(
@@ -78,12 +82,18 @@ def driven(recording: Path, added: float, frames: int) -> Driven:
         capsules=None,
     )
     learned, others = read_mocap(recording).split()
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     meshes = []
     for source, count in ((learned, frames), (others, HELD_OUT)):
         rows = np.sort(rng.choice(len(source.poses), count, replace=False))
-        poses = source.poses[rows] + added * rng.standard_normal((count, body.n_joints, 3))
-        meshes.append(np.stack([body.vertices(pose) for pose in poses]))
+        poses = source.poses[rows] + ADDED[kind] * rng.standard_normal((count, body.n_joints, 3))
+        trans = np.zeros((count, 3))
+        if kind == "placed":
+            trans = FAR * rng.standard_normal((count, 3))
+            poses[:, 0] = Rotation.random(count, rng).as_rotvec()
+        meshes.append(
+            np.stack([body.vertices(p, trans=t) for p, t in zip(poses, trans, strict=True)])
+        )
     return Driven(body, *meshes)
 
 
@@ -132,24 +142,40 @@ def theirs(given: Driven, bones: int, python: str) -> Any:
     return json.loads(ran.stdout.splitlines()[-1])
 
 
+def at_equal_bones(given: Driven, peer: Any) -> dict[str, Any]:
+    """Our error of the same meshes with as many bones as the peer made, and the peer's smallest."""
+    bones = max(one["bones"] for one in peer)
+    theirs_m = min(one["rms_m"] for one in peer if one["bones"] == bones)
+    began = time.process_time()
+    found = rig(given.meshes, given.body.faces, rest=given.body.template, bones=bones)
+    seconds = time.process_time() - began
+    made = found.body.n_joints
+    return {"bones": made, "rms_m": found.rms, "peer_rms_m": theirs_m, "cpu_s": seconds}
+
+
 def main() -> None:
-    """Measure, and add to results/rigging.json."""
+    """Measure, and add to results/rigging.json, under kind and seed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("recording", type=Path)
     parser.add_argument("--dem-bones", metavar="PYTHON")
     parser.add_argument("--only", choices=ADDED, action="append")
     parser.add_argument("--frames", type=int, default=FRAMES)
+    parser.add_argument("--seed", type=int, default=SEED)
     given = parser.parse_args()
-    for name in given.only or ADDED:
-        data = driven(given.recording, ADDED[name], given.frames)
+    for kind in given.only or ADDED:
+        data = driven(given.recording, kind, given.frames, given.seed)
         rigged, found = ours(data)
-        result = {"frames": given.frames, "held_out_frames": HELD_OUT, "seed": SEED, "ours": found}
+        name = f"{kind} {given.seed}"
+        result = {"frames": given.frames, "held_out_frames": HELD_OUT, "ours": found}
+        print(json.dumps({name: result}, indent=1), flush=True)
         if given.dem_bones:
-            result["py_dem_bones"] = theirs(data, rigged.body.n_joints, given.dem_bones)
+            peer = theirs(data, rigged.body.n_joints, given.dem_bones)
+            result["py_dem_bones"] = peer
+            if rigged.body.n_joints != max(one["bones"] for one in peer):
+                result["equal_bones"] = at_equal_bones(data, peer)
         results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-        results[name] = result
-        RESULTS.write_text(json.dumps(results, indent=1) + "\n")
-        print(json.dumps({name: result}, indent=1))
+        RESULTS.write_text(json.dumps(results | {name: result}, indent=1) + "\n")
+        print(json.dumps({name: result}, indent=1), flush=True)
 
 
 if __name__ == "__main__":

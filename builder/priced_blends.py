@@ -30,7 +30,7 @@ PRICES = (
     1000.0,
 )  # how many times the ridge, more, at the distance FAR
 FAR = 0.04  # m
-MOST = 0.09  # of all squared posedirs: the share farther than FAR from their joints
+MOST = 0.07  # of squared posedirs, farther than FAR: a finished hand, a larger one, has more
 REACH = 2  # bones from a joint that carries a vertex
 
 

@@ -17,7 +17,14 @@ from builder.hands.anatomy import HandMesh, read_hand
 from builder.hands.poses import HandPoses, pose_space
 from builder.hands.sets import ABOUT, RADIUS, make_hand_sets
 from builder.packing import in_steps, sparse, whole_shares, write_arrays
-from builder.priced_blends import FAR, REACH, PricedBlends, priced_posedirs
+from builder.priced_blends import (
+    FAR,
+    REACH,
+    PricedBlends,
+    far_share,
+    joint_distances,
+    priced_posedirs,
+)
 from builder.regressors import regress
 from builder.sets import SetRecipe
 from workbench.arrays import Array
@@ -72,6 +79,7 @@ class TrainedHand:
     Attributes:
         body: the hand, whose landmarks `tips` are the tips of its fingers.
         blends: how its posedirs were chosen.
+        far: the share of squared posedirs farther than 4 cm from their joints, on this hand.
         explained: (10,), the share of the variance that each shape direction explains.
         model: the training's result.
         space: mean (45,) rad, components (45, 45) and deviations (45,) rad of the poses.
@@ -79,6 +87,7 @@ class TrainedHand:
 
     body: SkinnedBody
     blends: PricedBlends
+    far: float
     explained: Array
     model: PoseModel
     space: tuple[Array, Array, Array]
@@ -111,7 +120,7 @@ class HandBuilder:
         path = out / "hand.npz"
         write_arrays(path, packed(trained, card))
         self.say(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB): {card['held_out']}")
-        self.say(f"{100 * trained.blends.far:.1f} % of squared posedirs lie beyond 4 cm")
+        self.say(f"{100 * trained.far:.1f} % of squared posedirs lie beyond 4 cm")
         return path
 
     def _trained(self, hand: HandMesh) -> TrainedHand:
@@ -167,7 +176,9 @@ class HandBuilder:
         joints, ends = body.J_regressor @ body.template, body.template[hand.tips]
         draws = HandPoses(joints, ends).draw(DRAWS, np.random.default_rng(self.recipe.seed))
         space = pose_space(draws)
-        return TrainedHand(body, blends, shape.explained, model, space)
+        mesh = replace(start, template=body.template)
+        far = far_share(body.posedirs, joint_distances(mesh, joints))
+        return TrainedHand(body, blends, far, shape.explained, model, space)
 
     def _card(self, trained: TrainedHand, stored: SkinnedBody) -> dict[str, Any]:
         folder, body, model = self.work / "hand" / "held_out", trained.body, trained.model
@@ -208,7 +219,7 @@ class HandBuilder:
                 "reach_bones": REACH,
                 "ridge_per_pose": trained.blends.ridge,
                 "price_at_4_cm": trained.blends.price,
-                "share_beyond_4_cm": round(trained.blends.far, 4),
+                "share_beyond_4_cm": round(trained.far, 4),
             },
             "held_out": found,
             "betas": {

@@ -71,7 +71,7 @@ Picture(
 )
 
 # %% [markdown]
-# Of the hands whose angles were drawn each by itself, 46 % are more than 5 degrees beyond a limit of their
+# Of the hands whose angles were drawn each by itself, 45 % are more than 5 degrees beyond a limit of their
 # joints (lecture 10 has limits of a body), and 6 % of those whose angles were drawn together. In the picture,
 # one finger points while its neighbours are bent, as in no relaxed hand. The variance of each angle does not
 # say which angles belong together; the covariance does.
@@ -152,7 +152,7 @@ with house_style():
 Picture(figure, "The same hand at zero, in its mean pose, and with the mean pose added twice.")
 
 # %% [markdown]
-# Who leaves the mean out is off by 95 mm at a finger tip, and who adds it twice by 78.2 mm. All three are hands,
+# Who leaves the mean out is off by 95 mm at a finger tip, and who adds it twice by 78.1 mm. All three are hands,
 # so that nothing reports an error. The command `workbench check-body FILE` says which convention a file seems
 # to follow.
 #
@@ -322,7 +322,7 @@ Picture(
 )
 
 # %% [markdown]
-# One joint of a finger moves 623 of 10490 vertices. All of them are in the left hand or at most 4 cm
+# One joint of a finger moves 622 of 10490 vertices. All of them are in the left hand or at most 4 cm
 # behind its wrist, and the farthest one is 175 mm away from the wrist, at the tip of the finger. The rest of
 # the body may be trained, fitted and diagnosed as before: nothing in the equations has changed.
 #

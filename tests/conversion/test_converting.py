@@ -1,19 +1,28 @@
 """A motion of one body as that of another."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
-from benchmarks.made_up_fingers import with_fingers
+from tests.bodies.model_files import with_fingers, written
+from workbench.bodies.body import Body
 from workbench.conversion import conversion_errors, convert, correspond
 from workbench.conversion.converting import turned_on
 from workbench.conversion.parts import vertex_parts
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadBody
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.motions import bones_of, read_bvh, write_bvh, write_glb
 
 SMALL, DEFAULT, HAND = (wb.load_body(name) for name in ("small", "default", "hand"))
-FINGERS = with_fingers(SMALL)
+
+
+@pytest.fixture(scope="module")
+def fingers(tmp_path_factory: pytest.TempPathFactory) -> Body:
+    """The body `small` with 52 joints."""
+    return wb.load_body(written(with_fingers("small"), tmp_path_factory.mktemp("h") / "SMPLH.pkl"))
 
 
 def test_a_body_becomes_itself_with_its_shape() -> None:
@@ -27,8 +36,9 @@ def test_a_body_becomes_itself_with_its_shape() -> None:
     assert told[-1] == ("poses", 4, 4)
 
 
-@pytest.mark.parametrize(("source", "target"), [(SMALL, FINGERS), (FINGERS, SMALL)])
-def test_24_joints_become_52_and_back(source: wb.SkinnedBody, target: wb.SkinnedBody) -> None:
+@pytest.mark.parametrize("back", [False, True])
+def test_24_joints_become_52_and_back(fingers: Body, back: bool) -> None:
+    source, target = (fingers, SMALL) if back else (SMALL, fingers)
     assert sorted((source.n_joints, target.n_joints)) == [24, 52]
     motion = clip(source, 5, seed=2)
     found = convert(motion, source, target)
@@ -74,8 +84,8 @@ def test_a_start_is_turned_as_the_source_was() -> None:
     np.testing.assert_allclose(found["trans"], motion.trans[1] + 1.0)
 
 
-def test_parts_have_the_names_of_the_body() -> None:
-    names = {*vertex_parts(FINGERS)}
+def test_parts_have_the_names_of_the_body(fingers: Body) -> None:
+    names = {*vertex_parts(fingers)}
     assert {"left_hand", "left_fingers", "right_thigh", "head"} <= names
     assert "left_index1" not in names
     assert {"wrist", "index3"} <= {*vertex_parts(HAND)}
@@ -85,3 +95,24 @@ def test_a_correspondence_of_other_bodies_is_refused() -> None:
     kept = correspond(SMALL, SMALL)
     with pytest.raises(BadArgument, match="takes 369 vertices to 369, but bodies 'default'"):
         convert(clip(DEFAULT, 2), DEFAULT, SMALL, correspondence=kept)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_triangle_bodies_take_part(back: bool) -> None:
+    """Their surface solves a linear system, whose places and shapes are fitted all the same."""
+    triangles = wb.load_body("small-scape")
+    motion = clip(SMALL, 2, seed=8)
+    source, target = (triangles, SMALL) if back else (SMALL, triangles)
+    assert convert(motion, source, target).mean() < 5e-3
+
+
+def test_what_triangle_bodies_cannot_be_written_as_is_said(tmp_path: Path) -> None:
+    triangles, motion = wb.load_body("small-scape"), clip(SMALL, 2)
+    with pytest.raises(BadBody, match="has no bones: its surface is the solution of a linear"):
+        write_glb(tmp_path / "a.glb", motion, triangles)  # type: ignore[arg-type]
+    write_bvh(tmp_path / "a.bvh", motion, triangles)
+    found, bones = read_bvh(tmp_path / "a.bvh"), bones_of(triangles, motion.betas)
+    order = [found.joint_names.index(name) for name in triangles.joint_names]
+    # Those of the surface are elsewhere, because its bones stretch; a .bvh has bones of one length.
+    own = bones.joints(motion.pose, motion.trans)
+    np.testing.assert_allclose(found.joints()[:, order], own, atol=1e-5)

@@ -118,3 +118,74 @@ def test_a_crowd_is_refused(tmp_path: Path) -> None:
     write(tmp_path, "0", *[person(1)] * 101)
     with pytest.raises(BadFile, match="101 people"):
         read_clip(tmp_path, fps=30, size=SIZE)
+
+
+COCO_17 = [n for k in range(17) for n in (100.0 + 5 * (k % 4), 200.0 + 10 * k, 0.9)]
+
+
+def of(u: float) -> list[float]:
+    """COCO's 17 keypoints, moved to the right by u px."""
+    return [n + u * (i % 3 == 0) for i, n in enumerate(COCO_17)]
+
+
+def alphapose(form: str) -> object:
+    """Frames 8, 10 and 11 in AlphaPose's three forms, and in COCO's; somebody else is in one."""
+    seen = {"8.jpg": [of(0), of(300)], "10.jpg": [of(4)], "11.jpg": [of(6)]}
+    if form == "people":
+        return {
+            image: {
+                "version": 0.1,
+                "people": [{"pose_keypoints_2d": one + [0] * 3} for one in some],
+            }
+            for image, some in seen.items()
+        }
+    each = [(image, one) for image, some in seen.items() for one in some]
+    people = [
+        {"image_id": image, "category_id": 1, "keypoints": one, "score": 2.0, "idx": 1}
+        for image, one in each
+    ]
+    if form == "list":
+        return people[::-1]
+    images = [
+        {"id": 50 + i, "file_name": f"a/{image}", "width": 640, "height": 480}
+        for i, image in enumerate(seen)
+    ]
+    ids = {image: 50 + i for i, image in enumerate(seen)}
+    return {"images": images, "annotations": [p | {"image_id": ids[p["image_id"]]} for p in people]}
+
+
+@pytest.mark.parametrize("form", ["list", "people", "coco"])
+@pytest.mark.parametrize("alone", [True, False])
+def test_one_file_of_all_images_is_a_clip(tmp_path: Path, form: str, alone: bool) -> None:
+    path = tmp_path / "alphapose-results.json"
+    path.write_text(json.dumps(alphapose(form)))
+    size = None if form == "coco" else SIZE
+    clip = read_clip(path if alone else tmp_path, fps=30, size=size, person=0)
+    (film,) = clip.films
+    first = 300.0 if form == "list" else 0.0  # the list was turned round, and people with it
+    sure = film.confidence[:, 0]
+    assert (film.size, (sure > 0).tolist()) == (SIZE, [True, False, form != "list", form != "list"])
+    assert film.pixels[0, 0, 0] == 100.0 + first
+    assert any("nothing is said of frames 9, which are gaps" in note for note in clip.notes)
+    assert any("1 frames hold several people" in note for note in clip.notes)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ([{"image_id": "a.jpg", "keypoints": COCO_17}], "is of image 'a.jpg', and the name of a"),
+        ([{"keypoints": COCO_17}], "is of image None"),
+        ([1], "is of image None"),
+        ([], "does not say which image"),
+        ({"1.jpg": 5}, "does not say which image"),
+        ({"1.jpg": {"people": []}, "a1.png": {"people": []}}, "two images have the number 1"),
+        ({"images": 5, "annotations": []}, "images must be a list of objects, not 5"),
+        ({"annotations": [{"image_id": [], "keypoints": COCO_17}]}, "is of image \\[\\]"),
+        ({"annotations": []}, "holds no frame"),
+        ({"1.jpg": {"people": []}}, "no frame holds a person"),
+    ],
+)
+def test_a_file_that_names_no_images_is_refused(tmp_path: Path, data: object, said: str) -> None:
+    (tmp_path / "a.json").write_text(json.dumps(data))
+    with pytest.raises(BadFile, match=said):
+        read_clip(tmp_path / "a.json", fps=30, size=SIZE)

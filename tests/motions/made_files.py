@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.motions.made_glb import made
+from tests.motions.made_glb import made, write_text
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
@@ -233,6 +233,7 @@ MOTION_FILES: dict[str, Callable[[Path], None]] = {
     "newer-amass.npz": _newer,
     "motion.npz": _own,
     "walk.glb": _glb,
+    "walk.gltf": write_text,
 }
 MARKER_FILES: dict[str, Callable[[Path], None]] = {
     "floats.c3d": _c3d(-1.0, "<"),

@@ -2,7 +2,9 @@
 
 import base64
 import json
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -107,6 +109,16 @@ def made(
     parts = [(b"JSON", head), (b"BIN\0", bytes(first))]
     body = b"".join(len(p).to_bytes(4, "little") + kind + p for kind, p in parts)
     return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
+
+
+def write_text(path: Path, change: dict[str, Any] | None = None, name: str = "walk.bin") -> None:
+    """The same as .gltf, with the binary part in a file beside it."""
+    content = made(change)
+    length = int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20 : 20 + length])
+    document["buffers"][0].setdefault("uri", quote(name))
+    (path.parent / name).write_bytes(content[28 + length :])
+    path.write_text(json.dumps(document))
 
 
 def places_of(rotations: np.ndarray, trans: np.ndarray) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Motions from .glb files: our own, and one that is put together here as other programs do."""
 
+import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
-from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns
+from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns, write_text
 from workbench.errors import BadFile
+from workbench.geometry import gltf_buffers
 from workbench.geometry.glb_document import GlbDocument
+from workbench.geometry.gltf_buffers import document_of
 from workbench.motions import read_glb, write_glb
 from workbench.motions.gltf_tracks import Track
 
@@ -114,3 +118,71 @@ def test_a_cubic_track_follows_its_tangents() -> None:
     inside = np.minimum(at, 2.0)
     found = Track(times, values, "CUBICSPLINE", turns=False).at(at)
     np.testing.assert_allclose(found[:, 0], inside**3 - inside, atol=1e-12)
+
+
+def test_text_with_a_file_beside_it_is_the_same_motion(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(made())
+    write_text(tmp_path / "b.gltf", name="some walk.bin")
+    one, other = wb.read_motion(tmp_path / "a.glb"), wb.read_motion(tmp_path / "b.gltf")
+    np.testing.assert_array_equal(one.pose, other.pose)
+    np.testing.assert_array_equal(one.trans, other.trans)
+    (tmp_path / "b.gltf").write_bytes(b"\xef\xbb\xbf\n" + (tmp_path / "b.gltf").read_bytes())
+    np.testing.assert_array_equal(wb.read_motion(tmp_path / "b.gltf").pose, one.pose)
+
+
+@pytest.mark.parametrize(
+    ("buffer", "said"),
+    [
+        ({"uri": "/etc/passwd"}, "only files in the folder of the .gltf, or below it"),
+        ({"uri": "%2Fetc%2Fpasswd"}, "only files in the folder"),
+        ({"uri": "../walk.bin"}, "only files in the folder"),
+        ({"uri": "a/%2e%2e/%2e%2e/walk.bin"}, "only files in the folder"),
+        ({"uri": "file:///etc/passwd"}, "only files in the folder"),
+        ({"uri": "http://127.0.0.1:1/walk.bin"}, "only files in the folder"),
+        ({"uri": "C:\\walk.bin"}, "only files in the folder"),
+        ({"uri": ""}, "only files in the folder"),
+        ({"uri": 5}, "said to be in 5, and only files"),
+        ({"uri": "a" * 5000}, "only files in the folder"),
+        ({"uri": "nobody.bin"}, "which is not in the folder; keep both together"),
+        ({"uri": "."}, "only files in the folder"),
+        ({"uri": "link.bin"}, "which leads out of the file's folder"),
+        ({"uri": "endless.bin"}, "which is not in the folder"),
+        (
+            {"uri": "short.bin", "byteLength": 10**6},
+            "has 1,000,000 bytes, and its file 'short.bin'",
+        ),
+    ],
+)
+def test_text_opens_no_other_file(tmp_path: Path, buffer: dict[str, Any], said: str) -> None:
+    (tmp_path / "walk.bin").write_bytes(bytes(4096))
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    (folder / "link.bin").symlink_to(tmp_path / "walk.bin")
+    (folder / "short.bin").write_bytes(bytes(8))
+    os.mkfifo(folder / "endless.bin")
+    write_text(folder / "a.gltf", {"buffers": [{"byteLength": 1} | buffer, {"byteLength": 0}]})
+    with pytest.raises(BadFile, match=re.escape(said)):
+        read_glb(folder / "a.gltf")
+
+
+def test_one_file_that_many_buffers_name_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gltf_buffers, "MOST_BYTES", 5000)
+    (tmp_path / "twice.bin").write_bytes(bytes(4096))
+    (tmp_path / "more.bin").write_bytes(bytes(1000))
+    many = [{"byteLength": 4096, "uri": "twice.bin"}] * 1000
+    write_text(tmp_path / "a.gltf", {"buffers": many})
+    assert (
+        len({id(b) for b in document_of((tmp_path / "a.gltf").read_bytes(), tmp_path).buffers}) == 1
+    )
+    write_text(tmp_path / "a.gltf", {"buffers": [*many, {"byteLength": 1, "uri": "more.bin"}]})
+    with pytest.raises(BadFile, match="it has more than 904 bytes"):
+        read_glb(tmp_path / "a.gltf")
+
+
+@pytest.mark.parametrize("version", ["1.0", 2, None])
+def test_text_of_another_version_is_refused(tmp_path: Path, version: object) -> None:
+    write_text(tmp_path / "a.gltf", {"asset": {"version": version}})
+    with pytest.raises(BadFile, match=r"and glTF 2\.0 is read"):
+        read_glb(tmp_path / "a.gltf")

@@ -32,7 +32,8 @@ def convert_motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, .glb, or .npz as of AMASS; or named points: .trc, .c3d, or .npz."
+            help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; or named points: .trc, .c3d, "
+            "or .npz."
         ),
     ],
     out: Annotated[Path, typer.Option(help="The motion of the other body: .npz, .bvh or .glb.")],

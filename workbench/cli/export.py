@@ -34,7 +34,8 @@ def export(
         ),
     ],
     motion: Annotated[
-        Path | None, typer.Argument(help="A motion: .bvh, .glb, or .npz as of AMASS; none for .c.")
+        Path | None,
+        typer.Argument(help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; none for .c."),
     ] = None,
     body: Annotated[
         str, typer.Option(help=f"The body ({', '.join(BODIES)}, or a file of your own).")

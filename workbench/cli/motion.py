@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.arrays import Array, Index, Mask
+from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
@@ -21,8 +22,9 @@ from workbench.fitting.marker_files import (
     write_markers,
 )
 from workbench.homes import expanded
-from workbench.motions import Motion, bones_of, read_motion
+from workbench.motions import Motion, bones_of, load_tissue, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
+from workbench.motions.tissue_betas import betas_with_tissue, with_tissue
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.reports.replay_page import motion_page
@@ -36,7 +38,7 @@ def motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, .glb, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
+            help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
         ),
     ],
     out: Annotated[
@@ -66,6 +68,15 @@ def motion(
             "own); a .bvh has bones of its own."
         ),
     ] = None,
+    tissue: Annotated[
+        bool,
+        typer.Option(
+            "--tissue", help="Let soft tissue follow on --page or in a .glb; it is simulated."
+        ),
+    ] = False,
+    exaggeration: Annotated[
+        float, typer.Option(help="How many times as far as it does the tissue moves.", min=0)
+    ] = 1.0,
     unit: Annotated[
         str | None,
         typer.Option(help=f"Unit of a .bvh or of markers ({', '.join(UNITS | OTHERS)})."),
@@ -84,7 +95,7 @@ def motion(
     if holds_markers(path):
         refuse_suffix(out, MARKERS, "markers")
         others = ("--fps", fps), ("--rate", rate), ("--body", body), ("--page", page)
-        for option, given in others:
+        for option, given in (*others, ("--tissue", tissue or None)):
             if given is not None:
                 warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
@@ -100,7 +111,12 @@ def motion(
         say(console, f"resampled to {len(found)} frames at {fps:g} frames a second")
     wanted = "" if out is None else out.suffix.lower()
     bare = found.bones is None and (strip is not None or wanted == ".bvh")
-    if model is None and (bare or page is not None or wanted == ".glb"):
+    shown = page is not None or wanted == ".glb"
+    if exaggeration != 1.0 and not tissue:
+        warn_without_effect(console, "--exaggeration", "it is for --tissue")
+    if tissue and not shown:
+        raise BadArgument("--tissue shows on a page or in a .glb; give --page or --out WALK.glb")
+    if model is None and (bare or shown):
         model = load_body("default")
         say(console, "the body is default; --body takes another")
     if model is not None:
@@ -111,11 +127,34 @@ def motion(
         places, pairs = _stick_figure(found, model)
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
+    betas: Array | None = None
+    if tissue:
+        assert model is not None
+        found, model, betas = _with_tissue(console, found, model, exaggeration)
     if page is not None:
         assert model is not None
-        print_page(console, "page", motion_page(found, model, path.name).save(page))
+        print_page(console, "page", motion_page(found, model, path.name, betas).save(page))
     if out is not None:
-        write_motion(console, out, found, model)
+        write_motion(console, out, found, model, betas=betas)
+
+
+def _with_tissue(
+    console: Console, found: Motion, body: Body, exaggeration: float
+) -> tuple[Motion, SkinnedBody, Array]:
+    """The motion at the tissue's rate, the body with tissue, and its betas in every frame."""
+    soft = load_tissue()
+    if not isinstance(body, SkinnedBody):
+        raise BadArgument(f"body {body.name!r} has no soft tissue; take --body default")
+    found = soft.prepared(found)
+    betas = betas_with_tissue(body, soft, found, exaggeration)
+    added = betas[:, body.n_betas :] @ soft.directions.reshape(-1, soft.n_coefficients).T
+    farthest = np.linalg.norm(added.reshape(len(found), -1, 3), axis=2).max()
+    say(
+        console,
+        f"simulated soft tissue, learned from no measurement, is displaced by {1e3 * farthest:.0f} "
+        f"mm at most in {len(found)} frames at {found.fps:g} frames a second",
+    )
+    return found, with_tissue(body, soft), betas
 
 
 def _say_motion(console: Console, found: Motion, path: Path) -> None:

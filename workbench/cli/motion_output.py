@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.skinned_only import not_skinned
@@ -41,8 +42,12 @@ def write_motion(
     body: Body | None,
     correctives: int | None = None,
     shapes: int = 0,
+    betas: Array | None = None,
 ) -> None:
-    """Write a motion as .bvh, .npz or .glb, and say where; a .glb needs a body."""
+    """Write a motion as .bvh, .npz or .glb, and say where; a .glb needs a body.
+
+    `betas` (T, B) take the place of the motion's own in a .glb.
+    """
     suffix = out.suffix.lower()
     if suffix == ".bvh":
         write_bvh(out, motion, body)
@@ -58,5 +63,5 @@ def write_motion(
             say(console, f"{used} shape directions, {found}")
             say(console, f"size: {out.stat().st_size / 1e6:.2f} MB")
         else:
-            write_glb(out, motion, body)
+            write_glb(out, motion, body, betas=betas)
     say(console, f"motion: {escape(str(out))}")

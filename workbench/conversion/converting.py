@@ -7,6 +7,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies.body import Body
+from workbench.bodies.shape_space import shape_space
 from workbench.conversion.correspondence import Correspondence, correspond
 from workbench.conversion.parts import HANDS, vertex_parts
 from workbench.conversion.sampled import counted, sampled_vertices
@@ -71,7 +72,8 @@ def convert(
     fitted to the places of its vertices on the source (`correspond`): its betas, shared by all
     frames, from some frames that differ, and then pose and trans frame by frame. Each frame begins
     where the one before ended, turned on as the source's joints of the same names were. What the
-    source cannot show, such as fingers that it does not have, stays near the rest pose.
+    source cannot show, such as fingers that it does not have, stays near the rest pose. Where both
+    bodies have a face and the motion an expression, each frame gets an expression with its pose.
 
     `correspondence` is that of another motion of the same two bodies. `progress` is called with
     what is done, and with how many of how many frames. Raises BadArgument for a correspondence of
@@ -86,16 +88,20 @@ def convert(
             f"{correspondence.places.shape[0]}, but bodies {source.name!r} and {target.name!r} "
             f"have {source.n_vertices} and {target.n_vertices}; find theirs with correspond"
         )
-    tracker, person = _tracker(played, source, target, correspondence)
-    betas = tracker.shape(person, progress)
-    found = tracker.poses(betas, progress)
-    pose, _, trans = (block.name for block in target.blocks())
+    space = shape_space(target)
+    talks = played.betas_on(source).ndim == 2 and len(space.expression) > 0
+    own = space.expression if talks else range(0)
+    tracker, person = _tracker(played, source, target, correspondence, own)
+    shape = tracker.shape(person, progress)
+    found = tracker.poses(shape, progress)
+    pose, betas, trans = (found[block.name] for block in target.blocks())
     new = Motion(
-        found[pose],
-        found[trans],
+        pose,
+        trans,
         motion.fps,
         tuple(target.joint_names),
-        betas,
+        shape[: space.shape.stop] if talks else shape,
+        betas[:, own.start : own.stop] if talks else None,
         origin=f"converted from body {source.name!r}: {motion.origin}".removesuffix(": "),
         notes=played.notes,
     )
@@ -117,7 +123,7 @@ def conversion_errors(
 
 
 def _tracker(
-    played: Motion, source: Body, target: Body, correspondence: Correspondence
+    played: Motion, source: Body, target: Body, correspondence: Correspondence, own: range
 ) -> tuple[Tracker, Array]:
     """The frames of the source as observed places of the target, and the shape to begin with."""
     some = sampled_vertices(target, SAMPLE)
@@ -154,6 +160,7 @@ def _tracker(
         SIGMA,
         prior,
         starts,
+        own=own,
     )
     whole = correspondence.of(source.vertices(source.bind_pose, played.betas))
     return tracker, from_correspondences(target, whole)[target.blocks()[1].name]

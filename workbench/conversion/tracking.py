@@ -55,6 +55,7 @@ class Tracker:
         starts: values of pose and trans from which frame t may begin, given those of the frame
             before, or None for a frame by itself.
         widths: sigmas in m from which a frame by itself is narrowed down to `sigma`.
+        own: the rows of betas that are each frame's own, such as those of an expression.
     """
 
     body: Body
@@ -65,6 +66,7 @@ class Tracker:
     prior: Residual
     starts: Starts
     widths: tuple[float, ...] = ()
+    own: range = range(0)
 
     @cached_property
     def frame(self) -> Problem:
@@ -79,9 +81,9 @@ class Tracker:
 
     @cached_property
     def alone(self) -> Problem:
-        """One frame with the betas held."""
-        pose, _, trans = (block.name for block in self.body.blocks())
-        return self.frame.freeing(trans, pose)
+        """One frame with the betas held, but for its own."""
+        pose, betas, trans = (block.name for block in self.body.blocks())
+        return self.frame.freeing(trans, pose, *(f"{betas}[{b}]" for b in self.own))
 
     def data(self, t: int) -> Values:
         """What frame t shows."""
@@ -96,7 +98,9 @@ class Tracker:
         data, name = self.data(t), self.body.blocks()[1].name
         ends = []
         for start in starts:
-            values, cost = {**start, **data, name: betas}, np.inf
+            shape = betas.copy()
+            shape[self.own] = start.get(name, betas)[self.own]
+            values, cost = {**start, **data, name: shape}, np.inf
             for width in (*widths, self.sigma):
                 values["seen"] = data["seen"] * (self.sigma / width) ** 2
                 found = solved(QUICK, self.alone, values)
@@ -129,7 +133,10 @@ class Tracker:
         return spread_frames(self.observed[:, some], FRAMES)
 
     def poses(self, betas: Array, progress: Progress = quiet) -> Values:
-        """The poses (T, K, 3) rad and trans (T, 3) m of all frames, with the betas given."""
+        """The poses (T, K, 3) rad, trans (T, 3) m and betas (T, B) of all frames.
+
+        The betas are those given but for each frame's own.
+        """
         found: list[Frame] = []
         for t in range(len(self.observed)):
             before = found[-1] if found else None
@@ -142,8 +149,8 @@ class Tracker:
                     own = min(own, again, key=lambda frame: frame.cost)
             found.append(own)
             progress("poses", t + 1, len(self.observed))
-        pose, _, trans = (block.name for block in self.body.blocks())
-        return {name: np.array([f.values[name] for f in found]) for name in (pose, trans)}
+        names = [block.name for block in self.body.blocks()]
+        return {name: np.array([f.values[name] for f in found]) for name in names}
 
 
 @dataclass(frozen=True, eq=False)

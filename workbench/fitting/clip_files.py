@@ -1,8 +1,9 @@
-"""Reading a clip: a folder of keypoint files, one for each frame, or one such folder per camera."""
+"""Reading a clip: a keypoint file for each frame or one for all, of one camera or several."""
 
-import re
+from dataclasses import dataclass
 from math import gcd
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +12,25 @@ from workbench.errors import BadArgument, BadFile, UnknownName, some
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.clips import Clip, Film
 from workbench.fitting.detected_person import DetectedPerson
-from workbench.fitting.keypoint_files import people_in, read_person
+from workbench.fitting.image_lists import by_image, number_in
+from workbench.fitting.keypoint_files import people_of, person_of
 from workbench.fitting.observations import pinhole
+from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
 FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A file, and what it says of one frame: all of it, unless `part` holds that."""
+
+    path: Path
+    part: Any = None
+
+    def content(self) -> Any:
+        """What is said of this frame."""
+        return json_in(self.path) if self.part is None else self.part
 
 
 def read_clip(
@@ -29,6 +44,8 @@ def read_clip(
 ) -> Clip:
     """Read the COCO or OpenPose JSON files of a folder, or of one folder for each camera in it.
 
+    One file that holds all images, as AlphaPose and COCO write, may take the place of a folder, or
+    be the only file in one; its frames have the numbers in the names of the images.
     Files are ordered by the last number in their names; frames of which there is no file are gaps,
     and a note says which. If the numbers grow by a constant step, such as 10, 20, 30, each step is
     one frame, and `fps` are those of the files. Of several people in a frame the one nearest to
@@ -38,11 +55,15 @@ def read_clip(
     Raises BadFile, UnknownName, BadArgument or BadObservation.
     """
     root = Path(folder)
-    if not root.is_dir():
-        raise BadFile(f"{root} is no folder; a clip is a folder with a JSON file for each frame")
+    if not root.is_dir() and not (root.is_file() and root.suffix.lower() == ".json"):
+        raise BadFile(
+            f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
+            ".json of AlphaPose or COCO with all of them"
+        )
     if not 0 < fps < np.inf:
         raise BadArgument(f"a clip has a number of frames per second above 0, not {fps:g}")
-    inner = sorted(one for one in root.iterdir() if one.is_dir() and any(one.glob("*.json")))
+    inside = root.iterdir() if root.is_dir() else ()
+    inner = sorted(one for one in inside if one.is_dir() and any(one.glob("*.json")))
     if inner and any(root.glob("*.json")):
         raise BadFile(
             f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
@@ -95,30 +116,38 @@ def read_clip(
     return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
 
 
-def _numbered(folder: Path) -> dict[int, Path]:
-    """The JSON files of a folder by the last number in their names. Raises BadFile."""
-    found: dict[int, Path] = {}
-    for path in sorted(folder.glob("*.json")):
-        digits = re.findall(r"\d{1,12}", path.stem)
-        if not digits:
+def _numbered(folder: Path) -> dict[int, _Frame]:
+    """The frames of a file or a folder by the last number in their names. Raises BadFile."""
+    paths = sorted(folder.glob("*.json")) if folder.is_dir() else [folder]
+    if len(paths) == 1 and (paths[0] == folder or number_in(paths[0].name) is None):
+        parts = by_image(paths[0], json_in(paths[0]))
+        if not parts:
+            raise BadFile(f"{paths[0]} holds no frame with a person")
+        return {number: _Frame(paths[0], part) for number, part in parts.items()}
+    found: dict[int, _Frame] = {}
+    for path in paths:
+        number = number_in(path.name)
+        if number is None:
             raise BadFile(f"{path}: the name of a frame holds its number, such as frame_012.json")
-        number = int(digits[-1])
         if number in found:
-            raise BadFile(f"{found[number]} and {path} have the same number, {number}; keep one")
-        found[number] = path
+            raise BadFile(
+                f"{found[number].path} and {path} have the same number, {number}; keep one"
+            )
+        found[number] = _Frame(path)
     if not found:
         raise BadFile(f"{folder} holds no JSON file; a clip has one for each frame")
     return found
 
 
 def _followed(
-    files: dict[int, Path], frames: range, size: tuple[int, int] | None, person: int | None
+    files: dict[int, _Frame], frames: range, size: tuple[int, int] | None, person: int | None
 ) -> tuple[list[DetectedPerson | None], list[str]]:
     """One person in every frame, or None, and notes."""
     found: list[DetectedPerson | None] = []
     last: Array | None = None
     several = lost = 0
-    folder = next(iter(files.values())).parent.name
+    first = next(iter(files.values()))
+    folder = first.path.parent.name if first.part is None else first.path.name
     for number in frames:
         people = _people(files[number], size) if number in files else {}
         several += len(people) > 1
@@ -139,7 +168,8 @@ def _followed(
     notes = [note for one in found if one is not None and len(found) == 1 for note in one.notes]
     missing = [str(n) for n in frames if n not in files]
     if missing:
-        notes.append(f"{folder}: there are no files of frames {some(missing)}, which are gaps")
+        what = "there are no files of" if first.part is None else "nothing is said of"
+        notes.append(f"{folder}: {what} frames {some(missing)}, which are gaps")
     if several:
         notes.append(
             f"{folder}: {several} frames hold several people; one is followed, from the one seen "
@@ -150,12 +180,15 @@ def _followed(
     return found, notes
 
 
-def _people(path: Path, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
-    """The people of a frame who have a keypoint, by their number in the file."""
-    there = people_in(path)
+def _people(frame: _Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
+    """The people of a frame who have a keypoint, by their number in it."""
+    path, content = frame.path, frame.content()
+    there = people_of(path, content)
     if len(there) > MOST_PEOPLE:
-        raise BadFile(f"{path} holds {len(there):,} people; a frame of a clip, {MOST_PEOPLE}")
-    people = {i: read_person(path, size=size, person=i) for i in there}
+        raise BadFile(
+            f"{path} holds {len(there):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
+        )
+    people = {i: person_of(path, content, size, i) for i in there}
     return {i: one for i, one in people.items() if (one.points[:, 2] > 0).any()}
 
 

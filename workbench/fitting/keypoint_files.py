@@ -51,7 +51,13 @@ def read_person(
 
     Raises BadFile or UnknownName.
     """
-    data = json_in(path)
+    return person_of(path, json_in(path), size, person)
+
+
+def person_of(
+    path: str | Path, data: Any, size: tuple[int, int] | None, person: int | None
+) -> DetectedPerson:
+    """One person of what a file, or its part on one image, holds; see `read_person`."""
     if is_mediapipe(data):
         return mediapipe_person(path, data, size, person)
     kind, entries = _entries(path, data)
@@ -101,12 +107,11 @@ def read_person(
     return DetectedPerson(names, chosen, size, body, tuple(notes))
 
 
-def people_in(path: str | Path) -> list[int]:
-    """The numbers of the people of a file who have keypoints, as `person` takes them.
+def people_of(path: str | Path, data: Any) -> list[int]:
+    """The numbers of the people in it who have keypoints, as `person_of` takes them.
 
     Raises BadFile.
     """
-    data = json_in(path)
     if is_mediapipe(data):
         return list(range(mediapipe_people(path, data)))
     kind, entries = _entries(path, data)

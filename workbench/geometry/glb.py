@@ -15,10 +15,10 @@ from workbench.geometry.glb_document import (
     LOCAL,
     GlbDocument,
     children,
-    document_of,
     local_motion,
     several,
 )
+from workbench.geometry.gltf_buffers import document_of
 
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines
 FREE_BYTES = 2**28  # that all parts together may take, however small the file is

@@ -4,8 +4,6 @@ A file of a few bytes can claim billions of numbers that no bytes stand for, so 
 the file's own bytes. (Khronos Group, glTF 2.0 Specification.)
 """
 
-import base64
-import binascii
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.errors import shown
-from workbench.reading.facts import parsed
 
-MAGIC, JSON, BINARY = b"glTF", b"JSON", b"BIN\0"
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 MOST_ZEROS = 25_000_000  # numbers of an accessor that has no bytes
 
@@ -119,42 +115,6 @@ def _dtype(accessor: dict[str, Any], kind: str, name: str) -> np.dtype[Any]:
     if accessor.get("type") != kind or type(code) is not int or code not in COMPONENTS:
         raise ValueError(f"{name} holds {shown(accessor.get('type'))}, but must hold {kind}")
     return np.dtype(COMPONENTS[code])
-
-
-def document_of(content: bytes) -> GlbDocument:
-    """The document of a .glb. Raises ValueError (BadFile of its JSON) with what is wrong."""
-    if content[:4] != MAGIC or content[4:8] != b"\2\0\0\0":
-        raise ValueError("it does not begin as glTF 2.0 does")
-    chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(content):
-        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
-        if at + 8 + length > len(content):
-            raise ValueError(f"a part of {length:,} bytes is cut off")
-        if kind in (JSON, BINARY):  # others are to be passed over
-            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
-        at += 8 + length
-    json = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
-    if not isinstance(json, dict):
-        raise ValueError("its JSON is no object")
-    return GlbDocument(json, [_bytes(b, k, chunks) for k, b in enumerate(several(json, "buffers"))])
-
-
-def _bytes(buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes]) -> bytes:
-    """What a buffer holds: the file's binary part, or text in base64; no other file is opened."""
-    uri = buffer.get("uri")
-    if uri is None:
-        return chunks.get(BINARY, b"") if number == 0 else b""
-    head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
-    if not head.startswith("data:"):
-        raise ValueError(
-            f"buffers[{number}] is in another file, {shown(uri)}, which is not opened; export the "
-            "mesh as one .glb"
-        )
-    try:
-        return base64.b64decode(text)
-    except binascii.Error as error:
-        raise ValueError(f"buffers[{number}] is no base64 ({error})") from error
 
 
 LOCAL = ("matrix", "translation", "rotation", "scale")

@@ -9,7 +9,7 @@ from workbench.motions.bvh_files import read_bvh
 from workbench.motions.gltf_files import read_glb
 from workbench.motions.motion import Motion
 
-SUFFIXES = (".npz", ".bvh", ".glb")
+SUFFIXES = (".npz", ".bvh", ".glb", ".gltf")
 
 
 def read_motion(
@@ -20,7 +20,7 @@ def read_motion(
     fps: float | None = None,
     body: Body | None = None,
 ) -> Motion:
-    """Read a motion: .npz in AMASS's layouts or as `save_motion` writes it, .bvh, or skinned .glb.
+    """Read a motion: .npz in AMASS's layouts or as `save_motion` writes it, .bvh, .glb, .gltf.
 
     `unit` (m, cm, mm, in, cmu) and `up`, an axis such as z, are guessed and said in the motion's
     `notes` if they are not given; `fps` takes the place of the file's rate. `body` is the one for
@@ -29,7 +29,7 @@ def read_motion(
     suffix = Path(path).suffix.lower()
     if suffix == ".bvh":
         return read_bvh(path, unit=unit, up=up, fps=fps)
-    if suffix == ".glb":
+    if suffix in (".glb", ".gltf"):
         return read_glb(path, unit=unit, up=up, fps=fps)
     if suffix == ".npz":
         return read_amass(path, up=up, fps=fps, body=body)

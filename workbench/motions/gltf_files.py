@@ -1,4 +1,4 @@
-"""Motions from skinned, animated glTF files (.glb)."""
+"""Motions from skinned, animated glTF files (.glb, .gltf)."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown
-from workbench.geometry.glb_document import GlbDocument, document_of, several
+from workbench.geometry.glb_document import GlbDocument, several
+from workbench.geometry.gltf_buffers import document_of
 from workbench.geometry.rotation import nearest_rotation, vector_from_matrix
 from workbench.geometry.upright import TURNS
 from workbench.motions.bones import Bones
@@ -24,17 +25,18 @@ STRETCH = 0.01  # m, by which the place of a joint at its parent may change
 WHOLE = 1e-3  # of a rate: one that is nearly a whole number is that number
 USUAL = 30.0  # frames a second of a motion with a single key
 JOINTS = "joints"
-DO = "export a skin with its animation as one .glb, without compression"
+DO = "export a skin with its animation as .glb or .gltf, without compression"
 
 
 def read_glb(
     path: str | Path, *, unit: str | None = None, up: str | None = None, fps: float | None = None
 ) -> Motion:
-    """Read the motion of the skin with most joints in a .glb: names, tree, rest pose, rotations.
+    """Read the motion of the skin with most joints in a .glb or .gltf: names, tree, rotations.
 
+    Buffers beside a file are read from its folder, or from below it, and from nowhere else.
     At rest the joints are where the skin was bound, and a rotation is relative to that. The rate is
     that of the key frames, unless `fps` is given; the motion is read off the tracks at that rate. A
-    .glb is in metres, y up; `unit` and `up` say otherwise, and a skeleton of more than 3 m is taken
+    file is in metres, y up; `unit` and `up` say otherwise, and a skeleton of more than 3 m is taken
     to be in cm or mm. The betas of a file that the workbench wrote are read too; morph targets and
     scales are not. `notes` say all of this. Joints at the root whose child moves away from them, as
     a point on the floor, are left out.
@@ -44,7 +46,7 @@ def read_glb(
     """
     check_given(unit, up)
     with taken_for(path, "motion as glTF", DO), damage():
-        document = document_of(bytes(bounded(path, MOST_BYTES)))
+        document = document_of(bytes(bounded(path, MOST_BYTES)), Path(path).parent)
         try:
             return _motion_of(document, unit, up, fps, Path(path).name)
         except BadArgument as error:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
+from workbench.bodies.shape_space import shape_space
 from workbench.errors import BadArgument, some_of
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
@@ -32,7 +33,8 @@ class Motion:
         fps: frames a second.
         joint_names: (K,) different names.
         betas: (B,) the shape of the person; of no length if it is not known.
-        expression: (T, E) coefficients of the face, if there are any.
+        expression: (T, E) coefficients of the face, if there are any. They move a body whose betas
+            have an expression (`workbench.bodies.shape_space`): SMPL-X's and FLAME's.
         bones: the skeleton of a motion that brought its own; None if a body has it.
         origin: where the motion comes from.
         notes: sentences on what was guessed, filled or left out.
@@ -162,7 +164,9 @@ class Motion:
         """The motion with the joints of a body, in the body's order, without bones.
 
         Joints go by their names. Those that the motion lacks do not turn, and those that the body
-        lacks are left out; `notes` name both. Betas beyond the body's are left out too, and said.
+        lacks are left out; `notes` name both. Betas and expression beyond the body's are left out
+        too, and said. On a body with a face, betas are the person's shape where the motion has an
+        expression, so that those beyond its directions of shape are left out.
         The root is where it was, also if the motion's own bones rest elsewhere.
         These are the same angles, which are not the same places on a body of other proportions.
         Raises BadArgument if the names have no joint in common.
@@ -182,12 +186,20 @@ class Motion:
         pose = np.tile(body.bind_pose, (len(self), 1, 1))
         there = [k for k, name in enumerate(body.joint_names) if name in ours]
         pose[:, there] = self.pose[:, [ours[body.joint_names[k]] for k in there]]
-        betas = self.betas
-        if len(betas) > body.n_betas:
-            notes.append(f"of {len(betas)} betas, the body has the first {body.n_betas}")
-            betas = betas[: body.n_betas]
-        if self.expression is not None:
-            notes.append("the expression is kept, but moves no body here")
+        space, betas, face = shape_space(body), self.betas, self.expression
+        most = body.n_betas if face is None else len(space.shape)
+        if len(betas) > most:
+            what = "betas" if face is None else "betas of shape"
+            notes.append(f"of {len(betas)} betas, the body has the first {most} as {what}")
+            betas = betas[:most]
+        if face is not None and not space.expression:
+            notes.append("the expression is kept, but the body has no face that it moves")
+        elif face is not None and face.shape[1] > len(space.expression):
+            notes.append(
+                f"of {face.shape[1]} coefficients of expression, the body has the first "
+                f"{len(space.expression)}"
+            )
+            face = face[:, : len(space.expression)]
         trans = self.trans
         if self.bones is not None:  # whose root may rest elsewhere than the body's
             at = body.joints(np.zeros((body.n_joints, 3)), betas)[0]
@@ -197,20 +209,30 @@ class Motion:
             pose=pose,
             trans=trans,
             betas=betas,
+            expression=face,
             joint_names=tuple(body.joint_names),
             bones=None,
             notes=(*self.notes, *notes),
         )
 
+    def betas_on(self, body: Body) -> Array:
+        """The betas of a body in all frames, (B,), or (T, B) if an expression moves its face."""
+        here, space = self.named(body), shape_space(body)
+        betas = np.zeros(body.n_betas)
+        betas[: len(here.betas)] = here.betas
+        if here.expression is None or not space.expression:
+            return betas
+        return space.numbers(betas[: len(space.shape)], here.expression)
+
     def vertices(self, body: Body) -> Array:
         """The body's surface in every frame, (T, N, 3) m; see `named`. Slice a long motion."""
         here = self.named(body)
-        return body.vertices(here.pose, here.betas, here.trans)
+        return body.vertices(here.pose, here.betas_on(body), here.trans)
 
     def landmark(self, body: Body, name: str) -> Array:
         """A set of landmarks of the body in every frame, (T, M, 3) m; see `named`."""
         here = self.named(body)
-        return body.landmark(name, here.pose, here.betas, here.trans)
+        return body.landmark(name, here.pose, here.betas_on(body), here.trans)
 
     def joints(self, body: Body | None = None) -> Array:
         """The joints in every frame, (T, K, 3) m: those of a body, or of the motion's own bones.
@@ -219,7 +241,7 @@ class Motion:
         """
         if body is not None:
             here = self.named(body)
-            return body.joints(here.pose, here.betas, here.trans)
+            return body.joints(here.pose, here.betas_on(body), here.trans)
         if self.bones is None:
             raise BadArgument("this motion has no bones of its own; give a body to play it on")
         return self.bones.joints(self.pose, self.trans)

@@ -67,19 +67,19 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
     )
 
 
-def recorded_motion(motion: Motion, body: Body) -> Recording | None:
+def recorded_motion(motion: Motion, body: Body, betas: Array | None = None) -> Recording | None:
     """The replay of a motion on a body; see `Motion.named` for joints that only one of them has.
 
-    None for a body that a page cannot pose. Raises BadArgument if they have no joint in common.
+    `betas` (T, B) take the place of the motion's own. None for a body that a page cannot pose.
+    Raises BadArgument if they have no joint in common.
     """
     shown = shown_body(body)
     if shown is None:
         return None
     here = motion.named(body)
-    betas = np.zeros(body.n_betas)
-    betas[: len(here.betas)] = here.betas
     T = len(here)
-    rows = np.hstack([here.pose.reshape(T, -1), np.tile(betas, (T, 1)), here.trans])
+    each = np.broadcast_to(here.betas_on(body) if betas is None else betas, (T, body.n_betas))
+    rows = np.hstack([here.pose.reshape(T, -1), each, here.trans])
     some = spread(T, MOST)
     return recording(shown, rows[0], _caption(len(some), T), series=[_series(rows, some, here.fps)])
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
@@ -118,13 +119,13 @@ def replay_page(recording: Recording, title: str = "", said: Sequence[str] = ())
     return ReplayPage(text, recording.caption)
 
 
-def motion_page(motion: Motion, body: Body, title: str) -> ReplayPage:
-    """The page of a motion on a body.
+def motion_page(motion: Motion, body: Body, title: str, betas: Array | None = None) -> ReplayPage:
+    """The page of a motion on a body; `betas` (T, B) take the place of the motion's own.
 
     Raises BadArgument if they have no joint in common, and NotSupported for a body that a page
     cannot pose.
     """
-    recording = recorded_motion(motion, body)
+    recording = recorded_motion(motion, body, betas)
     if recording is None:
         raise NotSupported(
             f"a page cannot pose body {body.name!r}; take a skinned body of SMPL's form, such as "

@@ -4,7 +4,9 @@ Each pose is a key frame: joints turn, and morph targets add to the rest surface
 to it. glTF adds morph targets first and skins then, which is SMPL's own order, so at the key
 frames the file says what the body says, in single precision; in between both are interpolated.
 Further morph targets are the shape directions, at zero for the person of the file. They move the
-surface alone, as a glTF has no means to move joints with them.
+surface alone, as a glTF has no means to move joints with them. Those of betas that move follow the
+frames, and the joints with them: a joint at J that such betas take to J + d turns about there,
+so that v goes to R (v - J - d) + J + d = R (v - J) + J + (I - R) d. A node's place gets (I - R) d.
 """
 
 from pathlib import Path
@@ -20,9 +22,11 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, BadBody
 from workbench.geometry.glb_writing import ATTRIBUTES, ELEMENTS, Chunk
+from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
 from workbench.writing import replacing
 
+STILL = 1e-9  # m: a joint that betas move by less stays where it is
 SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
 
 
@@ -33,17 +37,19 @@ def write_gltf(
     betas: ArrayLike | None = None,
     *,
     trans: ArrayLike | None = None,
+    moving: ArrayLike | None = None,
     seconds: float = 1.0,
     correctives: int | None = None,
     shapes: int = 0,
 ) -> Correctives:
     """Write one person in poses (P, K, 3) rad as a .glb with a skeleton, `seconds` from key to key.
 
-    `trans` (P, 3) m moves the root. `correctives` is the number of morph targets that stand for
-    the pose blend shapes: None for as many as the poses need, which is exact, 0 for none. The
-    first `shapes` shape directions are morph targets as well, of one standard deviation, which the
-    file leaves at zero. What is returned says how far the surface is off; the file's `extras` say
-    it too, and the betas. Whole or not at all.
+    `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such
+    as an expression, whose directions become morph targets. `correctives` is the number of morph
+    targets that stand for the pose blend shapes: None for as many as the poses need, which is
+    exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
+    standard deviation, which the file leaves at zero. What is returned says how far the surface is
+    off; the file's `extras` say it too, and the betas. Whole or not at all.
 
     Raises BadBody for what no skinned glTF can say: triangle bodies, other skinnings than linear
     blending, and bodies drawn in another pose than zero; BadArgument for other numbers of morph
@@ -70,12 +76,20 @@ def write_gltf(
     if betas is not None:
         given = np.asarray(betas, dtype=float)
         beta[: len(given)] = given
+    P = len(theta)
+    B = body.n_betas
+    added = np.zeros((P, B)) if moving is None else np.asarray(moving, dtype=float)
+    if added.shape != (P, B):
+        raise BadArgument(
+            f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
+        )
     found = correctives_of(body, theta, beta, correctives)
     content = _glb(
         body,
         theta,
         beta,
         None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),
+        added,
         seconds,
         found,
         shapes,
@@ -90,6 +104,7 @@ def _glb(
     poses: Array,
     betas: Array,
     trans: Array | None,
+    added: Array,
     seconds: float,
     correctives: Correctives,
     shapes: int,
@@ -102,8 +117,10 @@ def _glb(
         "NORMAL": chunk.add(_normals(rest, body.faces), "float32", ATTRIBUTES),
     }
     attributes |= _influences(body.weights, chunk)
-    morphs = [*np.moveaxis(body.shapedirs[:, :, :shapes], 2, 0), *correctives.shapes]
-    names = [f"betas[{b}]" for b in range(shapes)]
+    used = np.flatnonzero(added.any(axis=0)).tolist()  # betas that move
+    directions = np.moveaxis(body.shapedirs, 2, 0)
+    morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
+    names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
     names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
     primitive: dict[str, Any] = {
         "attributes": attributes,
@@ -127,8 +144,17 @@ def _glb(
     for k, parent in enumerate(body.parents[1:], start=1):
         nodes[parent].setdefault("children", []).append(k)
     nodes.append({"name": body.name, "mesh": 0, "skin": 0})
-    weights = np.hstack([np.zeros((len(poses), shapes)), correctives.shares])
-    root = None if trans is None else J[0] + trans
+    weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
+    slopes = body.numeric.skeleton.slopes[:, :, used]
+    moved = np.einsum("kab,pb->pka", slopes, added[:, used])
+    turned = matrix_from_vector(poses)
+    places = {
+        k: offsets[k] + moved[:, k] - np.einsum("pij,pj->pi", turned[:, k], moved[:, k])
+        for k in range(K)
+        if np.abs(moved[:, k]).max(initial=0.0) > STILL
+    }
+    if trans is not None:
+        places[0] = places.get(0, J[0]) + trans
     document = {
         "asset": {
             "version": "2.0",
@@ -152,7 +178,7 @@ def _glb(
                 "inverseBindMatrices": chunk.add(inverse.reshape(K, 16), "float32"),
             }
         ],
-        "animations": [_animation(poses, root, weights, seconds, chunk)],
+        "animations": [_animation(poses, places, weights, seconds, chunk)],
     }
     return chunk.file(document)
 
@@ -182,9 +208,9 @@ def _influences(weights: Array, chunk: Chunk) -> dict[str, int]:
 
 
 def _animation(
-    poses: Array, root: Array | None, weights: Array, seconds: float, chunk: Chunk
+    poses: Array, places: dict[int, Array], weights: Array, seconds: float, chunk: Chunk
 ) -> dict[str, Any]:
-    """The key frames of all joints, of morph targets (P, M) and of the root (P, 3) m, if any."""
+    """The key frames of all joints, of morph targets (P, M), and of joints that move (P, 3) m."""
     P, K = poses.shape[:2]
     q = _on_one_side(Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4))
     times = chunk.add(seconds * np.arange(P), "float32")
@@ -193,9 +219,9 @@ def _animation(
     if weights.size:
         outputs.append(chunk.add(weights.ravel(), "float32"))
         where.append({"node": K, "path": "weights"})
-    if root is not None:
-        outputs.append(chunk.add(root, "float32"))
-        where.append({"node": 0, "path": "translation"})
+    for k, place in places.items():
+        outputs.append(chunk.add(place, "float32"))
+        where.append({"node": k, "path": "translation"})
     return {
         "samplers": [{"input": times, "output": out} for out in outputs],
         "channels": [{"sampler": i, "target": target} for i, target in enumerate(where)],

@@ -30,6 +30,7 @@ DATA = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
 EXACT = 1e-11  # m, rms per coordinate: what rounding leaves of meshes a few metres across
 STEPS = BlockOptions(together_tolerance=1e-2, together_steps=4, products=200, enough=EXACT)
 LAST = replace(STEPS, together_tolerance=1e-4, products=2000)
+EMPTY = 1e-8  # a bone whose weights are all below it moves no vertex
 LITTLE = 0.02  # of the rms: a round that lowers it by a smaller share is the last
 
 
@@ -122,3 +123,22 @@ def put_back(estimate: Estimate, rest: Array) -> Estimate:
         joints=move(estimate.joints),
         poses=vector_from_matrix(local),
     )
+
+
+def without_empty(estimate: Estimate) -> Estimate:
+    """The same motion without bones that move no vertex and carry no other bone."""
+    weights, parents = estimate.weights, estimate.parents
+    carrying = {*parents}
+    empty = [k for k in range(len(parents)) if k not in carrying and weights[:, k].max() < EMPTY]
+    if not empty:
+        return estimate
+    kept = [k for k in range(len(parents)) if k not in empty]
+    left = weights[:, kept]
+    fewer = replace(
+        estimate,
+        joints=estimate.joints[:, kept],
+        weights=left / left.sum(axis=1, keepdims=True),
+        poses=estimate.poses[:, kept],
+        parents=tuple(kept.index(parents[k]) if k else -1 for k in kept),
+    )
+    return without_empty(fewer)  # what carried only those may carry nothing now

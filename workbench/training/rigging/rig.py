@@ -31,6 +31,7 @@ from workbench.training.rigging.refinement import (
     off_tree,
     on_tree,
     put_back,
+    without_empty,
 )
 from workbench.training.rigging.words import notes_of
 from workbench.training.subsampling import subsample
@@ -115,7 +116,7 @@ def rig(
             estimate = every.refined(estimate, block, ROUNDS, report)
         if not free and every.rms(estimate) > REGRESSED:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
-        estimate = put_back(estimate, shape)
+        estimate = without_empty(put_back(estimate, shape))
         return _result(every, estimate, merged, dict(card or {}))
 
 
