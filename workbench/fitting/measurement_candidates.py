@@ -21,7 +21,7 @@ from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
 from workbench.fitting.keypoint_problem import camera_values, landmark_set
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
-from workbench.fitting.markers import OFFSET_SIGMA, SIGMA
+from workbench.fitting.markers import OFFSET_SIGMA, POSE_WORTH, SIGMA
 from workbench.fitting.observations import Photograph, pinhole
 from workbench.fitting.self_occlusion import hidden_landmarks
 from workbench.fitting.stature import stature_expression
@@ -167,7 +167,7 @@ def pose_candidates(
     """Markers seen in each of some poses (T, K, 3) rad: `pose 0` and so on; sigma in m.
 
     The pose and the place of the body in such a frame are the frame's own unknowns, with the pose
-    prior; what is left is information on the betas and the offsets of the markers, which should be
+    prior as `marker_fit` counts it; what is left is information on the betas and the offsets of the markers, which should be
     free in the problem.
     """
     dressed = marker_set.on(body)
@@ -177,7 +177,8 @@ def pose_candidates(
         MARKERS, pose.symbol, betas.symbol, trans.symbol, offsets.symbol
     )
     origin = np.zeros((len(marker_set.names), 3))
-    terms = landmarks(points, origin, sigma=sigma, name=MARKERS), pose_prior(dressed)
+    prior = pose_prior(dressed).weighed(POSE_WORTH)
+    terms = landmarks(points, origin, sigma=sigma, name=MARKERS), prior
     found = {}
     for i, one in enumerate(reals("the poses", poses)):
         if one.shape != pose.shape:
