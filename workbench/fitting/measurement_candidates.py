@@ -167,8 +167,8 @@ def pose_candidates(
     """Markers seen in each of some poses (T, K, 3) rad: `pose 0` and so on; sigma in m.
 
     The pose and the place of the body in such a frame are the frame's own unknowns, with the pose
-    prior as `marker_fit` counts it; what is left is information on the betas and the offsets of the markers, which should be
-    free in the problem.
+    prior as `marker_fit` counts it; what is left is information on the betas and the offsets of the
+    markers, which should be free in the problem.
     """
     dressed = marker_set.on(body)
     pose, betas, trans = dressed.blocks()
