@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
-from workbench.bodies.forward.kernels import kernel
-from workbench.bodies.forward.vertex import motion_column, vertex_columns, vertex_functions
+from workbench.bodies.forward.kernel_code import kernel
+from workbench.bodies.forward.vertex import (
+    motion_column,
+    shape_columns,
+    vertex_columns,
+    vertex_functions,
+)
 from workbench.errors import NotSupported
 
 
@@ -32,7 +37,8 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
     )
     for i in range(4):
         rows = slice(3 * i, 3 * i + 3)
-        template, S, w = np.split(vertex_columns(body, np.arange(4))[:, i], np.cumsum([3, 3 * B]))
+        template, w = np.split(vertex_columns(body, np.arange(4))[:, i], [3])
+        S = shape_columns(body, np.arange(4))[:, i]
         P = body.posedirs[i].T.ravel()
         rest = number(f.shaped, template, S, betas)
         M = np.zeros(12)
