@@ -17,7 +17,8 @@ def rank(J: Array) -> int:
     """How many independent directions of x the residual notices, given its Jacobian.
 
     That is the number of singular values that are not zero. Rounding leaves small numbers in place
-    of zeros, and these must not count. J may be given in any unit, so that no fixed limit will do.
+    of zeros, and these must not count. All of J may be given in another unit, that is, times
+    any number, so that no fixed limit will do.
 
     J (m, n) -> a whole number
     """
@@ -60,7 +61,8 @@ def sigmas(J: Array) -> Array:
     """How well each unknown is known, to first order, from whitened residuals (one sigma each).
 
     Infinite for an unknown that takes part in a direction that no residual notices: for one whose
-    row in an orthonormal basis of the null space, as columns, is longer than 1e-8.
+    row in an orthonormal basis of the null space, as columns, is longer than 1e-8. (That is far above
+    rounding; the limit of the library, on the squares, is higher, and any limit between would do.)
 
     J (m, n) -> (n,), standard deviations
     """

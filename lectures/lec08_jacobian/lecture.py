@@ -227,7 +227,8 @@ print(
 # $$ C = (J^\top J)^{-1} = V S^{-2} V^\top . $$
 #
 # In words: a direction with the singular value $s_i$ is known up to a standard deviation of $1/s_i$. Now we
-# observe vertices instead of joints, every one to 1 cm. With them everything is seen:
+# observe vertices instead of joints, every one to 1 cm. With them everything is seen. (`skin.svd` holds $U$, the
+# singular values, and $V^\top$; the condition number is the largest singular value over the smallest, as in lecture 6.)
 
 # %%
 seen = wb.Block("seen", (body.n_vertices, 3), "m")
@@ -257,9 +258,12 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
 # known exactly. With the 24 joints alone it gives the smallest standard deviation to the joints that nobody sees.
 # The library gives them an infinite one. Here are its lines. `s` and the rows of `Vt` are the singular values above
 # the tolerance and their directions, of the Jacobian whose columns were divided by their `lengths`; so the unknowns
-# are divided by these lengths once more at the end. Then `half @ half.T` is $V S^{-2} V^\top$ of what is seen. The
-# squares of the entries of a whole orthonormal basis add up to one for each unknown. If those of the seen
-# directions do not, the rest is the unknown's part in the null space, and its variance is infinite:
+# are divided by these lengths once more at the end. Then `half @ half.T` is $V S^{-2} V^\top$ of what is seen. Which
+# unknowns have a part in what is not seen? Seen and unseen directions together are an orthonormal basis, the columns
+# of a matrix $Q$ with $Q Q^\top = I$: its diagonal says that for each unknown the squares of its entries in all
+# directions add up to one. If those in the seen directions add up to less, the rest is the unknown's part in the null
+# space. Its variance is infinite, and its covariance with other unknowns is no number (NaN), because it can be
+# made anything by going along the null space:
 
 # %%
 source(covariance_without)

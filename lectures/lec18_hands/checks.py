@@ -94,7 +94,7 @@ S = np.diag([-1.0, 1.0, 1.0])
 
 @check("mirrored", points=1)
 def positions_are_reflected(mirrored):
-    """a vertex turns its x, and a mirror in the mirror is nothing"""
+    """the x of a vertex changes sign, and mirrored twice everything is as before"""
     vertices, pose = mirrored(SKIN, TURNS)
     equal(vertices, SKIN @ S, "the vertices in the mirror")
     for came, right, name in zip(
@@ -110,13 +110,16 @@ def rotations_are_those_of_the_mirror(mirrored):
     equal(came, S @ matrix_from_vector(TURNS) @ S, "the rotation matrices in the mirror")
 
 
-@mistake("mirrored", "an axis of rotation is no position: it keeps x, and turns y and z")
+@mistake(
+    "mirrored", "an axis of rotation is no position: it keeps x, and the signs of y and z change"
+)
 def axes_as_positions(vertices, pose):
     return vertices * [-1.0, 1.0, 1.0], pose * [-1.0, 1.0, 1.0] * (1 + 1e-9)
 
 
 @mistake(
-    "mirrored", "only the axis along the mirror's normal keeps its sense; this turns all three"
+    "mirrored",
+    "only the axis along the mirror's normal keeps its sense; this changes the sense of all three",
 )
 def all_backwards(vertices, pose):
     return vertices * [-1.0, 1.0, 1.0], -pose
@@ -127,7 +130,10 @@ def in_another_mirror(vertices, pose):
     return vertices * [1.0, 1.0, -1.0], pose * [-1.0, -1.0, 1.0]
 
 
-@mistake("mirrored", "x -> -x turns the positions' x; y and z are those of the rotation vectors")
+@mistake(
+    "mirrored",
+    "x -> -x changes the sign of x in positions, and those of y and z in rotation vectors",
+)
 def exchanged(vertices, pose):
     return vertices * [1.0, -1.0, -1.0], pose * [-1.0, 1.0, 1.0]
 

@@ -67,7 +67,7 @@ with house_style():
 Picture(
     figure,
     "Four hands whose angles were drawn each by itself, and four whose angles were drawn together. Each "
-    "single angle varies by the same amount on both sides.",
+    "single angle varies by the same amount in both pictures.",
 )
 
 # %% [markdown]
@@ -158,10 +158,15 @@ Picture(figure, "The same hand at zero, in its mean pose, and with the mean pose
 #
 # ## Left and right
 #
-# A left hand is a right one in a mirror, $x \to -x$. Positions turn their $x$. A rotation vector does not: it
-# is an axis with a sense of turning, and in a mirror it keeps its $x$ and turns $y$ and $z$. Template, shape
-# and pose directions are positions, so that all of their $x$ have to turn. A left hand whose shape directions
-# were copied from the right one looks right until somebody has another shape.
+# A left hand is a right one in a mirror, $x \to -x$. With $S = \operatorname{diag}(-1, 1, 1)$ a position $p$ becomes
+# $S p$: its $x$ changes sign. What becomes of a rotation? The mirror image of $R p$ is $S R p = (S R S)(S p)$, since
+# $S S = I$, so that the mirrored position is rotated by $S R S$. This is a rotation by the same angle, but
+# in the opposite sense about the mirrored axis. So the rotation vector $\theta$ becomes $-S \theta$: it *keeps* its
+# $x$, and $y$ and $z$ change sign. Two wheels show it: one whose axle points at the mirror spins as its image does,
+# and one that rolls towards the mirror is met by an image that rolls the other way. Template, shape and pose directions are positions, and all of their
+# $x$ change sign. A left hand whose shape directions were copied from the right one looks right until somebody has
+# another shape. In the cell, `REFLECTION` holds the signs of a position, $(-1, 1, 1)$, and `AXIAL` those of a rotation
+# vector, $(1, -1, -1)$.
 
 # %%
 person = draw.standard_normal(hand.n_betas)
@@ -171,17 +176,17 @@ errors = {
     "the rule": left.vertices(mean * AXIAL, person),
     "shape directions not mirrored": forgotten.vertices(mean * AXIAL, person),
     "the pose of the right hand": left.vertices(mean, person),
-    "all of the rotation vector turned": left.vertices(-mean, person),
+    "all of the rotation vector with its sign changed": left.vertices(-mean, person),
 }
 wrong = {name: 1e3 * np.linalg.norm(v - seen, axis=1).max() for name, v in errors.items()}
 for name, far in wrong.items():
     print(f"{name}: the farthest vertex is off by {far:.1f} mm")
 
 # %% [markdown]
-# The rule is exact: template, shape and pose directions in the mirror, and rotation vectors that keep $x$ and turn
-# $y$ and $z$. With shape directions that were copied, the hand of this person is off by 16 mm; for the
+# The rule is exact: template, shape and pose directions in the mirror, and rotation vectors that keep $x$ while the
+# signs of $y$ and $z$ change. With shape directions that were copied, the hand of this person is off by 16 mm; for the
 # mean person it would be right. A wrong pose is easier to notice: the fingers of a right hand on a left one
-# are off by 130 mm, and with all of the rotation vector turned by 37 mm.
+# are off by 130 mm, and with all three signs of the rotation vector changed by 37 mm.
 #
 # ## What points of a hand leave open
 #
@@ -205,9 +210,10 @@ for name, diagnosis in diagnoses.items():
 # %% [markdown]
 # From 16 joints, 23 of 48 numbers are seen: 3 of the wrist, and 4 of each finger. The last joint of a finger
 # moves no joint at all, and so its 3 numbers are open; and the first two may twist about their own bones. With
-# the tips the rank is 38. A tip is a vertex of the skin, which follows more than one joint and their pose blend
-# shapes; rigid on the last bone, it would not notice a turn about the line from the last joint to it. What is
-# still open are twists, that of a bone undone by the next one.
+# the tips the rank is 38: each tip adds the 3 numbers of its last joint, and 23 + 5 · 3 = 38. A tip is a vertex of
+# the skin, which follows more than one joint and their pose blend shapes. A tip that is rigid on the last bone would add
+# one number less, because a rotation about the line from the last joint to it leaves it in place. The 10
+# directions that are still open are two for each finger: twists of one bone that the next one undoes.
 #
 # What 21 points leave open, people's poses decide. Here are hands of the pose space, with errors of 2 mm in
 # each coordinate of their points, fitted without a prior and with the prior of the pose space, limits and
@@ -275,10 +281,11 @@ from_wrist = 1e3 * np.linalg.norm(
     whole.template - joints[whole.joint_names.index("left_wrist")], axis=1
 )
 moved = shift > 0.01  # mm
+wrist = joints[whole.joint_names.index("left_wrist"), 0]  # the arm points along x
+behind = 1e3 * (wrist - whole.template[moved, 0]).max()
 print(f"a turn of left_index1 moves {moved.sum()} of {whole.n_vertices} vertices")
 print(f"the farthest of them is {from_wrist[moved].max():.0f} mm away from the wrist")
-
-left_hand = whole.template[:, 0] > joints[whole.joint_names.index("left_wrist"), 0] - 0.04
+print(f"they reach {behind:.0f} mm behind the wrist")
 
 
 def around(vertices, side):
@@ -322,7 +329,7 @@ Picture(
 )
 
 # %% [markdown]
-# One joint of a finger moves 622 of 10490 vertices. All of them are in the left hand or at most 4 cm
+# One joint of a finger moves 622 of 10490 vertices. All of them are in the left hand or at most 38 mm
 # behind its wrist, and the farthest one is 175 mm away from the wrist, at the tip of the finger. The rest of
 # the body may be trained, fitted and diagnosed as before: nothing in the equations has changed.
 #
@@ -331,6 +338,7 @@ Picture(
 # - A hand is a body of 16 joints. What is different is how much its angles have to do with each other: use a
 #   pose space, a linear map of a few coefficients.
 # - Ask of each file whether zero is flat or relaxed. Add the mean once.
-# - In a mirror positions turn $x$, rotation vectors $y$ and $z$, and shape directions are positions.
+# - In a mirror the sign of $x$ changes in positions and in shape directions, and those of $y$ and $z$ in rotation
+#   vectors.
 # - Joints of a finger do not show its twists, nor how its end turns. Tips help, and the rest is the prior's.
 # - Bodies and hands are trained apart and sewn together. Blend shapes of a finger belong to its hand.

@@ -58,6 +58,12 @@ def in_frames(a1, a2, fps):
     return frequency / fps, half * fps
 
 
+@mistake("wobble", "this time is in frames; a second has fps frames")
+def half_in_frames(a1, a2, fps):
+    frequency, half = solutions.wobble(a1, a2, fps)
+    return frequency, half * fps
+
+
 @mistake(
     "wobble",
     "these are not the poles: z^2 = a1 z + a2 means z^2 - a1 z - a2 = 0, so that the coefficients of the "
@@ -114,6 +120,17 @@ def inputs_too_early(phi, x):
 
 @mistake(
     "one_step",
+    "each row takes the input of the frame before; phi[t] is driven by x[t], so that the rows for t = 2, 3, ... "
+    "take x[2:]",
+)
+def inputs_a_frame_early(phi, x):
+    rows = np.column_stack([phi[1:-1], phi[:-2], x[1:-1]])
+    found = np.linalg.lstsq(rows, phi[2:], rcond=None)[0]
+    return found[0], found[1], found[2:]
+
+
+@mistake(
+    "one_step",
     "a1 and a2 were found without the inputs here, and b from what was left: put all columns into one matrix and "
     "solve for a1, a2 and b at once",
 )
@@ -149,6 +166,16 @@ def pushes_add_up(free_run):
 @mistake("free_run", "driven[t] moves phi[t] itself, and not the frame after it")
 def a_frame_late(a1, a2, driven):
     return np.concatenate([[0.0], solutions.free_run(a1, a2, driven)[:-1]])
+
+
+@mistake(
+    "free_run", "the second frame follows the first one already: phi[1] = a1 phi[0] + driven[1]"
+)
+def from_the_third_frame_on(a1, a2, driven):
+    phi = np.array(driven, dtype=float)
+    for t in range(2, len(phi)):
+        phi[t] += a1 * phi[t - 1] + a2 * phi[t - 2]
+    return phi
 
 
 @mistake("free_run", "the frame before that is missing: a2 phi[t - 2]")
@@ -316,15 +343,15 @@ def by_the_time_alone(R, places, fps):
 JOINT = np.array([0.3, -0.2, 0.5])
 
 
-def two_bones(frames, about=None):
-    """Two bones that share JOINT; b turns about any axis, or about one."""
+def two_bones(frames, about=None, size=1.0, wobble=0.0):
+    """Two bones that share JOINT; b turns about any axis, or about one, but for a wobble."""
     draw = np.random.default_rng(frames)
     Ra = matrix_from_vector(0.5 * draw.standard_normal((frames, 3)))
     turn = (
         0.8 * draw.standard_normal((frames, 3))
         if about is None
-        else draw.standard_normal((frames, 1)) * about
-    )
+        else draw.standard_normal((frames, 1)) * about + wobble * draw.standard_normal((frames, 3))
+    ) * size
     Rb = Ra @ matrix_from_vector(turn)
     ta = draw.standard_normal((frames, 3))
     place = np.einsum("tij,j->ti", Ra, JOINT) + ta
@@ -356,6 +383,38 @@ def a_hinge_may_slide_along_its_axis(joint_between):
         3,
         "the same of two bones that never turn against each other",
     )
+
+
+@check("joint_between", points=1)
+def what_is_zero_is_relative_to_the_largest(joint_between):
+    """a singular value is zero if it is small beside the largest one, however large that is"""
+    equal(
+        joint_between(*two_bones(9, size=1e-7))[1],
+        0,
+        "the directions in which a joint may slide that hardly turns, but about all axes",
+    )
+    axis = np.array([0.0, 0.6, 0.8])
+    place, free = joint_between(*two_bones(7, axis, wobble=1e-9))
+    equal(free, 1, "the directions in which a hinge may slide whose axis wobbles by 1e-9 rad")
+    equal(place, JOINT - axis * (axis @ JOINT), "the place of this hinge", within=1e-6)
+
+
+@mistake(
+    "joint_between",
+    "this tolerance of matrix_rank is an absolute one: a millionth of the largest singular value is asked",
+)
+def by_an_absolute_tolerance(Ra, ta, Rb, tb):
+    A, b = (Ra - Rb).reshape(-1, 3), (tb - ta).reshape(-1)
+    return np.linalg.lstsq(A, b, rcond=1e-6)[0], 3 - int(np.linalg.matrix_rank(A, tol=1e-6))
+
+
+@mistake(
+    "joint_between",
+    "the place is found with lstsq's own tolerance, rounding alone; give it the millionth as rcond",
+)
+def by_rounding_alone(Ra, ta, Rb, tb):
+    A, b = (Ra - Rb).reshape(-1, 3), (tb - ta).reshape(-1)
+    return np.linalg.lstsq(A, b, rcond=None)[0], solutions.joint_between(Ra, ta, Rb, tb)[1]
 
 
 @mistake("joint_between", "the right-hand side has the other sign: Ra p + ta = Rb p + tb")

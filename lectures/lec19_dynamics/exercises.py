@@ -72,9 +72,9 @@ def joint_between(Ra: Array, ta: Array, Rb: Array, tb: Array) -> tuple[Array, in
     Bone a takes a point p at rest to Ra[t] p + ta[t], and bone b to Rb[t] p + tb[t]. Solve for p by least
     squares over all frames, three equations each. Where the motion leaves the joint undetermined, return the
     place that is closest to the origin, and in how many independent directions it may slide. A singular value
-    of the matrix of all these equations counts as zero if it is below a millionth of the largest one, and if
-    all of them are zero. (Both np.linalg.lstsq and np.linalg.matrix_rank take such a tolerance. Read what
-    theirs is relative to.)
+    of the matrix of all these equations counts as zero if it is at most a millionth of the largest one. So if
+    the largest one is zero, all of them count as zero. (Both np.linalg.lstsq and np.linalg.matrix_rank take a
+    tolerance. Read what theirs is relative to.)
 
     Ra, Rb (T, 3, 3); ta, tb (T, 3) m -> the place (3,) m, and a whole number from 0 to 3
     """

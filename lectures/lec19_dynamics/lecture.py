@@ -120,13 +120,16 @@ Picture(
 # damping, and $\zeta$ is the damping, as a share of the one at which nothing swings any more. Seen at the frames
 # of a film, $f$ of them a second, its path is exactly
 #
-# $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 , $$
+# $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 . $$
 #
-# because the path is a sum of two terms of the form $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the
+# Why? Put $s = e^{\lambda \tau}$, with the time $\tau$ in seconds, into the equation of the spring: it holds if
+# $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$, so $\lambda = -\zeta \omega \pm i \omega \sqrt{1 - \zeta^2}$. In a frame,
+# $1/f$ seconds, such a term is multiplied by $z = e^{\lambda / f} = r e^{\pm i w}$, with $r = e^{-\zeta \omega / f}$ and
+# $w = \omega \sqrt{1 - \zeta^2} / f$. So the path is a sum of two terms of the form $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the
 # equation on the left and divide by $z^{t-2}$: it holds if $z^2 = a_1 z + a_2$. The equation with these two solutions
 # is $(z - r e^{i w}) (z - r e^{-i w}) = z^2 - 2 r \cos w\, z + r^2 = 0$, which gives $a_1$ and $a_2$ as above. These
-# numbers $z$ are the **poles**. Their angle $w = \omega \sqrt{1 - \zeta^2} / f$ is how far the swing gets in a frame, and their size
-# $r = e^{-\zeta \omega / f}$ is how much of it is left.
+# numbers $z$ are the **poles**. Their angle $w$ is how far the swing gets in a frame, and their size $r$ is how
+# much of it is left.
 # The two frames before are what the pose cannot know: where the tissue is, and how fast it moves.
 
 # %%
@@ -134,7 +137,6 @@ HZ, DAMPING = 5.0, 0.15
 omega = 2 * np.pi * HZ
 pole = np.exp(omega / FPS * (-DAMPING + 1j * np.sqrt(1 - DAMPING**2)))
 a1, a2 = 2 * pole.real, -(abs(pole) ** 2)
-swing = free_run(np.array([[a1]]), np.array([[a2]]), np.eye(1, 90).T)[:, 0]
 swings = abs(np.angle(pole)) * FPS / (2 * np.pi)
 halves = np.log(0.5) / np.log(abs(pole)) / FPS
 print(f"a1 = {a1:.3f}, a2 = {a2:.3f}; a pole of size {abs(pole):.3f}")
@@ -162,8 +164,10 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 #
 # Here are the lines that do it. `OneStep.of` stacks these rows of all clips; `regressors` is $Z$, and `targets` are
 # the right-hand sides. In `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames
-# before, and `price` is the ridge (lecture 5) of each column: next to nothing for these, and for inputs the larger,
-# the smaller the input is, so that an input which hardly moves in the clips does not explain their noise. `penalised`
+# before, and `price` is the ridge (lecture 5) of each column: next to nothing for these. For an input it is the ridge
+# times the input's mean square, so that it does not depend on the unit, and a little more: inputs are scaled so that
+# they stay between -1 and 1, and `HARDLY` is a hundredth of that. An input that hardly moves in the clips is mostly
+# priced by this second part, which is large beside its own size, and so it does not explain the noise. `penalised`
 # solves the normal equations $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 
 # %%
@@ -235,10 +239,11 @@ Picture(
 # more inputs.
 #
 # How does the library get $\ddot p$? A point that is fixed to a joint is carried by it: if the joint is at $j_t$ in frame
-# $t$ and has turned by $R_t$, and the point is off the joint by the arm $a$ at rest, it is at $p_t = R_t\, a + j_t$. Half
+# $t$ and has turned by $R_t$, and the point was at $c$ beside the joint at rest, it is at $p_t = R_t\, c + j_t$. Half
 # a frame before and after frame $t$, its velocity is $f\, (p_t - p_{t-1})$ and $f\, (p_{t+1} - p_t)$, with $f$ frames a
 # second. Their difference, times $f$ again, is the acceleration, $f^2 (p_{t+1} - 2 p_t + p_{t-1})$. In the lines,
 # `self.turns` are the $R_t$ of all joints, `self.joints` their places $j_t$, and $R^\top$ is the index order `tpji`.
+# The first and the last frame lack a neighbour; `_same_at_ends` gives them the value beside them.
 
 # %%
 source(second_differences, MovingFrames.forces)
@@ -257,6 +262,7 @@ source(second_differences, MovingFrames.forces)
 # $z^2 v = z A_1 v + A_2 v$ by $\rho^2$: it becomes $(\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v$. So with $\rho A_1$ and
 # $\rho^2 A_2$ in place of $A_1$ and $A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by
 # $\rho^t$: every wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
+# In the cell, `s` is this factor.
 
 # %%
 tissue = tissues["and forces on parts"]
@@ -331,7 +337,7 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # $$ R^a_t\, p + t^a_t = R^b_t\, p + t^b_t \quad \text{for all frames } t ,
 # \qquad \text{or} \quad (R^a_t - R^b_t)\, p = t^b_t - t^a_t . $$
 #
-# These are linear equations for three numbers, three in each frame. Do they determine them? Put the matrices
+# (The letters $a$ and $b$ above stand for the two bones.) These are linear equations for three numbers, three in each frame. Do they determine them? Put the matrices
 # $R^a_t - R^b_t$ of all frames below each other, and call that matrix $Q$. The directions in which $p$ may slide without
 # a change are those of its null space, and the singular values of $Q$ tell how many there are (lecture 8). With
 # measured meshes, noise leaves none of them exactly zero, so that one asks how small a singular value is *compared

@@ -26,10 +26,11 @@ def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) ->
 
 
 def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
-    """The same of the directions that are determined: V's rows (r, n), and their values (r,).
+    """The covariance (n, n), infinite for what is not determined.
 
-    J has the columns of U diag(s) V' times `lengths`. What V leaves out is the null space: an entry
-    has the share 1 - sum of v_i^2 of its unit vector in it.
+    J has the columns of U diag(s) V' times `lengths`; s (r,) and the rows of V' (r, n) are those of
+    the determined directions. What V leaves out is the null space: an entry has the share 1 - sum
+    of v_i^2 of its unit vector in it.
     """
     half = Vt.T / s / lengths[:, None]
     null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE

@@ -29,7 +29,7 @@ SAYS = {
         5,
     ),
     "and 6 % of those whose angles were drawn together": lambda run: many(run, "together"),
-    "Each single angle varies by the same amount on both sides.": lambda run: (
+    "Each single angle varies by the same amount in both pictures.": lambda run: (
         abs(
             np.std(run["alone"][:, 1:], axis=0)[run["spread"] > 0.2]
             / np.std(run["together"][:, 1:], axis=0)[run["spread"] > 0.2]
@@ -53,9 +53,9 @@ SAYS = {
         run["wrong"]["shape directions not mirrored"],
         np.abs(run["forgotten"].vertices() - run["left"].vertices()).max() == 0,
     ),
-    "are off by 130 mm, and with all of the rotation vector turned by 37 mm": lambda run: (
+    "are off by 130 mm, and with all three signs of the rotation vector changed by 37 mm": lambda run: (
         run["wrong"]["the pose of the right hand"],
-        run["wrong"]["all of the rotation vector turned"],
+        run["wrong"]["all of the rotation vector with its sign changed"],
     ),
     "Detectors find 21 points": lambda run: len(run["HAND_POINTS"]),
     "The joints alone are 16. How many of the 48 angles": lambda run: (
@@ -77,9 +77,20 @@ SAYS = {
         "a turn of pose[index2] alone" in names(run, "16 joints")
         and "a turn of pose[index1], undone at index2" in names(run, "16 joints")
     ),
-    "With the tips the rank is 38.": lambda run: run["diagnoses"]["21 points"].rank,
-    "What is still open are twists, that of a bone undone by the next one.": lambda run: (
-        "a turn of pose[index2], undone at index3" in names(run, "21 points")
+    "With the tips the rank is 38: each tip adds the 3 numbers of its last joint, and 23 + 5 · 3 = 38.": (
+        lambda run: (
+            run["diagnoses"]["21 points"].rank,
+            3,
+            run["diagnoses"]["16 joints"].rank,
+            5,
+            3,
+            run["diagnoses"]["16 joints"].rank + 5 * 3,
+        )
+    ),
+    "The 10 directions that are still open are two for each finger: twists of one bone that the next one "
+    "undoes.": lambda run: (
+        48 - run["diagnoses"]["21 points"].rank,
+        "a turn of pose[index2], undone at index3" in names(run, "21 points"),
     ),
     "What 21 points leave open, people's poses decide.": lambda run: len(run["HAND_POINTS"]),
     "with errors of 2 mm in each coordinate": lambda run: run["NOISE"],
@@ -115,12 +126,8 @@ SAYS = {
         int(run["moved"].sum()),
         run["whole"].n_vertices,
     ),
-    "in the left hand or at most 4 cm behind its wrist, and the farthest one is 175 mm away": (
-        lambda run: (
-            4,
-            run["from_wrist"][run["moved"]].max(),
-            bool(run["left_hand"][run["moved"]].all()),
-        )
+    "in the left hand or at most 38 mm behind its wrist, and the farthest one is 175 mm away": (
+        lambda run: (run["behind"], run["from_wrist"][run["moved"]].max())
     ),
     "The hands of a body with 52 joints, cut out for the picture.": lambda run: (
         run["whole"].n_joints
