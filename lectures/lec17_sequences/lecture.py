@@ -871,7 +871,7 @@ for name, (frames, *free) in mosh_fits.items():
     )
 
 # %% [markdown]
-# With the markers held at their nominal places, they are missed by 5.6 mm, although their noise is 1 mm
+# With the markers held at their nominal places, they are missed by 5.5 mm, although their noise is 1 mm
 # along each axis; the shape is off by 4 mm. If the offsets are free, a single frame can be fitted to a
 # fraction of its noise, a bad sign that we know from lecture 9, and the shape is no better. With 12 frames
 # it is off by less than half of that. What did the other frames add?
@@ -951,8 +951,8 @@ Picture(
 )
 
 # %% [markdown]
-# With 12 frames, 117 of 133 directions are known better than by the prior, and the last frames add hardly
-# any. The offset that is known worst is known to 3.5 mm only, where the noise is 1 mm. The direction that
+# With 12 frames, 115 of 133 directions are known better than by the prior, and the last frames add hardly
+# any. The offset that is known worst is known to 3.7 mm only, where the noise is 1 mm. The direction that
 # is seen least has a name: it turns the four markers of the head together. The neck can turn them back in
 # every frame, and only the prior of its pose says by how much necks are bent. A formal rank would have
 # called all of it seen.

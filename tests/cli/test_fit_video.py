@@ -54,4 +54,5 @@ def test_a_file_is_no_clip(
     monkeypatch.chdir(tmp_path)
     code, _, error = workbench("fit", str(next(clip.iterdir())), "--video")
     assert code != 0
-    assert "is no folder" in error
+    assert "give a file of AlphaPose or COCO" in error
+    assert "or a folder with a file for each frame" in error

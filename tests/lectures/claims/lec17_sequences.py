@@ -281,7 +281,7 @@ SAYS = {
     ),
     "The offset is known beforehand to 9.5 mm.": lambda run: 1e3 * OFFSET_SIGMA * np.sqrt(3),
     "which MoSh finds from 12 frames": lambda run: len(run["marked"]),
-    "With the markers held at their nominal places, they are missed by 5.6 mm, although their noise is 1 mm along "
+    "With the markers held at their nominal places, they are missed by 5.5 mm, although their noise is 1 mm along "
     "each axis; the shape is off by 4 mm.": lambda run: (
         run["mosh_table"]["nominal places, 12 frames"][0],
         1e3 * run["NOISE"],
@@ -307,7 +307,7 @@ SAYS = {
     "A second pose ends this, and the rank is full.": lambda run: (
         run.line("numerical rank 133")[:2] == [133, 133] and run["diagnosis"].rank == 133
     ),
-    "With 12 frames, 117 of 133 directions are known better than by the prior, and the last frames add hardly "
+    "With 12 frames, 115 of 133 directions are known better than by the prior, and the last frames add hardly "
     "any.": lambda run: (
         len(run["known_better"]),
         run["known_better"][-1],
@@ -319,7 +319,7 @@ SAYS = {
         and run["known_better"][1] - run["known_better"][0]
         > run["known_better"][-1] - run["known_better"][5]
     ),
-    "The offset that is known worst is known to 3.5 mm only, where the noise is 1 mm.": lambda run: (
+    "The offset that is known worst is known to 3.7 mm only, where the noise is 1 mm.": lambda run: (
         run["offset_sd"].max(),
         1e3 * run["NOISE"],
     ),
