@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from benchmarks import triangle_scans
 from benchmarks.coregistration import BEGIN, CONTROL, END, PAGE, RESULTS, page, share
 
 KNOWN = json.loads(RESULTS.read_text())
@@ -117,3 +118,24 @@ def test_what_is_said_of_many_scans_is_what_was_measured() -> None:
     told = "it took {:.0f} minutes on two cores that had other work to do, {:.0f} of processor time"
     assert told.format(known["seconds"] / 60, known["cpu_seconds"] / 60) in text
     assert f"never more than {known['memory_gb']:.1f} GB" in text
+
+
+def test_what_is_said_of_the_model_on_triangles_was_measured() -> None:
+    known = json.loads(triangle_scans.RESULTS.read_text())
+    text = PAGE.read_text()
+    written = text.partition(triangle_scans.BEGIN)[2].partition(triangle_scans.END)[0]
+    assert written.strip() == triangle_scans.table(known).strip()
+    assert known["scans"] == 30
+    hidden, seen = (
+        {name: float(np.mean(rows[what])) for name, rows in known["methods"].items()}
+        for what in ("hidden", "seen")
+    )
+    separate, control, one, *forms = hidden
+    weak_alone, weak, strong_alone, strong = forms
+    assert control == triangle_scans.CONTROL
+    for errors in (hidden, seen):
+        assert errors[weak] < errors[weak_alone] < errors[one] < errors[control]
+        assert errors[control] < errors[strong_alone] < errors[strong]
+    gained, lost = 1 - seen[weak] / seen[separate], hidden[weak] / hidden[separate] - 1
+    told = f"seen vertices are {100 * gained:.0f} % nearer and hidden ones {100 * lost:.0f} % farther off"
+    assert told in " ".join(text.split())
