@@ -245,6 +245,7 @@ SAYS = {
 GIVEN = (
     "$\\cos^2 \\alpha + \\sin^2 \\alpha = 1$",  # mathematics
     "This is never more than 1.",
+    "The 1.0 is the fourth coordinate of each point",
     "at both ends of the zone $|c|^2 = 1$",
     "$w_0$ is 1 on one side of the seam and 0 on the other",
     "Left: the tube bent by 120 degrees, cut along its middle.",  # what was chosen to be drawn
