@@ -153,17 +153,13 @@ SAYS = {
     "are left. Four ensembles of 32 walkers have $N = 4 \\cdot 32 \\cdot 2700 = 345600$ draws in them, and the "
     "printed number of effective draws is $N / \\tau$, with the $\\tau$ of about 38 steps of the slower angle. Of the "
     "100 steps only half is left.": lambda run: (
-        BURNT_TIMES,
         3000,
         run["draws"].mixing.steps,
         run["draws"].draws.shape[2],
-        run["draws"].draws.shape[0],
-        run["draws"].draws.shape[2],
-        run["draws"].mixing.steps,
         int(run["draws"].draws[..., 0].size),
         float(run["draws"].mixing.times.max()),
         100,
-        BURNT == 0.1,
+        (BURNT, BURNT_TIMES, run["draws"].draws.shape[0]) == (0.1, 5, 4),
         run["short"].mixing.discarded == 50,
     ),
     "at least 50 $\\tau$ long (Sokal, *Monte Carlo Methods in Statistical Mechanics*, 1997), or, with "
