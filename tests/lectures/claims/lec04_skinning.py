@@ -256,6 +256,7 @@ GIVEN = (
 
 GENERAL = (  # mathematics, definitions and advice
     "the upper and the lower half of the tube",
+    "is twice the real part of",
     "A quaternion holds the cosine and the sine of *half* of its angle, so the tangent of half of the angle",
     "so that a bend to the front has more of the arm on its inside",
     "at the vertex where a bone's weight is least, all neighbours have as much of it or more",

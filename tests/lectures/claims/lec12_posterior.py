@@ -206,15 +206,17 @@ SAYS |= {
     ),
 }
 
-GIVEN = ("is made of a number $q$ that is uniform from 0 to 1",)
+GIVEN = (
+    "is made of a number $q$ that is uniform from 0 to 1",
+    "If $A$ is below 1, there are too many that want to go to $y$",
+    "If it is above 1, we take all of the first",
+)
 
 GENERAL = (  # mathematics, definitions and advice
     "further away than the elbow",
     "minus half of the sum of squares",
     "The cost is half of its square",
     "At each step half of the walkers move",
-    "If $A$ is below 1, there are too many that want to go to $y$",
-    "If it is above 1, we take all of the first",
     "a proposal is taken with the probability $\\min(1, A)$",
     "if the chain is much longer than its memory",
 )
