@@ -18,7 +18,12 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
-from workbench.bodies.forward.skinning import blended, dual_quaternion_blend, linear_blend
+from workbench.bodies.forward.skinning import (
+    blend_points,
+    blended,
+    dual_quaternion_blend,
+    linear_blend,
+)
 from workbench.course import Picture, source
 from workbench.geometry.mesh_graph import heat
 from workbench.geometry.solids import volume
@@ -88,10 +93,14 @@ Picture(
 # blend skinning**, and it is the one that SMPL uses, with at most four weights for each vertex that are
 # not zero. Since $t_i$ is the same in all terms, it can be taken out of the sum: it makes no difference
 # whether we blend the places or first blend the matrices and then move the vertex once. The library
-# blends the matrices:
+# blends the matrices, in `blend_points`. The 1.0 is the fourth coordinate of each point, which the offset in the last
+# column of a matrix is multiplied by:
 
 # %%
 source(linear_blend)
+
+# %%
+source(blend_points)
 
 # %% [markdown]
 # Why must the weights sum to one? Suppose that all bones move by the same offset $d$ and do not turn.
@@ -215,18 +224,22 @@ Picture(
 # How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length
 # $l$, from $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. The volume of the bent
 # zone is the volume at rest, with each small piece $ds\, dy$ of the plane multiplied by the factor by which the
-# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. With a dash for the derivative by $s$, a small step along
-# the tube is taken to $c + c' (s + i y)$ times the step, and one across it to $i c$ times the step. The area
-# between these two directions is
+# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. A small step along the tube is taken to
+# $u = c + \frac{dc}{ds} (s + i y)$ times the step, and one across it to $v = i c$ times the step. The area between two
+# complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite sign of
+# $i$. The imaginary part of $i$ times a number is its real part, so the area is
 #
-# $$ |c|^2 + \tfrac12 s\, (|c|^2)' + y\, (\dots) . $$
+# $$ \operatorname{Im}(\bar u\, v) = \operatorname{Re}(\bar u\, c)
+#    = |c|^2 + s \operatorname{Re}\left( \frac{d\bar c}{ds}\, c \right) + y\, (\dots)
+#    = |c|^2 + \tfrac12 s\, \frac{d |c|^2}{ds} + y\, (\dots) , $$
 #
+# because the derivative of $|c|^2 = \bar c\, c$ is twice the real part of $\frac{d\bar c}{ds}\, c$.
 # The last term is in proportion to $y$, and cancels between the upper and the lower half of the tube. What is
 # left depends on $s$ alone. We multiply it by $A$ and integrate it over the zone. The term with the derivative
 # is integrated by parts, and at both ends of the zone $|c|^2 = 1$:
 #
 # $$
-# \int \tfrac12 s\, (|c|^2)'\, ds = \tfrac12 l - \tfrac12 \int |c|^2\, ds, \qquad
+# \int \tfrac12 s\, \frac{d |c|^2}{ds}\, ds = \tfrac12 l - \tfrac12 \int |c|^2\, ds, \qquad
 # \text{so the volume is } \tfrac12 A \left( l + \int |c|^2\, ds \right) .
 # $$
 #
@@ -267,12 +280,14 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 #
 # $$ q = \frac{\sum_k w_k\, s_k\, q_k}{\left\| \sum_k w_k\, s_k\, q_k \right\|} . $$
 #
-# The signs $s_k$ are needed because $q$ and $-q$ are the same rotation: their mean would be zero although
+# The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the same rotation: their mean would be zero although
 # nothing has turned. Before the quaternions are added, each one is therefore given the sign with which it is
 # nearer to the one that has the largest weight. Bones also move from place to place, and four more numbers
 # hold the offset. The eight numbers together are a **dual quaternion**, and their average in the same way
 # gives a rigid motion for every vertex (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with
-# Approximate Dual Quaternion Blending*, 2008). In the library this takes two short functions:
+# Approximate Dual Quaternion Blending*, 2008). In the library two short functions say this. They call three
+# others: `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
+# `moved` divides by the length and moves the vertices:
 
 # %%
 source(dual_quaternion_blend)
@@ -348,7 +363,7 @@ motions = (("twist", TWIST), ("bend", BEND))
 skinnings = (("one bone each", rigid), *ways.items())
 
 
-def moved(body, axis):
+def turned(body, axis):
     """The tube with its joint turned about an axis by an angle."""
     return lambda angle: Limb(body, "joint").posed(axis, [angle])[0]
 
@@ -372,7 +387,7 @@ Picture(
     lambda: recorded_side_by_side(
         pipe.faces,
         np.radians(np.arange(0, 241, 10)),
-        {name: {way: moved(body, axis) for way, body in skinnings} for name, axis in motions},
+        {name: {way: turned(body, axis) for way, body in skinnings} for name, axis in motions},
         "The tube by three skinnings. Twist it: linear blending makes a candy wrapper of it, and dual "
         "quaternions jump at half a turn. Bend it: it tears, collapses or bulges.",
         opens=0.75,
@@ -466,6 +481,18 @@ for name in on_body:
         f"{name:32} wrist at 90 degrees {wrist[name][3]:.2f} of its radius; "
         f"arm bent by 90 degrees {elbow[name][3]:+.0f} cm^3"
     )
+finer_dual = replace(
+    without_pose_blend_shapes(wb.load_body("full")), skinning=wb.dual_quaternion_blend
+)
+for name, body in (("default", on_body["dual quaternions"]), ("full", finer_dual)):
+    there, back = (
+        1e6 * np.diff(Limb(body, "left_elbow").volumes([0, sign, 0], [0, np.pi / 2]))[0]
+        for sign in (-1, 1)
+    )
+    print(
+        f"dual quaternions, body {name!r}: arm bent by 90 degrees {there:+.0f} cm^3, "
+        f"to the other side {back:+.0f} cm^3"
+    )
 with house_style():
     figure, axes = sheet(10, 3.8, columns=2)
     plot_by_angle(some, wrist, "radius of the twisted wrist (share)", ax=axes[0])
@@ -479,6 +506,13 @@ Picture(
 )
 
 # %% [markdown]
+# Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. Rings are turned
+# about the joint. On the tube the joint lies in the middle of the rings, and what the bend gains on the outside it loses
+# on the inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of
+# the arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body
+# it does. On the coarse one it loses volume both ways, because only a few long edges lead around the elbow, and they
+# cut the corner.
+#
 # ## Without blend weights
 #
 # What would SMPL look like without its blend weights? The lecture *Body Models II* by Pons-Moll and Swoboda
@@ -535,8 +569,9 @@ Picture(
 )
 
 # %% [markdown]
-# With weights of 0 the body is a point, and with 1 it is 24 times as tall. Neither is a body, and with equal
-# weights no limb moves. So the last of the four is what is meant: the largest weight of each vertex becomes
+# With weights of 0 the body is a point, and with 1 it is 24 times as tall. Neither is a body. With equal weights the
+# whole body follows the mean of all motions. A mean of rotations shrinks, as in the twist: the body is 1.40 m tall in
+# the pose, all of it is tilted a little, and neither the knee nor the elbow is bent. So the last of the four is what is meant: the largest weight of each vertex becomes
 # one, and its other weights become zero. The library's function does this:
 
 # %%
@@ -554,8 +589,10 @@ source(without_blend_weights)
 # - **Diffused weights.** Treat the segmentation as heat: each vertex has one unit of the heat of its own
 #   segment. Let it flow along the edges of the mesh, and read what has arrived as weights.
 #
-# Let $W_0$ be the segmentation as an $N \times K$ matrix of zeros and ones, and $W_I$ the first weights. The
-# library makes a single implicit step of the heat equation:
+# Let $W_0$ be the segmentation as an $N \times K$ matrix of zeros and ones, and $W_I$ the first weights. Heat flows by
+# the equation $\frac{dW}{dt} = -L\, W$, where the matrix $L$ (the *Laplacian* of the mesh) takes the difference of each
+# vertex from its neighbours. The library makes a single implicit step, of the duration $\tfrac12 b^2$: the change
+# $W_I - W_0$ is the duration times $-L\, W_I$, with the weights at the *end* of the step. So
 #
 # $$
 # \left( I + \tfrac12 b^2 L \right) W_I = W_0, \qquad
@@ -564,17 +601,21 @@ source(without_blend_weights)
 # $$
 #
 # Here $e_{ij}$ is the edge from vertex $i$ to vertex $j$. One number says how far heat flows: the **border**
-# $b$, a length. (With many explicit steps one would have to choose their number too.)
+# $b$, a length. After the time $t$ the heat of one point has spread over a line with the standard deviation
+# $\sqrt{2 t}$, and this is $b$ for the duration $\tfrac12 b^2$. (With many explicit steps one would have to choose their
+# number too.)
 #
 # What does such a step make of a sharp seam? On a line of vertices that are close together, $L$ is the second
-# derivative with the opposite sign, and the equation becomes $w - \tfrac12 b^2 w'' = w_0$, where $w_0$ is 1 on
-# one side of the seam and 0 on the other. Beyond the seam it says $w'' = 2 w / b^2$. The solution that fades
+# derivative with the opposite sign. The weight of one bone becomes a function $w(x)$ of the place on the line, with
+# $w - \tfrac12 b^2 \frac{d^2 w}{dx^2} = w_0$, where $w_0$ is 1 on one side of the seam and 0 on the other. Beyond the
+# seam it says $\frac{d^2 w}{dx^2} = 2 w / b^2$. The solution that fades
 # is in proportion to $e^{-\sqrt 2\, d / b}$, with $d$ the distance from the seam. At the seam both sides are
 # alike, so the weight is $\tfrac12$ there, and $\tfrac12 e^{-\sqrt 2\, d / b}$ beyond it.
 #
 # Three properties hold for every $b$. The rows of $L$ sum to zero, so the weights of a vertex still sum to one.
-# $L$ is symmetric, so no heat is lost. And no entry of $L$ off the diagonal is positive, so no weight becomes
-# negative. In the end each vertex keeps its four largest weights.
+# $L$ is symmetric, so no heat is lost. And no weight becomes negative: at the vertex where a bone's weight is least, all
+# neighbours have as much of it or more, so that its row of $L\, W_I$ is not positive, and by the equation the weight is
+# at least what it was in $W_0$. In the end each vertex keeps its four largest weights.
 
 # %%
 source(heat)
@@ -625,7 +666,8 @@ Picture(
 
 # %% [markdown]
 # How wide should the border be? On the tube we can check the law for a line. The tube's mesh has diagonals
-# as well, along which heat flows too, so the weight falls somewhat more slowly than on a line. On the body we
+# as well, along which heat flows too, so the weight falls more slowly than on a line: by about a quarter with the two
+# narrow borders, and by 45 % with the border of 10 cm, which also feels that the tube ends. On the body we
 # try a row of borders, and measure how far the first weights are from the trained ones.
 
 # %%

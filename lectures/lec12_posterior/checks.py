@@ -191,14 +191,14 @@ HIGH, LOW = np.array([0.3, -0.2]), np.array([1.5, 1.0])  # log_p differs by 1.56
 def goes_up_always(next_point):
     """it goes up, whatever was drawn"""
     for u in (0.01, 0.1, 0.5, 0.99):
-        equal(next_point(bell, LOW, HIGH, u), HIGH, f"a step up, u = {u}")
+        equal(next_point(bell, LOW, HIGH, u), HIGH, f"a step up, drawn = {u}")
 
 
 @check("next_point", points=1)
 def goes_down_at_times(next_point):
     """it goes down with the probability p(y) / p(x), and stays where it was else"""
     for u, end in ((0.05, LOW), (0.19, LOW), (0.23, HIGH), (0.9, HIGH)):
-        equal(next_point(bell, HIGH, LOW, u), end, f"a step to where p is 0.21 times, u = {u}")
+        equal(next_point(bell, HIGH, LOW, u), end, f"a step to where p is 0.21 times, drawn = {u}")
 
 
 @mistake(

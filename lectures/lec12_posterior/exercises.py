@@ -17,7 +17,7 @@ SIGMA, PRIOR = 3.0, 0.6  # px, rad: the detector's error, and what is known of t
 
 
 def log_posterior(phi: float, seen: float) -> float:
-    """The log posterior of the lecture's forearm, without its constant: 0 where the residual is 0.
+    """The log posterior of the lecture's forearm, without its constant: 0 where both residuals are 0.
 
     phi rad, out of the image plane; seen px, from the elbow -> a number
     """
@@ -70,8 +70,8 @@ def draw(log_p, start: Array, count: int) -> Array:
     single size of steps will do. Standard deviations are between 0.01 and 2, along directions of any
     slant, and pieces are at most 4 apart. Along the directions of the density, the mean of your draws
     must be right to a quarter of a standard deviation, and the standard deviations to a fifth; with
-    two pieces, that asks for the right share of draws in each. `count` is 1000, and about ten calls of
-    log_p for each draw are enough.
+    two pieces, that asks for the right share of draws in each. `count` is 1000. Calls of log_p are not
+    counted: ten for each draw are known to be enough, and more are allowed.
 
     log_p takes (2,) and answers the logarithm of the density; start (2,); count -> (count, 2)
     """

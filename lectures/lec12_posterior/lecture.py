@@ -60,14 +60,14 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 #
 # Suppose that the error of the detector is Gaussian, and that what we knew before is Gaussian too. Bayes' rule
 # says that an angle is the more probable, the better it explains what was seen, and the more probable it was
-# before. Let $y$ be where the detector found the wrist; it differs from $u(\varphi)$, where the wrist is seen, by the
+# before. Let $\hat u$ be where the detector found the wrist; it differs from $u(\varphi)$, where the wrist is, by the
 # detector's error. The probability density of the angle after the image was seen is called the **posterior**. Up to a
 # constant factor it is the product of the two:
 #
-# $$ p(\varphi \mid y) \propto e^{-(u(\varphi) - y)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
+# $$ p(\varphi \mid \hat u) \propto e^{-(u(\varphi) - \hat u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
 #
 # The product of two exponentials is the exponential of the sum of their exponents. This sum is minus half of the sum
-# of squares of the residuals $(u(\varphi) - y) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides each residual by its sigma: the cost *is* minus the
+# of squares of the residuals $(u(\varphi) - \hat u) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides each residual by its sigma: the cost *is* minus the
 # logarithm of the posterior, up to a constant. The least cost is the highest point of the posterior.
 #
 # ## An error bar, the usual way
@@ -109,7 +109,8 @@ print(f"{best:.2f} +- {bar(best):.2f} rad")
 # %% [markdown]
 # Is this error bar right? A 90 % interval should hold the truth nine times out of ten. We can try this. We draw an
 # angle from what was known beforehand, make an image of it with the detector's error, fit, and see whether the
-# interval holds the angle. We do so a thousand times.
+# interval holds the angle. We do so a thousand times. (A Gaussian number is within 1.645 standard deviations of its
+# mean with a probability of 90 %, so the interval reaches so far to both sides.)
 
 # %%
 angles = PRIOR * rng.standard_normal(1000)
@@ -154,7 +155,8 @@ Picture(
 # For one angle we could compute the posterior on a grid. For two angles this is still possible, so that we still
 # know the truth. Take an arm, whose upper arm of 0.30 m and forearm of 0.25 m are each turned out of the image
 # plane. Elbow and wrist are seen by one camera from the front, and later also by one from the side, which sees
-# depth.
+# depth. In the code, `one.costs(x, given, None)` is a function that answers the costs at many points at once, one in
+# each row; the first two arguments hold the numbers that stay the same at all points, and here there are none.
 
 # %%
 arm = wb.Block("angles", (2,), "rad", ("upper arm", "forearm"))
@@ -294,8 +296,12 @@ Picture(
 #
 # $$ p(y)\; z^{k-1} r^{k-1}\; g(1/z)\; \frac{1}{z}\; dr\, dz . $$
 #
-# To make both ways equally frequent, a proposal has to be taken with the ratio of the second to the first, which is
-# $z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
+# Let $A$ be the ratio of the second to the first. If $A$ is below 1, there are too many that want to go to $y$: we
+# take the share $A$ of them, and all of those that want to go back. If it is above 1, we take all of the first, and the
+# share $1 / A$ of those that want to go back. In both cases both ways become equally frequent. On the way back the
+# ratio is $1 / A$, so one rule says both: a proposal is taken with the probability $\min(1, A)$. (The rule of
+# Metropolis is the same one, with $A = p(\text{new}) / p(\text{old})$.) Here the ratio is
+# $A = z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
 # becomes $z^{k-1}$. If $z$ is drawn uniformly instead, $g(1/z) = g(z)$, and the right factor is $z^{k-2}$. What
 # happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$? We try both on a Gaussian in two dimensions whose
 # standard deviation is 1. (A $z$ with the density $g$ is made of a number $q$ that is uniform from 0 to 1: it is the
@@ -348,11 +354,14 @@ Picture(
 # The workbench has the stretch move, but its default is another one with the same property, called differential
 # evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in
 # different modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half,
-# from which they take their steps, stands still. We let walkers go for our two angles, and compare with the grid.
+# from which they take their steps, stands still. Such a set of walkers is called an **ensemble**. `sample` makes four
+# ensembles unless it is told otherwise, and they know nothing of each other. We let four ensembles of 32 walkers go
+# for our two angles, 3000 steps each, and compare with the grid.
 # (With two angles that may both be turned towards the camera or away from it, there are four modes.) The first printed
 # line is the verdict on the draws; the next section says what its numbers mean. It also counts the
 # modes to which a few searches from elsewhere have led. They are a test and no census: they may miss a mode in which
-# the draws are, and here they have found fewer than the four that the figure below shows.
+# the draws are. Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and
+# its four thick places are the modes.
 
 # %%
 draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
@@ -438,13 +447,15 @@ Picture(
 # possible end, `times`, and take the first one that obeys the rule; `autocovariance` is the library's function for the
 # products of draws that are $t$ steps apart, summed over all walkers. And a chain that is too short makes its own memory look short.
 # The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods in Statistical
-# Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows. Besides, several
-# ensembles that began apart must agree: R-hat, the spread of all draws together over that within the ensembles, must
+# Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows. Besides, the
+# ensembles must agree: R-hat, the spread of all draws together over that within the ensembles, must
 # be close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
 # hold, no number should be read from the draws. So the workbench
 # puts its verdict before the numbers, and refuses an interval if the verdict is bad. We ask a chain of 100 steps for
-# an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count. Of
-# a short chain that is half of the steps.)
+# an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count:
+# they are a tenth of all steps, or $5 \tau$ if that is more, but never more than half. Of the 3000 steps 2700 are left.
+# Four ensembles of 32 walkers have $N = 4 \cdot 32 \cdot 2700 = 345600$ draws in them, and the printed number of
+# effective draws is $N / \tau$, with the $\tau$ of about 38 steps of the slower angle. Of the 100 steps only half is left.)
 
 # %%
 source(integrated_time)
@@ -466,7 +477,9 @@ for steps, ensembles in ((100, short), (3000, draws)):
 #
 # Nothing changes when the bone belongs to a body. A synthetic person stands in front of one camera, or among
 # four. Free are the first two shape coefficients, the place and the left elbow: eight numbers of $\theta$,
-# $\beta$ and the translation. All others are held at the truth, which nobody knows of a real person.
+# $\beta$ and the translation. All others are held at the truth, which nobody knows of a real person. In the code,
+# `setup.start` holds a value for everything, cameras as well, and `setup.made_of` the true pose, shape and place; the
+# bar between them puts the second in the place of the first.
 
 # %%
 free = ("betas[0:2]", "trans", "pose[left_elbow]")

@@ -77,6 +77,23 @@ def test_a_memory_that_still_grows_is_not_believed() -> None:
     assert found.verdict is not Usability.USABLE
 
 
+def test_the_advice_for_a_growing_memory_fits_the_chain() -> None:
+    few = mixing(autoregressive(0.99, (4, 60, 16)))  # of one entry: a Gaussian would take 175
+    assert few.growth > 1.4
+    assert few.times.max() > 7.0
+    assert few.verdict is Usability.TOO_SHORT
+    assert "steps more" in str(few)
+    one = autoregressive(0.9999, (4, 2000, 8))
+    assert mixing(one).verdict is Usability.NOT_MIXING
+    assert "Take several times as many" in str(mixing(one))
+    assert "fewer entries" not in str(mixing(one))
+    many = np.concatenate([one[..., None], np.zeros((4, 2000, 8, 20))], axis=3)
+    many[..., 1:] = np.random.default_rng(0).standard_normal(many[..., 1:].shape)
+    among = Mixing(tuple(map(str, range(21))), many, 0.3, 0, thin=2)
+    assert among.verdict is Usability.NOT_MIXING
+    assert "fewer entries (about 20)" in str(among)
+
+
 def test_walkers_that_stay_where_they_began_have_an_endless_memory() -> None:
     draws = autoregressive(0.5, (4, 3000, 8))
     draws[:, :, ::2] += 8.0  # half of them in another mode, for ever

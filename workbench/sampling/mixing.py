@@ -25,6 +25,7 @@ FAR = 2.0  # times as long: no Gaussian's, and growing
 SLOW = 0.01  # of the proposals accepted
 MARGIN = 1.3  # more steps than are needed if all estimates are right
 FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
+MANY = 20  # entries that ensembles sample well
 
 
 class Usability(Enum):
@@ -200,11 +201,18 @@ class Mixing:
             )
         )
         k = len(self.labels)
-        if self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
+        enough = self.steps > FIRST * GAUSSIAN * k  # for a Gaussian: else it is merely too short
+        if enough and self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
+            remedy = (
+                f"sample fewer entries (about {MANY}), or the directions that the data "
+                "determine best"
+                if k > MANY
+                else "look at the traces: there may be several modes, or a long and bent ridge"
+            )
             return Usability.NOT_MIXING, (
-                f"{said}: it grew by a factor of {self.growth:.1f} when chains grew twice as long. "
-                "More steps alone do not help; sample fewer entries (about 20), or the directions "
-                "that the data determine best"
+                f"{said}: it grew by a factor of {self.growth:.1f} when chains grew twice as long, "
+                "so that these cannot tell how many steps are enough. Take several times as many; "
+                f"if the time still grows then, {remedy}"
             )
         least = max(self.times.max(), GAUSSIAN * k)  # of a short chain, times come out too short
         return Usability.TOO_SHORT, f"{said}; take {self.asked(MARGIN * TIMES * least)}"

@@ -1,9 +1,11 @@
 """What lecture 12 says of its run."""
 
 import numpy as np
+import scipy.special
 
 from tests.lectures.prose import Run
 from workbench.sampling.autocorrelation import WINDOW
+from workbench.sampling.ensemble_settings import BURNT, BURNT_TIMES
 from workbench.sampling.mixing import LEAST, TIMES
 
 
@@ -120,9 +122,16 @@ SAYS = {
         abs(deviations(run)[0] - 1) < 0.03,
         deviations(run)[1] > 1.1,
     ),
-    "here they have found fewer than the four that the figure below shows": lambda run: (
+    "Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and its "
+    "four thick places are the modes.": lambda run: (
         modes(run).min() > 0.05,
-        run.line("usable:", "modes in all")[-1] < 4,
+        run.line("usable:", "modes in all")[-1] == 3,
+        np.mean(np.hypot(*(run["draws"].flat / [0.6, 0.7]).T) < 0.4) < 0.02,
+    ),
+    "We let four ensembles of 32 walkers go for our two angles, 3000 steps each": lambda run: (
+        run["draws"].draws.shape[2],
+        run["draws"].mixing.steps + run["draws"].mixing.discarded,
+        run["draws"].draws.shape[0] == 4,
     ),
     "at least five times the sum up to there": lambda run: WINDOW == 5,
     "each bone may point towards it or away": lambda run: modes(run).min() > 0.05,
@@ -136,16 +145,31 @@ SAYS = {
         np.allclose(run["draws"].mean, run["exact_mean"], atol=0.05),
         np.allclose(run["draws"].sd, run["exact_sd"], rtol=0.05),
     ),
+    "within 1.645 standard deviations of its mean with a probability of 90 %": lambda run: (
+        float(scipy.special.ndtri(0.95)),
+        90,
+    ),
+    "they are a tenth of all steps, or $5 \\tau$ if that is more, but never more than half. Of the 3000 steps 2700 "
+    "are left. Four ensembles of 32 walkers have $N = 4 \\cdot 32 \\cdot 2700 = 345600$ draws in them, and the "
+    "printed number of effective draws is $N / \\tau$, with the $\\tau$ of about 38 steps of the slower angle. Of the "
+    "100 steps only half is left.": lambda run: (
+        3000,
+        run["draws"].mixing.steps,
+        run["draws"].draws.shape[2],
+        int(run["draws"].draws[..., 0].size),
+        float(run["draws"].mixing.times.max()),
+        100,
+        (BURNT, BURNT_TIMES, run["draws"].draws.shape[0]) == (0.1, 5, 4),
+        run["short"].mixing.discarded == 50,
+    ),
     "at least 50 $\\tau$ long (Sokal, *Monte Carlo Methods in Statistical Mechanics*, 1997), or, with "
     "several ensembles of walkers, 20 $\\tau$ if the estimate no longer grows": (
         lambda run: (TIMES, LEAST)
     ),
     "and refuses an interval if the verdict is bad. We ask a chain of 100 steps for an interval, and then "
-    "the 3000 steps from above. (The first steps, which still depend on the start, do not count. Of a short "
-    "chain that is half of the steps.)": lambda run: (
+    "the 3000 steps from above. (The first steps, which still depend on the start, do not count": lambda run: (
         100,
         3000,
-        run["short"].mixing.discarded == 50,
         "100 steps: there is no interval: NOT CONVERGED" in run.printed,
         "3000 steps: 90 % of the draws lie from" in run.printed,
     ),
@@ -182,12 +206,17 @@ SAYS |= {
     ),
 }
 
-GIVEN = ("is made of a number $q$ that is uniform from 0 to 1",)
+GIVEN = (
+    "is made of a number $q$ that is uniform from 0 to 1",
+    "If $A$ is below 1, there are too many that want to go to $y$",
+    "If it is above 1, we take all of the first",
+)
 
 GENERAL = (  # mathematics, definitions and advice
     "further away than the elbow",
     "minus half of the sum of squares",
     "The cost is half of its square",
     "At each step half of the walkers move",
+    "a proposal is taken with the probability $\\min(1, A)$",
     "if the chain is much longer than its memory",
 )
