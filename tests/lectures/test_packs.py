@@ -20,7 +20,9 @@ from workbench.course.packs.marks import (
     plain_cell,
     write_table,
 )
+from workbench.course.packs.owners import owner
 from workbench.course.packs.packing import write_pack
+from workbench.course.packs.remarks import remarks_of
 from workbench.course.packs.students import students
 from workbench.course.packs.texts import EXAMPLES
 from workbench.course.plain import opened
@@ -111,7 +113,9 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
     shutil.rmtree(folder / "fay")
     (folder / "nobody.py").write_text("x = 1\n")
     found, table = collect(folder, key), tmp_path / "marks.csv"
-    assert [path.name for path in found.strange] == ["nobody.py"]
+    told = {one.path.name: one for one in found.unused}
+    assert "belongs to nobody" in told["nobody.py"].why
+    assert set(told) == {"nobody.py", "examples.json", "lec04_skinning.ipynb"}
     assert [len(sheets) for sheets in found.sheets.values()] == [1, 1, 1, 1, 1, 0]
     marks = mark_class(found, key, keys, table, Limits(seconds=1.5))
     assert [one.points for one in marks] == [3, 3, 0, 0, 0, 0]
@@ -157,6 +161,52 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
     )
     assert [student for student, kept in before.items() if not kept] == ["fay"]
     assert again[-1].points == 3
+
+
+def test_every_file_is_marked_or_listed_with_the_reason(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path
+) -> None:
+    """A flat folder with names of the students' own."""
+    out, _, key = pack
+    folder = tmp_path / "in"
+    folder.mkdir()
+    shutil.copy(out / "ben" / "lec04_skinning.ipynb", folder / "ben-lec04.ipynb")
+    shutil.copy(out / "cleo" / "lec04_skinning.py", folder / "homework.PY")
+    (folder / "dora_hw1.py").write_text("x = 1\n")
+    (folder / "emil.zip").write_bytes(b"PK")
+    (folder / "fay.txt").write_text("later")
+    found = collect(folder, key)
+    assert {who: [one.name for one in some] for who, some in found.sheets.items() if some} == {
+        "ben": ["lec04_skinning"],
+        "cleo": ["lec04_skinning"],
+    }
+    told = {one.path.name: (one.student, one.why) for one in found.unused}
+    assert set(told) == {"dora_hw1.py", "emil.zip", "fay.txt"}
+    assert told["dora_hw1.py"][0] == "dora"
+    assert "call it dora_lec04_skinning.py" in told["dora_hw1.py"][1]
+    assert told["emil.zip"][0] == "emil"
+    assert "unpack it" in told["emil.zip"][1]
+    assert "neither a file of Python" in told["fay.txt"][1]
+    assert "emil.zip is not marked: it is an archive" in remarks_of(found, key)["emil"][0]
+
+
+def test_folders_of_a_learning_platform_find_their_students() -> None:
+    folders = {"ben": "Ben", "ben-o-neil": "Ben O'Neil", "cho-kim": "Cho Kim", "zoë": "Zoë"}
+    key = ClassKey("g", 1, folders, {}, {}, {})
+
+    def whose(name: str, file: str = "x.py") -> str | None:
+        return owner(Path(name) / file if file else Path(name), key)
+
+    assert whose("Ben O'Neil_20413_assignsubmission_file_") == "ben-o-neil"
+    assert whose("cho_kim") == "cho-kim"
+    assert whose("ZOE\u0308_1") == "zoë"
+    assert whose("BEN-O-NEIL.py", "") == "ben-o-neil"
+    assert whose("ben_2_lec04_skinning.py", "") == "ben"
+    assert whose("benjamin_2") is None
+    twins = ClassKey("g", 1, {"cho-kim": "Cho Kim", "cho_kim": "cho_kim"}, {}, {}, {})
+    assert owner(Path("cho_kim/x.py"), twins) == "cho_kim"
+    with pytest.raises(BadFile, match="may belong to Cho Kim and cho_kim; name it as the pack"):
+        owner(Path("cho kim_7/x.py"), twins)
 
 
 def test_the_table_says_what_is_not_marked_yet(

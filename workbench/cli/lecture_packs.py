@@ -12,7 +12,7 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.output import print_page, say
 from workbench.cli.waiting import waiting
 from workbench.course.packs.examples import try_file
-from workbench.course.packs.handed_in import collect
+from workbench.course.packs.handed_in import EXPECTED, HandedIn, collect
 from workbench.course.packs.keys import read_keys
 from workbench.course.packs.marking import Limits
 from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
@@ -155,13 +155,25 @@ def mark(
             f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
             "which. The same command goes on"
         ) from error
-    for path in found.strange:
-        say(console, f"[yellow]belongs to nobody:[/] {escape(str(path))}")
+    _say_unused(console, found)
     for number, (minutes, count) in median_minutes(marks).items():
         estimate = next(one.minutes for one in key.exercises if one.number == number)
         told = f"{counted(count, 'student')} needed {minutes:g} minutes (median)"
         say(console, f"[dim]{number}: {told}; {estimate} were estimated[/]")
     print_page(console, "marks", table)
+
+
+def _say_unused(console: Console, found: HandedIn) -> None:
+    """Every file that is not marked, with the reason; what is to be expected in one line."""
+    for one in found.unused:
+        if one.why not in EXPECTED:
+            path, why = escape(str(one.path)), escape(one.why)
+            say(console, f"[yellow]not marked:[/] {path}: {why}")
+    rest = [one.path.name for one in found.unused if one.why in EXPECTED]
+    if rest:
+        names = escape(", ".join(sorted(set(rest))))
+        told = "as they were handed out, or made by programs"
+        say(console, f"[dim]not marked: {counted(len(rest), 'file')} {told} ({names})[/]")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {"pack": pack, "try": attempt, "mark": mark}

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from workbench.course.packs.handed_in import HandedIn, Sheet
+from workbench.course.packs.handed_in import EXPECTED, HandedIn, Sheet
 from workbench.course.packs.keys import ClassKey, ExerciseKey
 from workbench.course.packs.likeness import Shape, compared, constants, distinctive, shapes
 from workbench.course.packs.texts import pack_name
@@ -16,6 +16,9 @@ def remarks_of(found: HandedIn, key: ClassKey) -> dict[str, list[str]]:
     for student, sheets in found.sheets.items():
         for sheet in sheets:
             said[student] += [*_whose(sheet, student, key), *_numbers(sheet, student, key)]
+    for one in found.unused:
+        if one.student is not None and one.why not in EXPECTED:
+            said[one.student].append(f"{one.path.name} is not marked: {one.why}")
     _alike(found, key, said)
     return said
 

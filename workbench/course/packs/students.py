@@ -36,11 +36,19 @@ def students(given: str) -> dict[str, str]:
 
 def folder_name(name: str) -> str:
     """A name as that of a folder: small letters, digits, and `-` between words."""
-    plain = unicodedata.normalize("NFKC", name).lower()
-    found = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST]
+    found = re.sub(r"[^\w]+", "-", _small(name)).strip("-_")[:LONGEST]
     if not found:
         raise BadArgument(f"{name!r} has no letters and no digits, so that it cannot name a folder")
     return found
+
+
+def plain_name(name: str) -> str:
+    """A name to be compared with others: letters and digits alone, `-` between words."""
+    return re.sub(r"[\W_]+", "-", _small(name)).strip("-")
+
+
+def _small(name: str) -> str:
+    return unicodedata.normalize("NFKC", name).lower()
 
 
 def _read(path: Path) -> list[str]:
