@@ -8,8 +8,10 @@ PACK = ("lecture", "pack", "4.2", "--for", "geometry", "--to", "out")
 
 
 def test_a_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
-    code, out, _ = workbench(*PACK, "--students", "ada,ben", "--seed", "1")
+    Path("class.csv").write_text("mail,nick\na@x.org,ada\nb@x.org,ben\n")
+    code, out, _ = workbench(*PACK, "--students", "class.csv", "--column", "nick", "--seed", "1")
     assert code == 0
+    assert "2 students, named by the column nick" in out
     assert "1 exercise, 3 points, about 15 minutes as estimated, for 2 students" in out
     assert "workbench lecture mark HANDED_IN --keys out-keys --csv marks.csv" in out
     path = Path("out/ada/lec04_skinning.py")

@@ -23,7 +23,7 @@ from workbench.course.packs.marks import (
 from workbench.course.packs.owners import owner
 from workbench.course.packs.packing import write_pack
 from workbench.course.packs.remarks import remarks_of
-from workbench.course.packs.students import students
+from workbench.course.packs.students import read_students, students
 from workbench.course.packs.texts import EXAMPLES
 from workbench.course.plain import opened
 from workbench.errors import BadArgument, BadFile
@@ -246,6 +246,19 @@ def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
     path = tmp_path / "class.csv"
     path.write_text("\ufeffid;Name\n1;Ada\n2;Ben\n", encoding="utf-8")
     assert students(str(path)) == {"ada": "Ada", "ben": "Ben"}
+    path.write_text("First name;Surname;ID number;E-mail address\nBen;O'Neil;7;b@x.org\n")
+    assert read_students(str(path)).names == {"ben-o-neil": "Ben O'Neil"}
+    assert read_students(str(path)).columns == ("First name", "Surname")
+    assert read_students(str(path), "id NUMBER").names == {"7": "7"}
+    with pytest.raises(BadArgument, match="no column 'mail'; its columns are 'First name'"):
+        read_students(str(path), "mail")
+    path.write_text("First name,ID number,Email address\nBen,7,b@x.org\n")
+    assert read_students(str(path)).columns == ("ID number",)
+    path.write_text("matriculation,mail\n7,b@x.org\n")
+    with pytest.raises(BadFile, match=r"has 'matriculation', 'mail'\. Choose one with --column"):
+        students(str(path))
+    with pytest.raises(BadArgument, match="which is not given"):
+        read_students("ada,ben", "name")
     with pytest.raises(BadArgument, match="would share the folder"):
         students("Ada B, ada-b")
     with pytest.raises(BadArgument, match="no students"):

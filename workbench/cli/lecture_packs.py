@@ -17,7 +17,7 @@ from workbench.course.packs.keys import read_keys
 from workbench.course.packs.marking import Limits
 from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
 from workbench.course.packs.packing import write_pack
-from workbench.course.packs.students import students as names_of
+from workbench.course.packs.students import read_students
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument
 from workbench.interrupts import caused_by
@@ -44,9 +44,17 @@ def pack(
     students: Annotated[
         str,
         typer.Option(
-            help="FILE.csv with a column `student` or `name`, or names with commas between them."
+            help="FILE.csv as learning platforms export it, or names with commas between them."
         ),
     ] = "everybody",
+    column: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TITLE",
+            help="The column of FILE.csv that holds the names; else `student`, `name`, "
+            "`first name` and `last name`, `login`, `id` or `email`.",
+        ),
+    ] = None,
     keys: Annotated[
         Path | None,
         typer.Option(
@@ -61,7 +69,12 @@ def pack(
     """Write exercises for a class: other numbers for each student, and the keys kept apart."""
     console = Console()
     hidden = keys or to.with_name(f"{to.name}-keys")
-    named = names_of(students)
+    listed = read_students(students, column)
+    named = listed.names
+    if listed.columns:
+        titles = escape(" and ".join(listed.columns))
+        word = "column" if len(listed.columns) == 1 else "columns"
+        say(console, f"{counted(len(named), 'student')}, named by the {word} {titles}")
     with Console(stderr=True).status("drawing numbers and computing answers") as status:
         made = write_pack(
             what, group, named, to, hidden, seed, lambda name: status.update(f"writing {name}")
