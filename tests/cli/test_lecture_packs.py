@@ -14,6 +14,10 @@ def test_a_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
     assert "2 students, named by the column nick" in out
     assert "1 exercise, 3 points, about 15 minutes as estimated, for 2 students" in out
     assert "workbench lecture mark HANDED_IN --keys out-keys --csv marks.csv" in out
+    assert "the seed is 1; " in out
+    again = "4.2 --for geometry --students class.csv --column nick --seed 1 --to NEW_FOLDER"
+    assert again in out
+    assert Path("out-keys").stat().st_mode & 0o077 == 0
     path = Path("out/ada/lec04_skinning.py")
     code, out, _ = workbench("lecture", "try", str(path))
     assert code == 1

@@ -40,6 +40,7 @@ HOSTILE = """    import os, socket
         lambda: os.system("touch " + KEY + ".gone"),
         lambda: open(KEY + ".gone", "w"),
         lambda: os.remove(KEY),
+        lambda: os.environ["SECRET"],
         lambda: os.kill(os.getppid(), 9),
         lambda: __import__("workbench.lectures.lec04_skinning.variants"),
         lambda: os.open("root" + KEY, os.O_RDONLY, dir_fd=os.open("/proc/self", os.O_RDONLY)),
@@ -53,6 +54,8 @@ HOSTILE = """    import os, socket
             open(f"/done-{k}", "w")
     import workbench.course.packs.marking as marking
     marking.compare = lambda *a: None
+    import casadi
+    casadi.DM([1]).to_file(KEY, "txt")  # code in C, which Python does not watch
     open("beside.txt", "w").write("allowed")
     class Equal(float):
         __eq__ = lambda self, other: True
@@ -99,7 +102,10 @@ def test_a_pack_has_no_answers_in_it(pack: tuple[Path, Path, ClassKey]) -> None:
     assert read_keys(keys) == key
 
 
-def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Path) -> None:
+def test_six_answers_are_marked(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SECRET", "of the lecturer")
     out, keys, key = pack
     folder = tmp_path / "in"
     shutil.copytree(out, folder)
@@ -138,7 +144,9 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
     ):
         assert f"tried {what}, which was refused" in told["cleo"]
     assert "writing done-" not in told["cleo"]  # nothing of all this was done
-    assert (keys / KEYS).is_file()
+    assert "4.2: the keys were changed while this file ran" in told["cleo"]
+    assert "lec04_skinning.py names to_file, by which code can reach files" in told["cleo"]
+    assert read_keys(keys) == key
     assert not (folder / "cleo" / "beside.txt").exists()
     assert "handed out to Ada Lovelace" in told["dora"]
     assert "has numbers of Ada Lovelace" in told["dora"]

@@ -1,5 +1,6 @@
 """`workbench lecture pack`, `try` and `mark`: exercises for a class, and their marks."""
 
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -94,6 +95,13 @@ def pack(
     say(
         console,
         f"mark them: workbench lecture mark HANDED_IN --keys {escape(str(hidden))} --csv marks.csv",
+    )
+    chose = ["--column", column] if column else []
+    again = [*what, "--for", group, "--students", students, *chose, "--seed", str(made.seed)]
+    say(
+        console,
+        f"the seed is {made.seed}; it stands in the keys, too. The same pack again, for which it "
+        f"has to be kept: workbench lecture pack {escape(shlex.join(again))} --to NEW_FOLDER",
     )
 
 

@@ -87,6 +87,24 @@ def constants(source: str) -> set[float]:
     return {number for number in found if distinctive(number)}
 
 
+def words_of(source: str) -> set[str]:
+    """All names that a file uses, imports or has as text, without comments."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return set()
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.Constant(value=str(name)):
+                found.add(name)
+            case ast.alias(name=name):
+                found |= set(name.split("."))
+            case ast.ImportFrom(module=str(name)):
+                found |= set(name.split("."))
+    return found
+
+
 def distinctive(number: float) -> bool:
     """Whether a number has so many digits that two people hardly choose it independently."""
     return len(f"{abs(number):.12g}".replace(".", "").strip("0")) >= 3

@@ -10,6 +10,7 @@ from statistics import median
 from typing import Any
 
 from workbench.course.packs.handed_in import HandedIn, Sheet
+from workbench.course.packs.keeping import CHANGED, MARKED, kept
 from workbench.course.packs.keys import ClassKey
 from workbench.course.packs.marking import ExerciseMark, Limits, mark_sheet
 from workbench.course.packs.remarks import remarks_of
@@ -17,7 +18,6 @@ from workbench.errors import BadFile
 from workbench.installation import VERSION
 from workbench.writing import replacing
 
-MARKED = "marked"  # the folder in the keys that holds what is marked already
 NOT_YET = "not marked yet: the same command goes on"
 MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
 
@@ -73,10 +73,10 @@ def mark_class(
 def _marked(
     student: str, sheets: list[Sheet], key: ClassKey, keys: Path, limits: Limits
 ) -> tuple[tuple[ExerciseMark, ...], bool]:
-    kept = keys / MARKED / f"{student}.json"
+    place = keys / MARKED / f"{student}.json"
     digest = _digest(student, sheets, key, limits)
     try:
-        data = json.loads(kept.read_text(encoding="utf-8"))
+        data = json.loads(place.read_text(encoding="utf-8"))
         if data["digest"] == digest:
             read = [{**one, "remarks": tuple(one["remarks"])} for one in data["exercises"]]
             return tuple(ExerciseMark(**one) for one in read), True
@@ -85,7 +85,11 @@ def _marked(
     marks: dict[str, ExerciseMark] = {}
     for sheet in sheets:
         mine = [one for one in key.keys[student] if one.sheet == sheet.name]
-        for one in mark_sheet(sheet, mine, limits):
+        with kept(keys) as held:
+            each = mark_sheet(sheet, mine, limits)
+        if held.changed:
+            each = [replace(one, points=0, remarks=(CHANGED, *one.remarks)) for one in each]
+        for one in each:
             before = marks.get(one.number)
             if before is not None:
                 better = max(before, one, key=lambda mark: mark.points)
@@ -96,10 +100,10 @@ def _marked(
         for one in key.keys[student]
     )
     try:
-        kept.parent.mkdir(exist_ok=True)
+        place.parent.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
-        raise BadFile(f"cannot write {kept.parent}: {error.strerror}") from error
-    with replacing(kept) as temporary:
+        raise BadFile(f"cannot write {place.parent}: {error.strerror}") from error
+    with replacing(place) as temporary:
         data = {"digest": digest, "exercises": [asdict(one) for one in found]}
         temporary.write_text(json.dumps(data, indent=1, ensure_ascii=False), encoding="utf-8")
     return found, False

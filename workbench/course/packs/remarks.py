@@ -1,13 +1,22 @@
 """What a lecturer should look at: whose file it is, whose numbers, and answers that are alike."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 
 from workbench.course.packs.handed_in import EXPECTED, HandedIn, Sheet
 from workbench.course.packs.keys import ClassKey, ExerciseKey
-from workbench.course.packs.likeness import Shape, compared, constants, distinctive, shapes
+from workbench.course.packs.likeness import (
+    Shape,
+    compared,
+    constants,
+    distinctive,
+    shapes,
+    words_of,
+)
 from workbench.course.packs.texts import pack_name
 
 MOST = 4  # names that are listed
+UNWATCHED = {"ctypes", "ctypeslib", "_ctypes", "cffi", "_cffi_backend", "h5py", "to_file"}
 
 
 def remarks_of(found: HandedIn, key: ClassKey) -> dict[str, list[str]]:
@@ -16,6 +25,7 @@ def remarks_of(found: HandedIn, key: ClassKey) -> dict[str, list[str]]:
     for student, sheets in found.sheets.items():
         for sheet in sheets:
             said[student] += [*_whose(sheet, student, key), *_numbers(sheet, student, key)]
+            said[student] += _unwatched(sheet)
     for one in found.unused:
         if one.student is not None and one.why not in EXPECTED:
             said[one.student].append(f"{one.path.name} is not marked: {one.why}")
@@ -38,6 +48,19 @@ def _numbers(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
         if other != student and (seen := (_drawn(key.keys[other], sheet.name) - mine) & written):
             listed = ", ".join(f"{number:g}" for number in sorted(seen)[:3])
             yield f"{sheet.path.name} has numbers of {name}: {listed}"
+
+
+def _unwatched(sheet: Sheet) -> Iterable[str]:
+    """Names of code that reaches files without Python, on which nothing else would be said."""
+    texts = [sheet.source]
+    for helper in sheet.helpers:
+        with suppress(OSError):
+            texts.append(helper.read_text(encoding="utf-8", errors="replace"))
+    if seen := sorted(set().union(*map(words_of, texts)) & UNWATCHED):
+        yield (
+            f"{sheet.path.name} names {', '.join(seen)}, by which code can reach files without "
+            "Python, which then refuses nothing: look at what it does"
+        )
 
 
 def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
