@@ -4,15 +4,18 @@ import csv
 import json
 import re
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from workbench.course.outline import root
+from workbench.course.packs import marks as marks_module
 from workbench.course.packs.handed_in import collect
+from workbench.course.packs.keeping import MARKED, kept
 from workbench.course.packs.keys import KEYS, ClassKey, read_keys, value
 from workbench.course.packs.likeness import attempted, compared, constants, shapes
-from workbench.course.packs.marking import Limits
+from workbench.course.packs.marking import ExerciseMark, Limits
 from workbench.course.packs.marks import (
     NOT_YET,
     mark_class,
@@ -22,6 +25,7 @@ from workbench.course.packs.marks import (
 )
 from workbench.course.packs.owners import owner
 from workbench.course.packs.packing import write_pack
+from workbench.course.packs.passed_on import passed_on
 from workbench.course.packs.remarks import remarks_of
 from workbench.course.packs.students import read_students, students
 from workbench.course.packs.texts import EXAMPLES
@@ -112,7 +116,8 @@ def test_six_answers_are_marked(
     path = answered(folder, "ada-lovelace", GOOD)
     path.write_text(path.read_text().replace('"radius_left": None', '"radius_left": 12'))
     (published,) = [text for title, text in key.sources["4.2"].items() if "exercise" in title]
-    answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
+    path_b = answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
+    path_b.write_text(path_b.read_text().replace('left": None', "left\": 'about 10'"))
     answered(folder, "cleo", f"    KEY = {str(keys / KEYS)!r}\n" + HOSTILE)
     shutil.copy(path, folder / "dora" / "lec04_skinning.py")
     answered(folder, "emil", "    while True:\n        pass\n")
@@ -131,7 +136,10 @@ def test_six_answers_are_marked(
     assert rows["ada-lovelace"]["student"] == "Ada Lovelace"
     assert rows["ada-lovelace"]["minutes"] == "12"
     assert rows["ben"]["4.2"] == "3"
-    assert "like the published answer to this exercise: the same" in told["ben"]
+    assert rows["ada-lovelace"]["minutes 4.2"] == "12"
+    assert "4.2: this answer and the published answer to this exercise are the same" in told["ben"]
+    assert "but short, so that this may be chance" in told["ben"]
+    assert "the minutes are 'about 10', which is no number" in told["ben"]
     for what in (
         "reading keys.json",
         "listing keys",
@@ -150,7 +158,7 @@ def test_six_answers_are_marked(
     assert not (folder / "cleo" / "beside.txt").exists()
     assert "handed out to Ada Lovelace" in told["dora"]
     assert "has numbers of Ada Lovelace" in told["dora"]
-    assert "like that of Ada Lovelace: the same word for word" in told["dora"]
+    assert "this answer and" not in told["dora"]  # it is wrong, and is not compared
     assert "stopped after 1.5 s" in told["emil"]
     assert told["fay"] == "4.2: not handed in"
     assert median_minutes(marks) == {"4.2": (12, 2)}
@@ -169,6 +177,8 @@ def test_six_answers_are_marked(
     )
     assert [student for student, kept in before.items() if not kept] == ["fay"]
     assert again[-1].points == 3
+    alike = again[-1].alike
+    assert alike[-1].startswith("4.2: this answer and that of Ada Lovelace are the same word for")
 
 
 def test_every_file_is_marked_or_listed_with_the_reason(
@@ -215,6 +225,65 @@ def test_folders_of_a_learning_platform_find_their_students() -> None:
     assert owner(Path("cho_kim/x.py"), twins) == "cho_kim"
     with pytest.raises(BadFile, match="may belong to Cho Kim and cho_kim; name it as the pack"):
         owner(Path("cho kim_7/x.py"), twins)
+
+
+def test_only_right_answers_are_compared(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No answer runs: who is right is given."""
+    out, _, key = pack
+    for student in SIX:
+        (tmp_path / "in" / student).mkdir(parents=True)
+        text = (out / student / "lec04_skinning.py").read_text()
+        text = text.replace('    raise Unsolved("radius_left")\n', GOOD)
+        told = {"ben": "'about 10'", "cleo": "7.5"}.get(student, "None")
+        text = text.replace('"radius_left": None', f'"radius_left": {told}')
+        (tmp_path / "in" / student / "lec04_skinning.py").write_text(text)
+    right = {"ben", "cleo"}
+    monkeypatch.setattr(
+        marks_module,
+        "mark_sheet",
+        lambda sheet, mine, limits: [
+            ExerciseMark("4.2", "radius_left", 3 * (sheet.path.parent.name in right), 3)
+        ],
+    )
+    (tmp_path / "keys").mkdir()
+    table = tmp_path / "m.csv"
+    found = collect(tmp_path / "in", key)
+    marks = mark_class(found, key, tmp_path / "keys", table, Limits())
+    with table.open(encoding="utf-8-sig") as file:
+        rows = {row["folder"]: row for row in csv.DictReader(file)}
+    assert {one.student for one in marks if one.alike} == right
+    same = "the same word for word, but short, so that this may be chance"
+    assert f"4.2: this answer and that of cleo are {same}" in rows["ben"]["remarks"]
+    assert "4.2: the minutes are 'about 10', which is no number" in rows["ben"]["remarks"]
+    assert (rows["cleo"]["minutes 4.2"], rows["cleo"]["minutes"]) == ("7.5", "7.5")
+    assert (rows["ben"]["minutes 4.2"], rows["ben"]["minutes"]) == ("", "")
+
+
+def test_keys_that_change_while_an_answer_runs_are_written_back(tmp_path: Path) -> None:
+    (tmp_path / KEYS).write_text("keys")
+    (tmp_path / "notes.txt").write_text("mine")
+    with kept(tmp_path) as held:
+        (tmp_path / "notes.txt").write_text("mine, changed")
+    assert held.changed == []
+
+    def changes() -> None:
+        (tmp_path / KEYS).write_text("others")
+        (tmp_path / MARKED).mkdir()
+        (tmp_path / MARKED / "zoe.json").write_text("3 points")
+        raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt), kept(tmp_path) as held:
+        changes()
+    assert held.changed == [KEYS, "zoe.json"]
+    assert (tmp_path / KEYS).read_text() == "keys"
+    assert not (tmp_path / MARKED / "zoe.json").exists()
+
+
+def test_the_environment_of_an_answer_is_short() -> None:
+    given = {"PATH": "/bin", "LC_ALL": "C", "WORKBENCH_CACHE": "/c", "SECRET": "s", "TOKEN": "t"}
+    assert list(passed_on(given)) == ["PATH", "LC_ALL", "WORKBENCH_CACHE"]
 
 
 def test_the_table_says_what_is_not_marked_yet(

@@ -176,6 +176,9 @@ def mark(
             f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
             "which. The same command goes on"
         ) from error
+    for one in marks:
+        for said in one.alike:
+            say(console, f"[bold]{escape(key.students[one.student])}[/]  {escape(said)}")
     _say_unused(console, found)
     for number, (minutes, count) in median_minutes(marks).items():
         estimate = next(one.minutes for one in key.exercises if one.number == number)

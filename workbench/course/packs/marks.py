@@ -13,7 +13,7 @@ from workbench.course.packs.handed_in import HandedIn, Sheet
 from workbench.course.packs.keeping import CHANGED, MARKED, kept
 from workbench.course.packs.keys import ClassKey
 from workbench.course.packs.marking import ExerciseMark, Limits, mark_sheet
-from workbench.course.packs.remarks import remarks_of
+from workbench.course.packs.remarks import alike, remarks_of
 from workbench.errors import BadFile
 from workbench.installation import VERSION
 from workbench.writing import replacing
@@ -31,12 +31,14 @@ class StudentMark:
         exercises: one mark for each exercise; none if nothing has been marked yet.
         minutes: what the student wrote about the time for each exercise, by number.
         remarks: on the files as a whole.
+        alike: what right answers are like; known when all students are marked.
     """
 
     student: str
     exercises: tuple[ExerciseMark, ...]
     minutes: dict[str, float]
     remarks: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     @property
     def points(self) -> int:
@@ -56,7 +58,8 @@ def mark_class(
 
     What is marked is kept in the folder of keys, and is not marked again unless a file, the key or
     a limit has changed; so the same command goes on where it was interrupted. `tell` is called
-    after each student, with the mark, and whether it was kept from before. Raises BadFile.
+    after each student, with the mark, and whether it was kept from before. What answers are like is
+    found when all are marked. Raises BadFile.
     """
     said = remarks_of(found, key)
     marked: dict[str, StudentMark] = {}
@@ -67,6 +70,13 @@ def mark_class(
         )
         write_table(table, key, marked)
         tell(student, marked[student], again)
+    right = {
+        student: {mark.number for mark in one.exercises if mark.points}
+        for student, one in marked.items()
+    }
+    for student, told in alike(found, key, right).items():
+        marked[student] = replace(marked[student], alike=tuple(told))
+    write_table(table, key, marked)
     return list(marked.values())
 
 
@@ -139,7 +149,8 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
     """Write a CSV file: a line for each student, whether marked or not. Raises BadFile."""
     numbers = [one.number for one in key.exercises]
     of = sum(one.points for one in key.exercises)
-    head = ["student", "folder", "points", "of", *numbers, "minutes", "remarks"]
+    each = [*numbers, *(f"minutes {number}" for number in numbers)]
+    head = ["student", "folder", "points", "of", *each, "minutes", "remarks"]
     with (
         replacing(path) as temporary,
         temporary.open("w", encoding="utf-8-sig", newline="") as file,
@@ -149,19 +160,22 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
         for student, name in key.students.items():
             one = marked.get(student)
             if one is None:
-                row: list[Any] = [name, student, "", of, *("" for _ in numbers), "", NOT_YET]
+                empty = ["" for _ in each]
+                row: list[Any] = [name, student, "", of, *empty, "", NOT_YET]
             else:
                 points = {mark.number: mark.points for mark in one.exercises}
+                needed = [f"{one.minutes[n]:g}" if n in one.minutes else "" for n in numbers]
                 minutes = f"{sum(one.minutes.values()):g}" if one.minutes else ""
                 told = "; ".join(remarks(one))
-                row = [name, student, one.points, of, *(points[n] for n in numbers), minutes, told]
+                cells = [*(points[n] for n in numbers), *needed]
+                row = [name, student, one.points, of, *cells, minutes, told]
             lines.writerow([plain_cell(cell) for cell in row])
 
 
 def remarks(one: StudentMark) -> list[str]:
-    """All remarks on a student: on the files as a whole first, then by exercise."""
+    """All remarks on a student: on the files as a whole, by exercise, and on likeness."""
     each = [f"{mark.number}: {said}" for mark in one.exercises for said in mark.remarks]
-    return [*one.remarks, *each]
+    return [*one.remarks, *each, *one.alike]
 
 
 def plain_cell(cell: Any) -> Any:
