@@ -23,6 +23,13 @@ def test_a_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
     assert code == 1
     assert "4.2 radius_left  not yet" in out
     assert "not attempted" in out
+    book = Path("out/ada/lec04_skinning.ipynb")
+    answer = "def radius_left(weight, angle):\\n    return 1 / 0  #"
+    book.write_text(book.read_text().replace("def radius_left(", answer))
+    code, out, _ = workbench("lecture", "try", str(book))
+    assert code == 1
+    assert "ZeroDivisionError" in out
+    book.unlink()
     code, out, _ = workbench("lecture", "mark", "out", "--keys", "out-keys", "--csv", "m.csv")
     assert code == 0
     assert "1 of 2 ada  0 of 3" in out

@@ -106,7 +106,9 @@ def pack(
 
 
 def attempt(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Files with your answers.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="Files or notebooks with your answers.")
+    ],
     seconds: Seconds = LIMITS.seconds,
     memory: Memory = LIMITS.memory,
 ) -> None:
