@@ -20,6 +20,7 @@ def test_list_and_show(workbench: Run) -> None:
     assert code == 0
     for name in lecture(2).exercises:
         assert name in out
+    assert "in a pack, with other numbers for each student:" in " ".join(out.split())
     code, _, err = workbench("lecture", "show", "77")
     assert code == 2
     assert "no lecture is called '77'; there are" in err

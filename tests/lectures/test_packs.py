@@ -4,15 +4,18 @@ import csv
 import json
 import re
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from workbench.course.outline import root
+from workbench.course.packs import marks as marks_module
 from workbench.course.packs.handed_in import collect
+from workbench.course.packs.keeping import MARKED, kept
 from workbench.course.packs.keys import KEYS, ClassKey, read_keys, value
 from workbench.course.packs.likeness import attempted, compared, constants, shapes
-from workbench.course.packs.marking import Limits
+from workbench.course.packs.marking import ExerciseMark, Limits
 from workbench.course.packs.marks import (
     NOT_YET,
     mark_class,
@@ -20,8 +23,11 @@ from workbench.course.packs.marks import (
     plain_cell,
     write_table,
 )
+from workbench.course.packs.owners import owner
 from workbench.course.packs.packing import write_pack
-from workbench.course.packs.students import students
+from workbench.course.packs.passed_on import passed_on
+from workbench.course.packs.remarks import remarks_of
+from workbench.course.packs.students import read_students, students
 from workbench.course.packs.texts import EXAMPLES
 from workbench.course.plain import opened
 from workbench.errors import BadArgument, BadFile
@@ -38,6 +44,7 @@ HOSTILE = """    import os, socket
         lambda: os.system("touch " + KEY + ".gone"),
         lambda: open(KEY + ".gone", "w"),
         lambda: os.remove(KEY),
+        lambda: os.environ["SECRET"],
         lambda: os.kill(os.getppid(), 9),
         lambda: __import__("workbench.lectures.lec04_skinning.variants"),
         lambda: os.open("root" + KEY, os.O_RDONLY, dir_fd=os.open("/proc/self", os.O_RDONLY)),
@@ -51,6 +58,8 @@ HOSTILE = """    import os, socket
             open(f"/done-{k}", "w")
     import workbench.course.packs.marking as marking
     marking.compare = lambda *a: None
+    import casadi
+    casadi.DM([1]).to_file(KEY, "txt")  # code in C, which Python does not watch
     open("beside.txt", "w").write("allowed")
     class Equal(float):
         __eq__ = lambda self, other: True
@@ -97,21 +106,27 @@ def test_a_pack_has_no_answers_in_it(pack: tuple[Path, Path, ClassKey]) -> None:
     assert read_keys(keys) == key
 
 
-def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Path) -> None:
+def test_six_answers_are_marked(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SECRET", "of the lecturer")
     out, keys, key = pack
     folder = tmp_path / "in"
     shutil.copytree(out, folder)
     path = answered(folder, "ada-lovelace", GOOD)
     path.write_text(path.read_text().replace('"radius_left": None', '"radius_left": 12'))
     (published,) = [text for title, text in key.sources["4.2"].items() if "exercise" in title]
-    answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
+    path_b = answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
+    path_b.write_text(path_b.read_text().replace('left": None', "left\": 'about 10'"))
     answered(folder, "cleo", f"    KEY = {str(keys / KEYS)!r}\n" + HOSTILE)
     shutil.copy(path, folder / "dora" / "lec04_skinning.py")
     answered(folder, "emil", "    while True:\n        pass\n")
     shutil.rmtree(folder / "fay")
     (folder / "nobody.py").write_text("x = 1\n")
     found, table = collect(folder, key), tmp_path / "marks.csv"
-    assert [path.name for path in found.strange] == ["nobody.py"]
+    told = {one.path.name: one for one in found.unused}
+    assert "belongs to nobody" in told["nobody.py"].why
+    assert set(told) == {"nobody.py", "examples.json", "lec04_skinning.ipynb"}
     assert [len(sheets) for sheets in found.sheets.values()] == [1, 1, 1, 1, 1, 0]
     marks = mark_class(found, key, keys, table, Limits(seconds=1.5))
     assert [one.points for one in marks] == [3, 3, 0, 0, 0, 0]
@@ -121,7 +136,10 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
     assert rows["ada-lovelace"]["student"] == "Ada Lovelace"
     assert rows["ada-lovelace"]["minutes"] == "12"
     assert rows["ben"]["4.2"] == "3"
-    assert "like the published answer to this exercise: the same" in told["ben"]
+    assert rows["ada-lovelace"]["minutes 4.2"] == "12"
+    assert "4.2: this answer and the published answer to this exercise are the same" in told["ben"]
+    assert "but short, so that this may be chance" in told["ben"]
+    assert "the minutes are 'about 10', which is no number" in told["ben"]
     for what in (
         "reading keys.json",
         "listing keys",
@@ -134,11 +152,13 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
     ):
         assert f"tried {what}, which was refused" in told["cleo"]
     assert "writing done-" not in told["cleo"]  # nothing of all this was done
-    assert (keys / KEYS).is_file()
+    assert "4.2: the keys were changed while this file ran" in told["cleo"]
+    assert "lec04_skinning.py names to_file, by which code can reach files" in told["cleo"]
+    assert read_keys(keys) == key
     assert not (folder / "cleo" / "beside.txt").exists()
     assert "handed out to Ada Lovelace" in told["dora"]
     assert "has numbers of Ada Lovelace" in told["dora"]
-    assert "like that of Ada Lovelace: the same word for word" in told["dora"]
+    assert "this answer and" not in told["dora"]  # it is wrong, and is not compared
     assert "stopped after 1.5 s" in told["emil"]
     assert told["fay"] == "4.2: not handed in"
     assert median_minutes(marks) == {"4.2": (12, 2)}
@@ -157,6 +177,113 @@ def test_six_answers_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Pat
     )
     assert [student for student, kept in before.items() if not kept] == ["fay"]
     assert again[-1].points == 3
+    alike = again[-1].alike
+    assert alike[-1].startswith("4.2: this answer and that of Ada Lovelace are the same word for")
+
+
+def test_every_file_is_marked_or_listed_with_the_reason(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path
+) -> None:
+    """A flat folder with names of the students' own."""
+    out, _, key = pack
+    folder = tmp_path / "in"
+    folder.mkdir()
+    shutil.copy(out / "ben" / "lec04_skinning.ipynb", folder / "ben-lec04.ipynb")
+    shutil.copy(out / "cleo" / "lec04_skinning.py", folder / "homework.PY")
+    (folder / "dora_hw1.py").write_text("x = 1\n")
+    (folder / "emil.zip").write_bytes(b"PK")
+    (folder / "fay.txt").write_text("later")
+    found = collect(folder, key)
+    assert {who: [one.name for one in some] for who, some in found.sheets.items() if some} == {
+        "ben": ["lec04_skinning"],
+        "cleo": ["lec04_skinning"],
+    }
+    told = {one.path.name: (one.student, one.why) for one in found.unused}
+    assert set(told) == {"dora_hw1.py", "emil.zip", "fay.txt"}
+    assert told["dora_hw1.py"][0] == "dora"
+    assert "call it dora_lec04_skinning.py" in told["dora_hw1.py"][1]
+    assert told["emil.zip"][0] == "emil"
+    assert "unpack it" in told["emil.zip"][1]
+    assert "neither a file of Python" in told["fay.txt"][1]
+    assert "emil.zip is not marked: it is an archive" in remarks_of(found, key)["emil"][0]
+
+
+def test_folders_of_a_learning_platform_find_their_students() -> None:
+    folders = {"ben": "Ben", "ben-o-neil": "Ben O'Neil", "cho-kim": "Cho Kim", "zoë": "Zoë"}
+    key = ClassKey("g", 1, folders, {}, {}, {})
+
+    def whose(name: str, file: str = "x.py") -> str | None:
+        return owner(Path(name) / file if file else Path(name), key)
+
+    assert whose("Ben O'Neil_20413_assignsubmission_file_") == "ben-o-neil"
+    assert whose("cho_kim") == "cho-kim"
+    assert whose("ZOE\u0308_1") == "zoë"
+    assert whose("BEN-O-NEIL.py", "") == "ben-o-neil"
+    assert whose("ben_2_lec04_skinning.py", "") == "ben"
+    assert whose("benjamin_2") is None
+    twins = ClassKey("g", 1, {"cho-kim": "Cho Kim", "cho_kim": "cho_kim"}, {}, {}, {})
+    assert owner(Path("cho_kim/x.py"), twins) == "cho_kim"
+    with pytest.raises(BadFile, match="may belong to Cho Kim and cho_kim; name it as the pack"):
+        owner(Path("cho kim_7/x.py"), twins)
+
+
+def test_only_right_answers_are_compared(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No answer runs: who is right is given."""
+    out, _, key = pack
+    for student in SIX:
+        (tmp_path / "in" / student).mkdir(parents=True)
+        text = (out / student / "lec04_skinning.py").read_text()
+        text = text.replace('    raise Unsolved("radius_left")\n', GOOD)
+        told = {"ben": "'about 10'", "cleo": "7.5"}.get(student, "None")
+        text = text.replace('"radius_left": None', f'"radius_left": {told}')
+        (tmp_path / "in" / student / "lec04_skinning.py").write_text(text)
+    right = {"ben", "cleo"}
+    monkeypatch.setattr(
+        marks_module,
+        "mark_sheet",
+        lambda sheet, mine, limits: [
+            ExerciseMark("4.2", "radius_left", 3 * (sheet.path.parent.name in right), 3)
+        ],
+    )
+    (tmp_path / "keys").mkdir()
+    table = tmp_path / "m.csv"
+    found = collect(tmp_path / "in", key)
+    marks = mark_class(found, key, tmp_path / "keys", table, Limits())
+    with table.open(encoding="utf-8-sig") as file:
+        rows = {row["folder"]: row for row in csv.DictReader(file)}
+    assert {one.student for one in marks if one.alike} == right
+    same = "the same word for word, but short, so that this may be chance"
+    assert f"4.2: this answer and that of cleo are {same}" in rows["ben"]["remarks"]
+    assert "4.2: the minutes are 'about 10', which is no number" in rows["ben"]["remarks"]
+    assert (rows["cleo"]["minutes 4.2"], rows["cleo"]["minutes"]) == ("7.5", "7.5")
+    assert (rows["ben"]["minutes 4.2"], rows["ben"]["minutes"]) == ("", "")
+
+
+def test_keys_that_change_while_an_answer_runs_are_written_back(tmp_path: Path) -> None:
+    (tmp_path / KEYS).write_text("keys")
+    (tmp_path / "notes.txt").write_text("mine")
+    with kept(tmp_path) as held:
+        (tmp_path / "notes.txt").write_text("mine, changed")
+    assert held.changed == []
+
+    def changes() -> None:
+        (tmp_path / KEYS).write_text("others")
+        (tmp_path / MARKED).mkdir()
+        (tmp_path / MARKED / "zoe.json").write_text("3 points")
+        raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt), kept(tmp_path) as held:
+        changes()
+    assert held.changed == [KEYS, "zoe.json"]
+    assert (tmp_path / KEYS).read_text() == "keys"
+    assert not (tmp_path / MARKED / "zoe.json").exists()
+
+
+def test_the_environment_of_an_answer_is_short() -> None:
+    given = {"PATH": "/bin", "LC_ALL": "C", "WORKBENCH_CACHE": "/c", "SECRET": "s", "TOKEN": "t"}
+    assert list(passed_on(given)) == ["PATH", "LC_ALL", "WORKBENCH_CACHE"]
 
 
 def test_the_table_says_what_is_not_marked_yet(
@@ -196,6 +323,19 @@ def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
     path = tmp_path / "class.csv"
     path.write_text("\ufeffid;Name\n1;Ada\n2;Ben\n", encoding="utf-8")
     assert students(str(path)) == {"ada": "Ada", "ben": "Ben"}
+    path.write_text("First name;Surname;ID number;E-mail address\nBen;O'Neil;7;b@x.org\n")
+    assert read_students(str(path)).names == {"ben-o-neil": "Ben O'Neil"}
+    assert read_students(str(path)).columns == ("First name", "Surname")
+    assert read_students(str(path), "id NUMBER").names == {"7": "7"}
+    with pytest.raises(BadArgument, match="no column 'mail'; its columns are 'First name'"):
+        read_students(str(path), "mail")
+    path.write_text("First name,ID number,Email address\nBen,7,b@x.org\n")
+    assert read_students(str(path)).columns == ("ID number",)
+    path.write_text("matriculation,mail\n7,b@x.org\n")
+    with pytest.raises(BadFile, match=r"has 'matriculation', 'mail'\. Choose one with --column"):
+        students(str(path))
+    with pytest.raises(BadArgument, match="which is not given"):
+        read_students("ada,ben", "name")
     with pytest.raises(BadArgument, match="would share the folder"):
         students("Ada B, ada-b")
     with pytest.raises(BadArgument, match="no students"):

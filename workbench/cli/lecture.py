@@ -26,6 +26,7 @@ from workbench.course.handing_out import hand_out
 from workbench.course.notebooks import NEEDED, executed, notebook, tool, write_notebook
 from workbench.course.outline import course as outline
 from workbench.course.own_lecture import lecture_named, own_lecture
+from workbench.course.packs.choosing import variants_of
 from workbench.course.student_process import SECONDS, grade
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument, BadFile
@@ -54,7 +55,7 @@ def list_(
 ) -> None:
     """List the lectures with their minutes, and their exercises' points and minutes (estimated)."""
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("", "lecture", "minutes", "points", "exercises"):
+    for title in ("", "lecture", "minutes", "points", "minutes of exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
     for one in (*outline(), *map(own_lecture, folders or ())):
         if one.there:
@@ -64,7 +65,10 @@ def list_(
             table.add_row(str(one.number), said, str(one.minutes), points, needed)
         else:
             table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "", "")
-    Console().print(table, highlight=False)
+    console = Console()
+    console.print(table, highlight=False)
+    told = "`workbench lecture show N` says which exercises a pack holds, with points of their own"
+    say(console, f"\n[dim]{told}[/]")
 
 
 def show(number: Number) -> None:
@@ -79,11 +83,16 @@ def show(number: Number) -> None:
     ):
         say(console, f"[dim]{title:8}[/] {escape(text)}")
     exercises = one.module("exercises")
+    varying = {found.variant.exercise: found.variant for found in variants_of(one)}
     for k, name in enumerate(one.exercises, 1):
         points = sum(check.points for check in one.checks if check.exercise == name)
         task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
         minutes = one.minutes_for(name)
         worth = counted(points, "point") + (f", about {minutes} minutes" if minutes else "")
+        if name in varying:
+            in_pack = varying[name]
+            worth += "; in a pack, with other numbers for each student: "
+            worth += f"{counted(in_pack.points, 'point')}, about {in_pack.minutes} minutes"
         say(console, f"[bold]{one.number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
     said = f"workbench lecture run {one.asked}, workbench lecture start {one.asked} FOLDER"
     say(console, f"\n{escape(said)}")

@@ -1,5 +1,6 @@
 """`workbench lecture pack`, `try` and `mark`: exercises for a class, and their marks."""
 
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -12,12 +13,12 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.output import print_page, say
 from workbench.cli.waiting import waiting
 from workbench.course.packs.examples import try_file
-from workbench.course.packs.handed_in import collect
+from workbench.course.packs.handed_in import EXPECTED, HandedIn, collect
 from workbench.course.packs.keys import read_keys
 from workbench.course.packs.marking import Limits
 from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
 from workbench.course.packs.packing import write_pack
-from workbench.course.packs.students import students as names_of
+from workbench.course.packs.students import read_students
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument
 from workbench.interrupts import caused_by
@@ -44,9 +45,17 @@ def pack(
     students: Annotated[
         str,
         typer.Option(
-            help="FILE.csv with a column `student` or `name`, or names with commas between them."
+            help="FILE.csv as learning platforms export it, or names with commas between them."
         ),
     ] = "everybody",
+    column: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TITLE",
+            help="The column of FILE.csv that holds the names; else `student`, `name`, "
+            "`first name` and `last name`, `login`, `id` or `email`.",
+        ),
+    ] = None,
     keys: Annotated[
         Path | None,
         typer.Option(
@@ -61,7 +70,12 @@ def pack(
     """Write exercises for a class: other numbers for each student, and the keys kept apart."""
     console = Console()
     hidden = keys or to.with_name(f"{to.name}-keys")
-    named = names_of(students)
+    listed = read_students(students, column)
+    named = listed.names
+    if listed.columns:
+        titles = escape(" and ".join(listed.columns))
+        word = "column" if len(listed.columns) == 1 else "columns"
+        say(console, f"{counted(len(named), 'student')}, named by the {word} {titles}")
     with Console(stderr=True).status("drawing numbers and computing answers") as status:
         made = write_pack(
             what, group, named, to, hidden, seed, lambda name: status.update(f"writing {name}")
@@ -82,10 +96,19 @@ def pack(
         console,
         f"mark them: workbench lecture mark HANDED_IN --keys {escape(str(hidden))} --csv marks.csv",
     )
+    chose = ["--column", column] if column else []
+    again = [*what, "--for", group, "--students", students, *chose, "--seed", str(made.seed)]
+    say(
+        console,
+        f"the seed is {made.seed}; it stands in the keys, too. The same pack again, for which it "
+        f"has to be kept: workbench lecture pack {escape(shlex.join(again))} --to NEW_FOLDER",
+    )
 
 
 def attempt(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Files with your answers.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="Files or notebooks with your answers.")
+    ],
     seconds: Seconds = LIMITS.seconds,
     memory: Memory = LIMITS.memory,
 ) -> None:
@@ -155,13 +178,28 @@ def mark(
             f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
             "which. The same command goes on"
         ) from error
-    for path in found.strange:
-        say(console, f"[yellow]belongs to nobody:[/] {escape(str(path))}")
+    for one in marks:
+        for said in one.alike:
+            say(console, f"[bold]{escape(key.students[one.student])}[/]  {escape(said)}")
+    _say_unused(console, found)
     for number, (minutes, count) in median_minutes(marks).items():
         estimate = next(one.minutes for one in key.exercises if one.number == number)
         told = f"{counted(count, 'student')} needed {minutes:g} minutes (median)"
         say(console, f"[dim]{number}: {told}; {estimate} were estimated[/]")
     print_page(console, "marks", table)
+
+
+def _say_unused(console: Console, found: HandedIn) -> None:
+    """Every file that is not marked, with the reason; what is to be expected in one line."""
+    for one in found.unused:
+        if one.why not in EXPECTED:
+            path, why = escape(str(one.path)), escape(one.why)
+            say(console, f"[yellow]not marked:[/] {path}: {why}")
+    rest = [one.path.name for one in found.unused if one.why in EXPECTED]
+    if rest:
+        names = escape(", ".join(sorted(set(rest))))
+        told = "as they were handed out, or made by programs"
+        say(console, f"[dim]not marked: {counted(len(rest), 'file')} {told} ({names})[/]")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {"pack": pack, "try": attempt, "mark": mark}

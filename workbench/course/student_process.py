@@ -77,7 +77,7 @@ class StudentProcess:
     """A process that answers questions to a student's file, from its start to its end.
 
     `checks` is the module whose functions are sent as code, if any are; `module` is what runs in
-    the process, and `variables` are added to its environment.
+    the process. `variables` are added to its environment, which is this process's, or `inherited`.
 
     Attributes:
         refused: what the process was not allowed to do, as far as it said when asked what it
@@ -92,6 +92,7 @@ class StudentProcess:
         checks: ModuleType | None = None,
         module: str = "workbench.course.answer_process",
         variables: Mapping[str, str] = MappingProxyType({}),
+        inherited: Mapping[str, str] | None = None,
     ) -> None:
         self._seconds, self._number = seconds, 0
         self.refused: list[str] = []
@@ -100,6 +101,7 @@ class StudentProcess:
             ["-P", "-m", module, file, *exercises],
             {**environment(), **variables},
             Path(file).parent,
+            inherited,
         )
         self._channel = Channel(self._process.connection)
         self._checks = checks

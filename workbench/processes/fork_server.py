@@ -149,8 +149,8 @@ class Started:
     """A Python process in a process group of its own, which reads and prints nothing.
 
     The last of its arguments is the handle of a socket; `connection` is the other end. The process
-    ends by itself after this one if it calls `orphans.end_with_parent`. Raises NoProcesses in a
-    browser.
+    ends by itself after this one if it calls `orphans.end_with_parent`. `environment` is added to
+    the variables of this process, or to `inherited` instead. Raises NoProcesses in a browser.
 
     Attributes:
         pid: the number of the process.
@@ -158,7 +158,11 @@ class Started:
     """
 
     def __init__(
-        self, arguments: Sequence[str], environment: Mapping[str, str], folder: Path | None = None
+        self,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        folder: Path | None = None,
+        inherited: Mapping[str, str] | None = None,
     ) -> None:
         if in_browser():
             raise NoProcesses(
@@ -175,7 +179,11 @@ class Started:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 cwd=folder,
-                env={**os.environ, **environment, **orphans.environment()},
+                env={
+                    **(os.environ if inherited is None else inherited),
+                    **environment,
+                    **orphans.environment(),
+                },
                 start_new_session=True,
                 close_fds=posix,
                 pass_fds=(theirs.fileno(),) if posix else (),

@@ -2,13 +2,15 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from workbench.course.answers import Raised, outcome
 from workbench.course.checks import Missed
+from workbench.course.packs.handed_in import ENDINGS, read_sheet
 from workbench.course.packs.keys import ExerciseKey, value
-from workbench.course.packs.marking import ExerciseMark, Limits, compare, marks_of
+from workbench.course.packs.marking import ExerciseMark, Limits, compare, mark_sheet, marks_of
 from workbench.course.packs.texts import EXAMPLES
 from workbench.errors import BadFile
 
@@ -28,16 +30,23 @@ def read_examples(folder: Path) -> dict[str, Any]:
 
 
 def try_file(path: Path, limits: Limits) -> list[ExerciseMark]:
-    """Try a file on its examples, in the process in which it will be marked.
+    """Try a file or a notebook on its examples, in the process in which it will be marked.
 
-    Each exercise counts one point for all its examples. Raises BadFile.
+    Of a notebook the cells that try answers are left out, as when it is marked. Each exercise
+    counts one point for all its examples. Raises BadFile.
     """
     if not path.is_file():
         raise BadFile(f"there is no file {path}; give the file with your answers")
-    keys = []
-    for name, one in read_examples(path.parent).items():
+    if path.suffix.lower() not in ENDINGS:
+        raise BadFile(f"{path} is neither a file of Python (.py) nor a notebook (.ipynb)")
+    keys, found = [], read_examples(path.parent)
+    exercises: dict[str, list[str]] = {}
+    for name in found:
+        exercises.setdefault(name.partition(".")[0], []).append(name.partition(".")[2])
+    read = read_sheet(path, exercises)
+    for name, one in found.items():
         sheet, _, exercise = name.partition(".")
-        if sheet == path.stem:
+        if sheet == read.name:
             keys.append(
                 ExerciseKey(
                     one["number"], sheet, exercise, one["parameters"], 1, 1, one["within"],
@@ -46,7 +55,10 @@ def try_file(path: Path, limits: Limits) -> list[ExerciseMark]:
             )  # fmt: skip
     if not keys:
         raise BadFile(f"{path.parent / EXAMPLES} says nothing about {path.name}; keep its name")
-    return marks_of(path, keys, limits)
+    if path.suffix.lower() == ".py" and not read.trouble:
+        return marks_of(path, keys, limits)  # where it stands, beside its helpers
+    helpers = [one for one in path.parent.glob("*.py") if not read_sheet(one, exercises).name]
+    return mark_sheet(replace(read, helpers=tuple(helpers)), keys, limits)
 
 
 def try_here(sheet: str, answer: Callable[..., Any], folder: str | Path = ".") -> None:

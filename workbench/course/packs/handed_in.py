@@ -2,14 +2,22 @@
 
 import ast
 import json
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from workbench.course.packs.keys import ClassKey, ExerciseKey
-from workbench.course.packs.likeness import attempted
+from workbench.course.packs.keys import ClassKey
+from workbench.course.packs.likeness import attempted, shapes
+from workbench.course.packs.owners import owner, pack_owner
+from workbench.course.packs.texts import EXAMPLES
 from workbench.errors import BadFile
 
 ENDINGS = (".py", ".ipynb")
+ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
+BY_PROGRAMS = (".ipynb_checkpoints", "__pycache__", "__MACOSX", ".DS_Store", ".git")
+NOBODY = "belongs to nobody: its name begins with no student's, and it says no PACK of this class"
+AS_GIVEN, MADE_BY_PROGRAMS = "it is as it was handed out", "a program made it"
+EXPECTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
 LARGEST = 4 * 2**20  # bytes of a file that is read
 LONGEST_MINUTES = 24 * 60.0
 
@@ -37,13 +45,15 @@ class Sheet:
         """The plain values that the file assigns to PACK and to MINUTES, without running it."""
         found: dict[str, object] = {}
         try:
-            for node in ast.parse(self.source).body:
-                if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                    name = node.targets[0].id
+            nodes = ast.parse(self.source).body
+        except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
+            return found
+        for node in nodes:
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                name = node.targets[0].id
+                with suppress(ValueError, TypeError, RecursionError, MemoryError, SyntaxError):
                     if name in ("PACK", "MINUTES"):
                         found[name] = ast.literal_eval(node.value)
-        except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
-            pass
         return found
 
     def minutes(self, exercise: str) -> float | None:
@@ -56,16 +66,31 @@ class Sheet:
 
 
 @dataclass(frozen=True)
+class Unused:
+    """A file that was found and is not marked.
+
+    Attributes:
+        path: the file.
+        why: the reason, as a sentence without its end.
+        student: the name of the folder of the student whose it is, or None.
+    """
+
+    path: Path
+    why: str
+    student: str | None = None
+
+
+@dataclass(frozen=True)
 class HandedIn:
     """All that was found in a folder.
 
     Attributes:
         sheets: the files of each student, by the name of the student's folder.
-        strange: files that belong to nobody.
+        unused: all other files, with the reason.
     """
 
     sheets: dict[str, list[Sheet]] = field(default_factory=dict)
-    strange: tuple[Path, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
 
 def collect(folder: Path, key: ClassKey) -> HandedIn:
@@ -73,64 +98,103 @@ def collect(folder: Path, key: ClassKey) -> HandedIn:
     if not folder.is_dir():
         raise BadFile(f"there is no folder {folder}; give the one that holds what was handed in")
     found: dict[str, list[Sheet]] = {student: [] for student in key.students}
-    strange: list[Path] = []
-    for path in sorted(folder.rglob("*")):
-        if path.suffix not in ENDINGS or not path.is_file() or ".ipynb_checkpoints" in path.parts:
+    unused: list[Unused] = []
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        below = path.relative_to(folder)
+        if any(part in BY_PROGRAMS for part in below.parts):
+            unused.append(Unused(path, MADE_BY_PROGRAMS))
             continue
-        student = _whose(path.relative_to(folder), key)
+        student = owner(below, key)
+        if path.suffix.lower() not in ENDINGS:
+            unused.append(Unused(path, _no_answers(path), student))
+            continue
+        sheet = read_sheet(path, _exercises(key))
+        student = student or pack_owner(sheet.says.get("PACK"), key)
         if student is None:
-            strange.append(path)
+            unused.append(Unused(path, NOBODY))
         else:
-            found[student].append(_sheet(path, key))
-    return HandedIn(
-        {student: _known(some, key.keys[student]) for student, some in found.items()},
-        tuple(strange),
-    )
+            found[student].append(sheet)
+    kept: dict[str, list[Sheet]] = {}
+    for student, some in found.items():
+        kept[student], left = _known(student, some, key)
+        unused += left
+    return HandedIn(kept, tuple(unused))
 
 
-def _known(some: list[Sheet], keys: list[ExerciseKey]) -> list[Sheet]:
-    """The pack's files, each with the others of Python beside it as helpers.
+def _exercises(key: ClassKey) -> dict[str, list[str]]:
+    """The names of the exercises of each file of a pack, by the file's name."""
+    return {
+        name: [one.exercise for one in key.exercises if one.sheet == name] for name in key.titles
+    }
+
+
+def _no_answers(path: Path) -> str:
+    if path.name == EXAMPLES:
+        return AS_GIVEN
+    if path.suffix.lower() in ARCHIVES:
+        return "it is an archive; unpack it, and give the command again"
+    return "it is neither a file of Python (.py) nor a notebook (.ipynb)"
+
+
+def _known(student: str, some: list[Sheet], key: ClassKey) -> tuple[list[Sheet], list[Unused]]:
+    """A student's files of the pack, each with the others of Python beside it as helpers.
 
     A file that is as it was handed out is left out where there is another of its name: a student
-    answers in the file or in the notebook.
+    answers in the file or in the notebook. What is left out comes second.
     """
-    others = tuple(one.path for one in some if not one.name and one.path.suffix == ".py")
+    exercises = _exercises(key)
+    others = tuple(one.path for one in some if not one.name and one.path.suffix.lower() == ".py")
     found = [replace(one, helpers=others) for one in some if one.name]
-    begun = {
-        one.path
-        for one in found
-        if attempted(one.source, [key.exercise for key in keys if key.sheet == one.name])
-    }
+    begun = {one.path for one in found if attempted(one.source, exercises[one.name])}
     names = {one.name for one in found if one.path in begun}
-    kept = [one for one in found if one.path in begun or one.name not in names]
-    return list({(one.name, one.source): one for one in kept}.values())
+    kept: dict[tuple[str, str], Sheet] = {}
+    left: list[Unused] = []
+    for one in found:
+        first = kept.get((one.name, one.source))
+        if one.path not in begun and one.name in names:
+            left.append(Unused(one.path, AS_GIVEN, student))
+        elif first is not None:
+            as_given = AS_GIVEN if one.path not in begun else f"it is the same as {first.path}"
+            left.append(Unused(one.path, as_given, student))
+        else:
+            kept[one.name, one.source] = one
+    wanted = " or ".join(f"{student}_{name}.py" for name in key.titles)
+    why = f"neither its name nor its PACK tells that it is a file of the pack; call it {wanted}"
+    left += [
+        Unused(one.path, why, student)
+        for one in some
+        if not one.name and not (kept and one.path in others)
+    ]
+    return list(kept.values()), left
 
 
-def _whose(path: Path, key: ClassKey) -> str | None:
-    """By the outermost folder, or by the beginning of the name; the longest name counts."""
-    outer = path.parts[0].lower()
-    names = {student.lower(): student for student in key.students}
-    if len(path.parts) > 1 and outer in names:
-        return names[outer]
-    begun = [name for name in names if outer.startswith((f"{name}_", f"{name}-", f"{name}."))]
-    return names[max(begun, key=len)] if begun else None
+def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
+    """A file of answers, recognised by its name, or else by PACK and the functions that it has.
 
-
-def _sheet(path: Path, key: ClassKey) -> Sheet:
+    `exercises` are the names of the exercises of each file of the pack, by the file's name.
+    """
+    read = _read(path)
     stem = path.stem.lower()
-    named = [name for name in key.titles if name.lower() in stem]
-    name = max(named, key=len) if named else ""
+    named = [name for name in exercises if name.lower() in stem]
+    if not named and "PACK" in read.says:
+        there = shapes(read.source)
+        named = [name for name, some in exercises.items() if any(one in there for one in some)]
+        named = named if len(named) == 1 else []
+    return replace(read, name=max(named, key=len) if named else "")
+
+
+def _read(path: Path) -> Sheet:
     try:
         if path.stat().st_size > LARGEST:
-            return Sheet(name, path, "", f"the file has more than {LARGEST // 2**20} MB")
+            return Sheet("", path, "", f"the file has more than {LARGEST // 2**20} MB")
         text = path.read_text(encoding="utf-8-sig")
-        return Sheet(name, path, _code(text) if path.suffix == ".ipynb" else text)
+        return Sheet("", path, _code(text) if path.suffix.lower() == ".ipynb" else text)
     except UnicodeDecodeError:
-        return Sheet(name, path, "", "the file is no text in UTF-8")
+        return Sheet("", path, "", "the file is no text in UTF-8")
     except OSError as error:
-        return Sheet(name, path, "", f"the file cannot be read: {error.strerror}")
+        return Sheet("", path, "", f"the file cannot be read: {error.strerror}")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return Sheet(name, path, "", "the file is no notebook")
+        return Sheet("", path, "", "the file is no notebook")
 
 
 def _code(text: str) -> str:

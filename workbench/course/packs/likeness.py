@@ -9,7 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 
-SHORT = 60  # words of a function below which likeness says little
+SHORT = 120  # words of a function below which likeness may be chance: four or five lines
+SHORTEST_NEAR = 60  # words below which near likeness says nothing
 NEAR = 0.9  # the share of words in the same order, from which on two functions are nearly the same
 LEAST = 12  # words below which nothing is compared at all
 
@@ -54,21 +55,25 @@ def attempted(source: str, exercises: Iterable[str]) -> bool:
 
 
 def compared(a: Shape, b: Shape) -> str:
-    """How far two answers are the same: `the same, word for word`; nothing if they are not."""
+    """How far two answers are the same: `the same word for word`; nothing if they are not.
+
+    Of short answers it says that this may be chance.
+    """
     if min(len(a.words), len(b.words)) < LEAST:
         return ""
-    short = min(len(a.words), len(b.words)) < SHORT
+    shorter = min(len(a.words), len(b.words))
+    short = shorter < SHORT
     chance = ", but short, so that this may be chance" if short else ""
     if a.text == b.text:
         return f"the same word for word{chance}"
     if a.words == b.words:
         return f"the same but for names{chance}"
-    if short:
+    if shorter < SHORTEST_NEAR:
         return ""
     match = SequenceMatcher(None, a.words, b.words, autojunk=False)
     if match.real_quick_ratio() < NEAR or match.quick_ratio() < NEAR or match.ratio() < NEAR:
         return ""
-    return "nearly the same"
+    return f"nearly the same{chance}"
 
 
 def constants(source: str) -> set[float]:
@@ -85,6 +90,24 @@ def constants(source: str) -> set[float]:
         and abs(node.value) < 1e300
     }
     return {number for number in found if distinctive(number)}
+
+
+def words_of(source: str) -> set[str]:
+    """All names that a file uses, imports or has as text, without comments."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return set()
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.Constant(value=str(name)):
+                found.add(name)
+            case ast.alias(name=name):
+                found |= set(name.split("."))
+            case ast.ImportFrom(module=str(name)):
+                found |= set(name.split("."))
+    return found
 
 
 def distinctive(number: float) -> bool:

@@ -16,6 +16,7 @@ from workbench.course.packs.confinement import MEMORY
 from workbench.course.packs.handed_in import Sheet
 from workbench.course.packs.keys import ExerciseKey, value
 from workbench.course.packs.likeness import attempted
+from workbench.course.packs.passed_on import passed_on
 from workbench.course.student_process import StudentProcess
 from workbench.course.words import legible
 from workbench.errors import BadArgument
@@ -89,6 +90,7 @@ def marks_of(path: Path, keys: Sequence[ExerciseKey], limits: Limits) -> list[Ex
             limits.seconds,
             module=PROCESS,
             variables={MEMORY: str(int(limits.memory * 2**30))},
+            inherited=passed_on(),
         ) as answers:
             try:
                 answers.loaded()

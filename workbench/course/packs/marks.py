@@ -10,14 +10,14 @@ from statistics import median
 from typing import Any
 
 from workbench.course.packs.handed_in import HandedIn, Sheet
+from workbench.course.packs.keeping import CHANGED, MARKED, kept
 from workbench.course.packs.keys import ClassKey
 from workbench.course.packs.marking import ExerciseMark, Limits, mark_sheet
-from workbench.course.packs.remarks import remarks_of
+from workbench.course.packs.remarks import alike, remarks_of
 from workbench.errors import BadFile
 from workbench.installation import VERSION
 from workbench.writing import replacing
 
-MARKED = "marked"  # the folder in the keys that holds what is marked already
 NOT_YET = "not marked yet: the same command goes on"
 MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
 
@@ -31,12 +31,14 @@ class StudentMark:
         exercises: one mark for each exercise; none if nothing has been marked yet.
         minutes: what the student wrote about the time for each exercise, by number.
         remarks: on the files as a whole.
+        alike: what right answers are like; known when all students are marked.
     """
 
     student: str
     exercises: tuple[ExerciseMark, ...]
     minutes: dict[str, float]
     remarks: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
 
     @property
     def points(self) -> int:
@@ -56,7 +58,8 @@ def mark_class(
 
     What is marked is kept in the folder of keys, and is not marked again unless a file, the key or
     a limit has changed; so the same command goes on where it was interrupted. `tell` is called
-    after each student, with the mark, and whether it was kept from before. Raises BadFile.
+    after each student, with the mark, and whether it was kept from before. What answers are like is
+    found when all are marked. Raises BadFile.
     """
     said = remarks_of(found, key)
     marked: dict[str, StudentMark] = {}
@@ -67,16 +70,23 @@ def mark_class(
         )
         write_table(table, key, marked)
         tell(student, marked[student], again)
+    right = {
+        student: {mark.number for mark in one.exercises if mark.points}
+        for student, one in marked.items()
+    }
+    for student, told in alike(found, key, right).items():
+        marked[student] = replace(marked[student], alike=tuple(told))
+    write_table(table, key, marked)
     return list(marked.values())
 
 
 def _marked(
     student: str, sheets: list[Sheet], key: ClassKey, keys: Path, limits: Limits
 ) -> tuple[tuple[ExerciseMark, ...], bool]:
-    kept = keys / MARKED / f"{student}.json"
+    place = keys / MARKED / f"{student}.json"
     digest = _digest(student, sheets, key, limits)
     try:
-        data = json.loads(kept.read_text(encoding="utf-8"))
+        data = json.loads(place.read_text(encoding="utf-8"))
         if data["digest"] == digest:
             read = [{**one, "remarks": tuple(one["remarks"])} for one in data["exercises"]]
             return tuple(ExerciseMark(**one) for one in read), True
@@ -85,7 +95,11 @@ def _marked(
     marks: dict[str, ExerciseMark] = {}
     for sheet in sheets:
         mine = [one for one in key.keys[student] if one.sheet == sheet.name]
-        for one in mark_sheet(sheet, mine, limits):
+        with kept(keys) as held:
+            each = mark_sheet(sheet, mine, limits)
+        if held.changed:
+            each = [replace(one, points=0, remarks=(CHANGED, *one.remarks)) for one in each]
+        for one in each:
             before = marks.get(one.number)
             if before is not None:
                 better = max(before, one, key=lambda mark: mark.points)
@@ -96,10 +110,10 @@ def _marked(
         for one in key.keys[student]
     )
     try:
-        kept.parent.mkdir(exist_ok=True)
+        place.parent.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
-        raise BadFile(f"cannot write {kept.parent}: {error.strerror}") from error
-    with replacing(kept) as temporary:
+        raise BadFile(f"cannot write {place.parent}: {error.strerror}") from error
+    with replacing(place) as temporary:
         data = {"digest": digest, "exercises": [asdict(one) for one in found]}
         temporary.write_text(json.dumps(data, indent=1, ensure_ascii=False), encoding="utf-8")
     return found, False
@@ -135,7 +149,8 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
     """Write a CSV file: a line for each student, whether marked or not. Raises BadFile."""
     numbers = [one.number for one in key.exercises]
     of = sum(one.points for one in key.exercises)
-    head = ["student", "folder", "points", "of", *numbers, "minutes", "remarks"]
+    each = [*numbers, *(f"minutes {number}" for number in numbers)]
+    head = ["student", "folder", "points", "of", *each, "minutes", "remarks"]
     with (
         replacing(path) as temporary,
         temporary.open("w", encoding="utf-8-sig", newline="") as file,
@@ -145,19 +160,22 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
         for student, name in key.students.items():
             one = marked.get(student)
             if one is None:
-                row: list[Any] = [name, student, "", of, *("" for _ in numbers), "", NOT_YET]
+                empty = ["" for _ in each]
+                row: list[Any] = [name, student, "", of, *empty, "", NOT_YET]
             else:
                 points = {mark.number: mark.points for mark in one.exercises}
+                needed = [f"{one.minutes[n]:g}" if n in one.minutes else "" for n in numbers]
                 minutes = f"{sum(one.minutes.values()):g}" if one.minutes else ""
                 told = "; ".join(remarks(one))
-                row = [name, student, one.points, of, *(points[n] for n in numbers), minutes, told]
+                cells = [*(points[n] for n in numbers), *needed]
+                row = [name, student, one.points, of, *cells, minutes, told]
             lines.writerow([plain_cell(cell) for cell in row])
 
 
 def remarks(one: StudentMark) -> list[str]:
-    """All remarks on a student: on the files as a whole first, then by exercise."""
+    """All remarks on a student: on the files as a whole, by exercise, and on likeness."""
     each = [f"{mark.number}: {said}" for mark in one.exercises for said in mark.remarks]
-    return [*one.remarks, *each]
+    return [*one.remarks, *each, *one.alike]
 
 
 def plain_cell(cell: Any) -> Any:

@@ -54,7 +54,7 @@ def write_pack(
                     (mine / f"{sheet}.ipynb").write_text(book, encoding="utf-8")
                 (mine / EXAMPLES).write_text(examples(key, student), encoding="utf-8")
             inner = Path(hidden) / "keys"
-            inner.mkdir()
+            inner.mkdir(mode=0o700)  # others on this machine do not read it
             write_keys(key, inner)
             for made, place in ((Path(out) / "pack", folder), (inner, keys)):
                 if place.exists():

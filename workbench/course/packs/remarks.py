@@ -1,13 +1,23 @@
 """What a lecturer should look at: whose file it is, whose numbers, and answers that are alike."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 
-from workbench.course.packs.handed_in import HandedIn, Sheet
+from workbench.course.packs.handed_in import EXPECTED, LONGEST_MINUTES, HandedIn, Sheet
 from workbench.course.packs.keys import ClassKey, ExerciseKey
-from workbench.course.packs.likeness import Shape, compared, constants, distinctive, shapes
+from workbench.course.packs.likeness import (
+    Shape,
+    compared,
+    constants,
+    distinctive,
+    shapes,
+    words_of,
+)
 from workbench.course.packs.texts import pack_name
+from workbench.course.words import in_words
 
 MOST = 4  # names that are listed
+UNWATCHED = {"ctypes", "ctypeslib", "_ctypes", "cffi", "_cffi_backend", "h5py", "to_file"}
 
 
 def remarks_of(found: HandedIn, key: ClassKey) -> dict[str, list[str]]:
@@ -16,7 +26,10 @@ def remarks_of(found: HandedIn, key: ClassKey) -> dict[str, list[str]]:
     for student, sheets in found.sheets.items():
         for sheet in sheets:
             said[student] += [*_whose(sheet, student, key), *_numbers(sheet, student, key)]
-    _alike(found, key, said)
+            said[student] += [*_unwatched(sheet), *_minutes(sheet, key.keys[student])]
+    for one in found.unused:
+        if one.student is not None and one.why not in EXPECTED:
+            said[one.student].append(f"{one.path.name} is not marked: {one.why}")
     return said
 
 
@@ -37,6 +50,34 @@ def _numbers(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
             yield f"{sheet.path.name} has numbers of {name}: {listed}"
 
 
+def _minutes(sheet: Sheet, mine: list[ExerciseKey]) -> Iterable[str]:
+    """What stands in MINUTES and is no number of minutes."""
+    told = sheet.says.get("MINUTES", {})
+    if not isinstance(told, dict):
+        yield f"{sheet.path.name}: MINUTES holds no minutes by exercise, and is left out"
+        return
+    for one in mine:
+        said = told.get(one.exercise) if one.sheet == sheet.name else None
+        if said is not None and sheet.minutes(one.exercise) is None:
+            yield (
+                f"{one.number}: the minutes are {in_words(said)}, which is no number above 0 and "
+                f"up to {LONGEST_MINUTES:g}; they are left out"
+            )
+
+
+def _unwatched(sheet: Sheet) -> Iterable[str]:
+    """Names of code that reaches files without Python, on which nothing else would be said."""
+    texts = [sheet.source]
+    for helper in sheet.helpers:
+        with suppress(OSError):
+            texts.append(helper.read_text(encoding="utf-8", errors="replace"))
+    if seen := sorted(set().union(*map(words_of, texts)) & UNWATCHED):
+        yield (
+            f"{sheet.path.name} names {', '.join(seen)}, by which code can reach files without "
+            "Python, which then refuses nothing: look at what it does"
+        )
+
+
 def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
     found: set[float] = set()
     for one in keys:
@@ -47,7 +88,13 @@ def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
     return {number for number in found if distinctive(number)}
 
 
-def _alike(found: HandedIn, key: ClassKey, said: dict[str, list[str]]) -> None:
+def alike(found: HandedIn, key: ClassKey, right: dict[str, set[str]]) -> dict[str, list[str]]:
+    """What right answers are like: a published one, or that of another student.
+
+    `right` has the numbers of the exercises that each student answered rightly. Other answers are
+    not compared.
+    """
+    said: dict[str, list[str]] = {student: [] for student in key.students}
     read = {
         student: {sheet.name: shapes(sheet.source) for sheet in sheets}
         for student, sheets in found.sheets.items()
@@ -56,7 +103,8 @@ def _alike(found: HandedIn, key: ClassKey, said: dict[str, list[str]]) -> None:
         answers = {
             student: shape
             for student, sheets in read.items()
-            if (shape := sheets.get(one.sheet, {}).get(one.exercise)) is not None
+            if one.number in right.get(student, ())
+            and (shape := sheets.get(one.sheet, {}).get(one.exercise)) is not None
         }
         published = {
             what: shape
@@ -64,17 +112,18 @@ def _alike(found: HandedIn, key: ClassKey, said: dict[str, list[str]]) -> None:
             for shape in list(_published(source))[:1]
         }
         for student, shape in answers.items():
-            like: dict[str, list[str]] = {}
             for what, theirs in published.items():
                 if how := compared(shape, theirs):
-                    like.setdefault(how, []).append(what)
+                    said[student].append(f"{one.number}: this answer and {what} are {how}")
+            like: dict[str, list[str]] = {}
             for other, theirs in answers.items():
                 if other != student and (how := compared(shape, theirs)):
-                    like.setdefault(how, []).append(f"that of {key.students[other]}")
-            for how, whose in like.items():
-                more = f" and {len(whose) - MOST} more" if len(whose) > MOST else ""
-                listed = ", ".join(whose[:MOST])
-                said[student].append(f"{one.number}: like {listed}{more}: {how}")
+                    like.setdefault(how, []).append(key.students[other])
+            for how, names in like.items():
+                more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+                whose = f"{', '.join(names[:MOST])}{more}"
+                said[student].append(f"{one.number}: this answer and that of {whose} are {how}")
+    return said
 
 
 def _published(source: str) -> Iterable[Shape]:
