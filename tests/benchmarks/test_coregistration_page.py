@@ -137,5 +137,7 @@ def test_what_is_said_of_the_model_on_triangles_was_measured() -> None:
         assert errors[weak] < errors[weak_alone] < errors[one] < errors[control]
         assert errors[control] < errors[strong_alone] < errors[strong]
     gained, lost = 1 - seen[weak] / seen[separate], hidden[weak] / hidden[separate] - 1
-    told = f"seen vertices are {100 * gained:.0f} % nearer and hidden ones {100 * lost:.0f} % farther"
+    told = (
+        f"seen vertices are {100 * gained:.0f} % nearer and hidden ones {100 * lost:.0f} % farther"
+    )
     assert told in " ".join(text.split())

@@ -97,7 +97,9 @@ def test_where_nothing_moves_the_figure_stays(tmp_path: Path) -> None:
         ax.plot([0, 1])
     still = Picture(figure, "a line")
     works = Picture(figure, "a line", arm)
-    broken = ReplayPage(arm().html.replace("function figure(root", "function missing(root"), "broken")
+    broken = ReplayPage(
+        arm().html.replace("function figure(root", "function missing(root"), "broken"
+    )
     stays = Picture(figure, "a line", lambda: broken)
     assert "<iframe" not in still._repr_html_()
     assert works.still == still._repr_html_()
