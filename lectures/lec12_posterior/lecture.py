@@ -455,7 +455,7 @@ Picture(
 # an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count:
 # they are a tenth of all steps, or $5 \tau$ if that is more, but never more than half. Of the 3000 steps 2700 are left.
 # Four ensembles of 32 walkers have $N = 4 \cdot 32 \cdot 2700 = 345600$ draws in them, and the printed number of
-# effective draws is $N / \tau$, with the $\tau$ of about 38 steps of the slower angle. Of the 100 steps only half is left.)
+# effective draws is $N / \tau$, with the $\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left.)
 
 # %%
 source(integrated_time)

@@ -150,16 +150,16 @@ SAYS = {
         90,
     ),
     "they are a tenth of all steps, or $5 \\tau$ if that is more, but never more than half. Of the 3000 steps 2700 "
-    "are left. Four ensembles of 32 walkers have $N = 4 \\cdot 32 \\cdot 2700 = 345600$ draws in them, and the "
-    "printed number of effective draws is $N / \\tau$, with the $\\tau$ of about 38 steps of the slower angle. Of the "
-    "100 steps only half is left.": lambda run: (
+    "are left. Four ensembles of 32 walkers have $N = 4 \\cdot 32 \\cdot 2700 = 345600$ draws in them": lambda run: (
         3000,
         run["draws"].mixing.steps,
         run["draws"].draws.shape[2],
         int(run["draws"].draws[..., 0].size),
-        float(run["draws"].mixing.times.max()),
-        100,
         (BURNT, BURNT_TIMES, run["draws"].draws.shape[0]) == (0.1, 5, 4),
+    ),
+    "with the $\\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left.": lambda run: (
+        round(run["draws"].mixing.times.max()),
+        100,
         run["short"].mixing.discarded == 50,
     ),
     "at least 50 $\\tau$ long (Sokal, *Monte Carlo Methods in Statistical Mechanics*, 1997), or, with "
