@@ -27,12 +27,12 @@ from workbench.course.packs.owners import owner
 from workbench.course.packs.packing import write_pack
 from workbench.course.packs.passed_on import passed_on
 from workbench.course.packs.remarks import remarks_of
-from workbench.course.packs.students import read_students, students
+from workbench.course.packs.students import read_students
 from workbench.course.packs.texts import EXAMPLES
 from workbench.course.plain import opened
 from workbench.errors import BadArgument, BadFile
 
-SIX = students("Ada Lovelace, ben, cleo, dora, emil, fay")
+SIX = read_students("Ada Lovelace, ben, cleo, dora, emil, fay").names
 GOOD = "    return abs(1 - weight + weight * np.exp(1j * (1 + BACK) * angle))\n"
 HOSTILE = """    import os, socket
     import multiprocessing as mp
@@ -319,10 +319,13 @@ def test_files_of_a_lecturer_are_packed(tmp_path: Path) -> None:
 
 
 def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
-    assert students("Zoë Müller, O'Neil") == {"zoë-müller": "Zoë Müller", "o-neil": "O'Neil"}
+    assert read_students("Zoë Müller, O'Neil").names == {
+        "zoë-müller": "Zoë Müller",
+        "o-neil": "O'Neil",
+    }
     path = tmp_path / "class.csv"
     path.write_text("\ufeffid;Name\n1;Ada\n2;Ben\n", encoding="utf-8")
-    assert students(str(path)) == {"ada": "Ada", "ben": "Ben"}
+    assert read_students(str(path)).names == {"ada": "Ada", "ben": "Ben"}
     path.write_text("First name;Surname;ID number;E-mail address\nBen;O'Neil;7;b@x.org\n")
     assert read_students(str(path)).names == {"ben-o-neil": "Ben O'Neil"}
     assert read_students(str(path)).columns == ("First name", "Surname")
@@ -333,15 +336,15 @@ def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
     assert read_students(str(path)).columns == ("ID number",)
     path.write_text("matriculation,mail\n7,b@x.org\n")
     with pytest.raises(BadFile, match=r"has 'matriculation', 'mail'\. Choose one with --column"):
-        students(str(path))
+        read_students(str(path))
     with pytest.raises(BadArgument, match="which is not given"):
         read_students("ada,ben", "name")
     with pytest.raises(BadArgument, match="would share the folder"):
-        students("Ada B, ada-b")
+        read_students("Ada B, ada-b")
     with pytest.raises(BadArgument, match="no students"):
-        students(" , ")
+        read_students(" , ")
     with pytest.raises(BadFile, match="cannot read"):
-        students(str(tmp_path / "none.csv"))
+        read_students(str(tmp_path / "none.csv"))
 
 
 LONG = """

@@ -10,7 +10,7 @@ import workbench as wb
 from tests.motions.test_expressions import played_by_hand
 from workbench.cli.app import app
 from workbench.motions import load_tissue, write_glb
-from workbench.motions.tissue_betas import betas_with_tissue, with_tissue
+from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
 from workbench.synthetic.motions_made_up import made_up_motion
 
 BODY, TISSUE = wb.load_body("default"), load_tissue()
@@ -22,6 +22,9 @@ def test_a_body_with_tissue_is_the_model_of_tissue(tmp_path: Path) -> None:
     body, betas = with_tissue(BODY, TISSUE), betas_with_tissue(BODY, TISSUE, MOTION, 2.0)
     expected = TISSUE.vertices(BODY, MOTION, 2.0)
     assert np.abs(expected - MOTION.vertices(BODY)).max() > 1e-3
+    by = displaced_by(TISSUE, betas)
+    rest = body.vertices(None, betas) - BODY.vertices(None, betas[:, : BODY.n_betas])
+    np.testing.assert_allclose(by, rest, atol=1e-12)
     at = MOTION.pose, betas, MOTION.trans
     np.testing.assert_allclose(body.vertices(*at), expected, atol=1e-9)
     np.testing.assert_allclose(body.joints(*at), MOTION.joints(BODY), atol=1e-9)

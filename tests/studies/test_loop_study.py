@@ -4,6 +4,7 @@ import json
 import sys
 from dataclasses import replace
 from html import unescape
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -119,3 +120,26 @@ def test_the_command_prints_the_tables_and_writes_the_page(
     assert (asked[0][0].images, asked[0][0].held_out, asked[0][1]) == (7, 5, None)
     assert "begun at the truth" in " ".join(result.output.split())
     assert (tmp_path / "loop" / "index.html").is_file()
+
+
+def test_the_readme_of_studies_tells_what_the_loop_was_worth() -> None:
+    top = Path(__file__).parents[2]
+    known = json.loads((top / "benchmarks" / "results" / "loop.json").read_text())
+    text = " ".join((top / "workbench" / "studies" / "README.md").read_text().split())
+    for number, one in enumerate(known["rounds"]):
+        begun = f"{one['begun']['mean']:.1f} " if one["begun"] else ""
+        assert f"| {number} | {one['kept']['mean']:.1f} | {begun}|" in text
+    rest, shipped, truth = (
+        known["others"][f"begun {how}"]["mean"]
+        for how in ("at rest", "by the shipped regressor", "at the truth")
+    )
+    assert f"are {rest:.1f} mm off if they begin at rest, {shipped:.1f} mm if" in text
+    assert f"and {truth:.1f} mm if they begin at the truth" in text
+    first, last = known["rounds"][0], known["rounds"][-1]
+    gains = [
+        before["kept"]["mean"] - after["kept"]["mean"]
+        for before, after in pairwise(known["rounds"])
+    ]
+    assert max(gains) == gains[0]
+    assert first["kept"]["of"] == 120
+    assert last["begun"]["mean"] > shipped

@@ -30,7 +30,7 @@ def loop(
 ) -> None:
     """Let fits teach a regressor of poses which begins the next fits, as SPIN does; made-up images.
 
-    It needs scikit-learn and takes two minutes of one core. Ctrl-C ends it; nothing is written.
+    It needs scikit-learn and takes about a minute of one core. Ctrl-C ends it; nothing is written.
     """
     console = Console()
     plan = LoopPlan(

@@ -24,7 +24,7 @@ from workbench.fitting.marker_files import (
 from workbench.homes import expanded
 from workbench.motions import Motion, bones_of, load_tissue, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
-from workbench.motions.tissue_betas import betas_with_tissue, with_tissue
+from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.reports.replay_page import motion_page
@@ -147,8 +147,7 @@ def _with_tissue(
         raise BadArgument(f"body {body.name!r} has no soft tissue; take --body default")
     found = soft.prepared(found)
     betas = betas_with_tissue(body, soft, found, exaggeration)
-    added = betas[:, body.n_betas :] @ soft.directions.reshape(-1, soft.n_coefficients).T
-    farthest = np.linalg.norm(added.reshape(len(found), -1, 3), axis=2).max()
+    farthest = np.linalg.norm(displaced_by(soft, betas), axis=2).max()
     say(
         console,
         f"simulated soft tissue, learned from no measurement, is displaced by {1e3 * farthest:.0f} "

@@ -47,3 +47,9 @@ def betas_with_tissue(
     gain = exaggeration * tissue.gain(body, motion.named(body).betas)
     own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
     return np.hstack([own, gain * phi])
+
+
+def displaced_by(tissue: SoftTissue, betas: Array) -> Array:
+    """How far tissue is displaced at rest, (T, N, 3) m, by betas (T, B + C) of a body with it."""
+    phi = betas[:, betas.shape[1] - tissue.n_coefficients :]
+    return np.einsum("tc,ndc->tnd", phi, tissue.directions)

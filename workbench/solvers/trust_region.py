@@ -135,7 +135,7 @@ class TrustRegion:
         return self.first_radius or float(np.linalg.norm(x)) or 1.0
 
     def _attempt(self, problem: Problem, start: Values, callback: Callback) -> Solution:
-        """One attempt."""
+        """One attempt: the end that is reached from `start`, with the first radius as it is."""
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
             radius = self._first_radius(x)

@@ -214,7 +214,8 @@ EXPORT void tangent(const body_t *body, const double *motion, const double *scal
         if (found) spread(here, 1, count, one, &found, 3 * i);
         if (pose) by_pose(&of, motion, rest, M, count, factor, pose, i);
         if (betas) {
-            for (int j = 0; j < 12; ++j) M[j] *= BROADCAST(body->steps[0]);
+            for (int j = 0; j < 12; ++j) /* M is not needed any more but for stored shapes */
+                M[j] *= BROADCAST(body->steps[0]);
             for (integer b = 0; b < BETAS; ++b) {
                 if (!betas[b]) continue;
                 by_beta(of.shapes + 3 * b, (const anywhere *)M, slope);

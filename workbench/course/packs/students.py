@@ -31,11 +31,6 @@ class Students:
     columns: tuple[str, ...] = ()
 
 
-def students(given: str) -> dict[str, str]:
-    """Names by the names of their folders; see `read_students`."""
-    return read_students(given).names
-
-
 def read_students(given: str, column: str | None = None) -> Students:
     """Students from a FILE.csv, or from names with commas between them.
 

@@ -69,12 +69,12 @@ class Errors:
 
     @property
     def mean(self) -> float:
-        """Their mean."""
+        """The mean error over all images, in mm."""
         return float(np.mean(self.each))
 
     @property
     def failed(self) -> int:
-        """How many are above 150 mm."""
+        """The number of images whose error is above 150 mm."""
         return sum(one > FAILED for one in self.each)
 
 
