@@ -52,4 +52,5 @@ def betas_with_tissue(
 def displaced_by(tissue: SoftTissue, betas: Array) -> Array:
     """How far tissue is displaced at rest, (T, N, 3) m, by betas (T, B + C) of a body with it."""
     phi = betas[:, betas.shape[1] - tissue.n_coefficients :]
-    return np.einsum("tc,ndc->tnd", phi, tissue.directions)
+    displaced: Array = np.einsum("tc,ndc->tnd", phi, tissue.directions)
+    return displaced
