@@ -8,6 +8,7 @@ a principal component analysis.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, permutations
 
 import numpy as np
@@ -16,7 +17,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
 from workbench.diagnostics.gauge_names import named_gauge, single_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.undoing import Unseen, places_of, undone
+from workbench.diagnostics.undoing import Unseen, only, places, places_of, undone
 
 MOST = 600  # numbers in the matrix between two factors
 
@@ -33,7 +34,7 @@ class FactorGauge:
     size: int = 0
 
 
-def factor_gauges(free: Layout, x: Array, unseen: Unseen) -> Iterator[FactorGauge]:
+def factor_gauges(free: Layout, unseen: Unseen) -> Iterator[FactorGauge]:
     """Rows of one matrix are mixed, and columns of the next mixed back; all else may take part.
 
     Where the product is A B', with a row of each for a row and a column of it, columns of both are
@@ -44,42 +45,46 @@ def factor_gauges(free: Layout, x: Array, unseen: Unseen) -> Iterator[FactorGaug
     wide = [b for b in blocks if len(b.shape) == 2]
     for first, second in permutations(wide, 2):
         if second.shape[1] == first.shape[0]:
-            yield from _mixed(free, x, unseen, first, second, by_columns=False)
+            yield from _mixed(free, unseen, first, second, by_columns=False)
     for first, second in combinations([b for b in wide if b.unit == "1"], 2):
         if first.shape[1] == second.shape[1]:
-            yield from _mixed(free, x, unseen, first, second, by_columns=True)
+            yield from _mixed(free, unseen, first, second, by_columns=True)
     for first, second in combinations([b for b in blocks if len(b.shape) == 1], 2):
-        change = np.zeros(free.size)
-        at_a, at_b = places_of(free, first), places_of(free, second)
-        change[at_a], change[at_b] = x[at_a], -x[at_b]
-        both = x[at_a].any() and x[at_b].any()
-        if both and (within := unseen.within(change)) is not None:
+        at = np.concatenate([places_of(free, first), places_of(free, second)])
+        signs = np.repeat([1.0, -1.0], [first.size, second.size])
+        field = only(at, free.size, lambda x, signs=signs: (signs * x)[:, None])
+        if not all(unseen.x[places_of(free, b)].any() for b in (first, second)):
+            continue
+        for v, _ in undone(field, at[:0], unseen):
             name = f"a common factor of {first.name}, undone by {second.name}"
-            yield FactorGauge(single_gauge("scale", name, within), (first.name, second.name))
+            yield FactorGauge(single_gauge("scale", name, v), (first.name, second.name))
 
 
 def _mixed(
-    free: Layout, x: Array, unseen: Unseen, first: Block, second: Block, *, by_columns: bool
+    free: Layout, unseen: Unseen, first: Block, second: Block, *, by_columns: bool
 ) -> Iterator[FactorGauge]:
     """The changes of E A that B undoes, in B A; or in A B', where columns are mixed, of A E."""
-    at_a, at_b = places_of(free, first), places_of(free, second)
-    A, B = x[at_a].reshape(first.shape), x[at_b].reshape(second.shape)
-    A = A.T if by_columns else A
-    h, what = len(A), "column" if by_columns else "row"
+    at = np.concatenate([places_of(free, first), places_of(free, second)])
+    h = first.shape[1] if by_columns else first.shape[0]
+    what = "column" if by_columns else "row"
     if h * h > MOST:
         return
-    rest = np.setdiff1d(np.arange(free.size), np.concatenate([at_a, at_b]))
-    for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
+
+    def moves(x: Array, i: int, j: int) -> Array:
+        A, B = x[: first.size].reshape(first.shape), x[first.size :].reshape(second.shape)
         E = np.zeros((h, h))
         E[i, j] = 1.0
-        one = (E @ A).T if by_columns else E @ A
-        v = np.zeros((free.size, 1))
-        v[at_a, 0], v[at_b, 0] = one.ravel(), -(B @ E).ravel()
+        one = (E @ A.T).T if by_columns else E @ A
+        return np.concatenate([one.ravel(), -(B @ E).ravel()])[:, None]
+
+    rest = np.setdiff1d(np.arange(free.size), at)
+    for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
         own = f"{what} {i} of {first.name}"
         said = f"a factor of {own}" if i == j else f"{what} {j} of {first.name} added to {own}"
-        for w, _ in undone(v, rest, unseen) if v.any() else ():
+        field = only(at, free.size, partial(moves, i=i, j=j))
+        for v, _ in undone(field, rest, unseen):
             kind = "scale" if i == j else "mixing"
-            motion = single_gauge(kind, f"{said}, undone by {second.name}", w)
+            motion = single_gauge(kind, f"{said}, undone by {second.name}", v)
             yield FactorGauge(motion, (first.name, second.name), h)
 
 
@@ -93,16 +98,18 @@ def offsets_of_factors(
     factored = {name for factor in factors for name in factor.blocks}
     hidden = {(factor.size,) for factor in factors if factor.size}
     inside = [b for b in free.blocks if np.isin(places_of(free, b), island).all()]
-    rest = [places_of(free, b) for b in inside if b.name not in factored]
+    rest = places(free, [b for b in inside if b.name not in factored])
     for block in [b for b in inside if b.name in factored or b.shape in hidden]:
         at = places_of(free, block)
-        others = np.setdiff1d(np.concatenate([np.zeros(0, dtype=np.int64), *rest]), at)
+        others = np.setdiff1d(rest, at)
         bias = block.name not in factored
         wide = block.size if bias else block.shape[-1] if len(block.shape) > 1 else 1
         what = "an offset of entry {}" if bias else "a common offset of column {}"
         what = what if wide > 1 else "a common offset"
         for k in range(wide) if others.size else ():
-            column = np.zeros((free.size, 1))
-            column[at[k::wide]] = 1.0
-            for v, _ in undone(column, others, unseen):
+            one = at[k::wide]
+            if unseen.nearby and one.size > 1 and not unseen.fixed(one):
+                continue
+            field = only(one, free.size, lambda x: np.ones((len(x), 1)))
+            for v, _ in undone(field, others, unseen):
                 yield named_gauge("offset", what.format(k), v, free, [block], least=unseen.same)

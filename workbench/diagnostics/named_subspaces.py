@@ -44,6 +44,13 @@ class NamedSubspace:
     tree: Tree | None = None
     undone_by: str = ""
 
+    def vector(self, n: int) -> Array:
+        """(n,) the motion, of a subspace of one."""
+        v = np.zeros(n)
+        assert self.basis is not None
+        v[self.entries] = self.basis[:, 0]
+        return v
+
 
 def in_sizes(motion: NamedSubspace, sizes: Array) -> NamedSubspace:
     """A motion of unknowns x as one of unknowns y, with x = sizes * y."""
