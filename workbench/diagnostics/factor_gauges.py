@@ -17,7 +17,16 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
 from workbench.diagnostics.gauge_names import named_gauge, single_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.undoing import Unseen, only, places, places_of, undone
+from workbench.diagnostics.things import in_space
+from workbench.diagnostics.undoing import (
+    CLOSE,
+    Unseen,
+    nothing,
+    only,
+    places,
+    places_of,
+    undone,
+)
 
 MOST = 600  # numbers in the matrix between two factors
 
@@ -41,6 +50,7 @@ def factor_gauges(free: Layout, unseen: Unseen) -> Iterator[FactorGauge]:
     mixed; numbers with a unit of length are then points, and no factors. Two vectors are the
     factors of a matrix of rank one.
     """
+    yield from _through_all(free, unseen)
     blocks = [b for b in free.blocks if b.whole is None]
     wide = [b for b in blocks if len(b.shape) == 2]
     for first, second in permutations(wide, 2):
@@ -58,6 +68,75 @@ def factor_gauges(free: Layout, unseen: Unseen) -> Iterator[FactorGauge]:
         for v, _ in undone(field, at[:0], unseen):
             name = f"a common factor of {first.name}, undone by {second.name}"
             yield FactorGauge(single_gauge("scale", name, v), (first.name, second.name))
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The rows, or the columns, of a block (N, h) of coefficients, which a matrix may mix."""
+
+    block: Block
+    what: str
+    places: Index
+
+    def moves(self, n: int, x: Array) -> Array:
+        """How the unknowns (n,) move if E (h, h) mixes them, for each entry of E: (n, h h)."""
+        h = self.places.shape[1]
+        found = np.zeros((n, h, h))
+        for i, j in np.ndindex(h, h):
+            found[self.places[:, j], i, j] = x[self.places[:, i]]
+        return found.reshape(n, h * h)
+
+
+def _sides(free: Layout, h: int) -> list[Side]:
+    """The rows and columns of h, of blocks that are no points."""
+    found = []
+    for b in [b for b in free.blocks if b.whole is None and len(b.shape) == 2]:
+        at = places_of(free, b).reshape(b.shape)
+        if b.shape[0] == h:
+            found.append(Side(b, "row", at.T))
+        if b.shape[1] == h and not (in_space(b) and b.unit != "1"):
+            found.append(Side(b, "column", at))
+    return found
+
+
+def _through_all(free: Layout, unseen: Unseen) -> Iterator[FactorGauge]:
+    """One matrix mixes the rows and columns of several blocks at once, and nothing else moves.
+
+    So the state of a linear system may be measured along any axes: A, B and C become T A T^-1, T B
+    and C T^-1.
+    """
+    sizes = {h for b in free.blocks if len(b.shape) == 2 for h in b.shape}
+    for h in sorted(sizes - {1}) if unseen.nearby else ():
+        sides = _sides(free, h)
+        if len(sides) < 2 or len(sides) * h * h > MOST:
+            continue
+        # entries of E for each side; the rows and columns of one size are found together
+
+        def moves(x: Array, sides: Sequence[Side] = sides) -> Array:
+            return np.hstack([side.moves(free.size, x) for side in sides])
+
+        lengths = np.linalg.norm(moves(unseen.x), axis=0)
+        lengths[lengths == 0] = 1.0
+        C = nothing(unseen.missed(moves, lengths), unseen.same) / lengths[:, None]
+        for k, side in enumerate(sides):
+            own = slice(k * h * h, (k + 1) * h * h)
+            for i, j in sorted(np.ndindex(h, h), key=lambda ij: ij[0] != ij[1]):
+                wanted = np.zeros(h * h)
+                wanted[i * h + j] = 1.0
+                c = C @ np.linalg.lstsq(C[own], wanted)[0] if C.shape[1] else np.zeros(len(C))
+                if np.linalg.norm(c[own] - wanted) > CLOSE:
+                    continue
+                v = moves(unseen.x) @ np.where(abs(c) > CLOSE, c, 0.0)
+                inside = np.where(v == 0, 0.0, unseen.basis @ (unseen.basis.T @ v))
+                others = [b for b in free.blocks if inside[free.slices[b.name]].any()]
+                if not v.any() or len(others) < 2:
+                    continue
+                said = f"{side.what} {i} added to {side.what} {j}" if i != j else ""
+                said = said or f"a factor of {side.what} {i}"
+                kind = "scale" if i == j else "mixing"
+                motion = named_gauge(kind, said, inside, free, [side.block], least=unseen.same)
+                second = next(b for b in others if b is not side.block)
+                yield FactorGauge(motion, (side.block.name, second.name), h)
 
 
 def _mixed(

@@ -19,7 +19,6 @@ from workbench.diagnostics.undoing import (
     places_of,
     undoing,
     undone,
-    unit_vectors,
 )
 from workbench.geometry.rotation import slopes_by_turns
 from workbench.problem import Problem
@@ -54,8 +53,8 @@ def place_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
 def turn_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
     """A body's root, or all rotation vectors of a block, turn about one axis, and others undo it.
 
-    The axis is one of the world, or one of the frame that is turned. Of a single turn that other
-    unknowns may undo in every way, these have to be turns and places themselves.
+    The axis is one of the world, or one of the frame that is turned. A single turn that other
+    unknowns undo in every way, or in all but one, says little: they have to be turns and places.
     """
     free, n, poses = problem.free, problem.free.size, posed(problem)
     turns = [b for b in free.blocks if b.unit in ANGLES and _threes(b) and b.name not in poses]
@@ -67,9 +66,8 @@ def turn_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
     for at, block in moved:
         frames = [b for b in spatial if b is not block]
         ways = [places(free, frames)] if frames else []
-        if len(at) > 3 or (unseen.nearby and unseen.fixed(at)):
-            some = [b for b in free.blocks if b.unit in (*ANGLES, *LENGTHS)]
-            ways.append(np.setdiff1d(places(free, some), at))
+        if len(at) > 3 or (unseen.nearby and unseen.fixed(at) > 1):
+            ways.append(np.setdiff1d(np.arange(n), at))
         for others in ways:
             for words, sign in (("a rotation about", 1.0), ("a rotation about its own", -1.0)):
                 if sign > 0 or unseen.nearby:
@@ -157,6 +155,3 @@ def vector_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
                     about = "" if d == 2 else f" about {axis_of(a)}"
                     name = f"a rotation{about}"
                     yield named_gauge("rotation", name, v, free, [block], least=unseen.same)
-
-
-__all__ = ["place_gauges", "posed", "size_gauges", "turn_gauges", "unit_vectors", "vector_gauges"]

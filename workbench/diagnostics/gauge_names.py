@@ -67,9 +67,11 @@ def listed(names: Sequence[str]) -> str:
 
 
 def rows_of(block: Block, entries: Index) -> str:
-    """Some rows of a block, by the places of their entries: `5 rows of points (0, 1, 2, ...)`."""
+    """Some rows of a block, by their entries: `points[4]`, `5 rows of points (0, 1, 2, ...)`."""
     wide = block.shape[-1] if in_space(block) else 1
     rows = np.unique(entries // wide)
+    if rows.size == 1:
+        return f"{block.name}[{row_label(block, int(rows[0]), wide)}]"
     first = ", ".join(row_label(block, int(row), wide) for row in rows[:3])
     return f"{rows.size} rows of {block.name} ({first}{', ...' if rows.size > 3 else ''})"
 

@@ -28,10 +28,10 @@ from workbench.diagnostics.frame_gauges import (
     vector_gauges,
 )
 from workbench.diagnostics.gauge_names import named_gauge
-from workbench.diagnostics.matrix_gauges import matrix_gauges
+from workbench.diagnostics.matrix_gauges import Maps
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.number_gauges import common_scales, number_gauges, trade_offs
-from workbench.diagnostics.point_gauges import are_points, clouds, point_gauges
+from workbench.diagnostics.point_gauges import are_points, bending_gauges, clouds, point_gauges
 from workbench.diagnostics.projective_gauges import homogeneous_factors
 from workbench.diagnostics.things import in_space
 from workbench.diagnostics.undoing import Found, Unseen, places, undone
@@ -114,13 +114,19 @@ def _stages(
         yield common_scales(free, blocks, points, islands, unseen, found, units)
     yield from (offsets_of_factors(free, unseen, island, mixed) for island in islands)
     yield from (point_gauges(cloud, free, unseen, found, others, units) for cloud, others in seen)
+    maps = [
+        Maps(free, unseen, block, what, units, points=block.name in points)
+        for block in ([b for b in blocks if b.whole is None] if unseen.nearby else [])
+        for what in ("row", "column")
+    ]
+    yield from (one.single() for one in maps)
+    yield from (bending_gauges(cloud, free, unseen, others) for cloud, others in seen)
     yield place_gauges(problem, unseen)
     angles = [b for b in blocks if b.unit in ANGLES]
     if unseen.nearby and len(angles) > 1:
         yield number_gauges(free, angles, islands, unseen, found, units)
     yield turn_gauges(problem, unseen)
-    for block in [b for b in blocks if b.whole is None] if unseen.nearby else ():
-        yield matrix_gauges(free, unseen, block, units, points=block.name in points)
+    yield from (one.mixed() for one in maps)
     yield number_gauges(free, blocks, islands, unseen, found, units)
     yield size_gauges(problem, values, unseen, units)
     yield vector_gauges(problem, unseen)

@@ -1,12 +1,15 @@
 """Gauges of matrices of coefficients: columns, or rows, are scaled, mixed and shifted.
 
-A E, with A (N, h), is undone by other unknowns for the matrices E (h, h) of some space, the same at
-every point. Which space this is says what A is: all E belong to a factor of a product, diagonal ones
-to a factor before something nonlinear or to a channel with a gain, skew ones to axes that nothing
-fixes. The elementary ones come first: a factor of one column, one column added to another.
+A E, with A (N, h), is undone by other unknowns for matrices E (h, h) of some space, the same at
+every point. Which space this is says what A is: all E belong to a factor of a product, diagonal
+ones to a factor before something nonlinear or to a channel with a gain, skew ones to axes that
+nothing fixes. What changes one row or one column comes first, for whole matrices may hide it: where
+every row has a factor of its own, this may be any function of the row.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -28,85 +31,116 @@ MOST = 600  # numbers in the matrix E
 LARGEST = 400  # rows, or columns, of which factors are looked for
 
 
-def matrix_gauges(
-    free: Layout, unseen: Unseen, block: Block, units: Array, *, points: bool
-) -> Iterator[NamedSubspace]:
-    """The motions of a block (N, h) that act on its columns alike, or on its rows.
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """The motions A E and A + 1 c' of a matrix A (N, h) that others undo, or those of its rows.
 
-    Of `points`, whose columns turn together, only rows are looked at, and those are only scaled.
+    Attributes:
+        free: the free numbers.
+        unseen: the motions that no residual notices.
+        block: the block.
+        what: `row`, or `column`.
+        units: (n,) in which motions are told.
+        points: whether the block's rows are points: these turn together, so that no columns are
+            looked at, and rows are only scaled.
     """
-    at = places_of(free, block)
-    if len(block.shape) != 2 or min(block.shape) < 2 or not unseen.fixed(at):
-        return
-    order = np.arange(block.size).reshape(block.shape)
-    sides = [("row", at[order.T.ravel()], block.shape[0])]
-    sides = sides if points else [("column", at, block.shape[1]), *sides]
-    for what, places, h in sides:
-        if h <= LARGEST:
-            yield from _along(free, unseen, block, units, places, h, what, points=points)
 
+    free: Layout = field(repr=False)
+    unseen: Unseen = field(repr=False)
+    block: Block
+    what: str
+    units: Array = field(repr=False)
+    points: bool
 
-def _along(
-    free: Layout,
-    unseen: Unseen,
-    block: Block,
-    units: Array,
-    places: Index,
-    h: int,
-    what: str,
-    *,
-    points: bool,
-) -> Iterator[NamedSubspace]:
-    """The motions A E and A + 1 c', of A (N, h) at these places row by row."""
-    mixed = not points and h * h <= MOST
-    pairs = [(i, i) for i in range(h)]
-    pairs += [(i, j) for i, j in np.ndindex(h, h) if i != j] if mixed else []
-    unit = 1 / units[places[0]]
+    @property
+    def size(self) -> int:
+        """h, how many rows or columns there are."""
+        return self.block.shape[0 if self.what == "row" else 1]
 
-    def moves(x: Array) -> Array:
+    @cached_property
+    def places(self) -> Index:
+        """The places of A, row by row."""
+        at = places_of(self.free, self.block).reshape(self.block.shape)
+        return (at.T if self.what == "row" else at).ravel()
+
+    @cached_property
+    def pairs(self) -> list[tuple[int, int]]:
+        """The entries of E: its diagonal first."""
+        h = self.size
+        mixed = not self.points and h * h <= MOST
+        off = [(i, j) for i, j in np.ndindex(h, h) if i != j] if mixed else []
+        return [(i, i) for i in range(h)] + off
+
+    def _moves(self, x: Array) -> Array:
+        h, count = self.size, len(self.pairs)
         A = x.reshape(-1, h)
-        found = np.zeros((len(A), h, len(pairs) + (0 if points else h)))
-        for k, (i, j) in enumerate(pairs):
+        found = np.zeros((len(A), h, count + (0 if self.points else h)))
+        for k, (i, j) in enumerate(self.pairs):
             found[:, j, k] = A[:, i]
-        for k in range(len(pairs), found.shape[2]):
-            found[:, k - len(pairs), k] = unit
+        for k in range(found.shape[2] - count):
+            found[:, k, count + k] = 1 / self.units[self.places[0]]
         return found.reshape(-1, found.shape[2])
 
-    others = np.setdiff1d(np.arange(free.size), places)
-    Q, whole = undoing(only(places, free.size, moves), others, unseen)
-    if not Q.shape[1]:
-        return
-    for kind, said, a in _named_maps(Q, h, pairs, what):
-        v = whole(a)
-        if v.any():
-            yield named_gauge(kind, said, v, free, [block], least=unseen.same)
+    @cached_property
+    def undone(self) -> tuple[Array, Callable[[Array], Array]] | None:
+        """The coefficients (g, q) of the maps that others undo, and the whole motions of them."""
+        shape, at = self.block.shape, self.places if len(self.block.shape) == 2 else None
+        if at is None or min(shape) < 2 or not self.unseen.fixed(at) or self.size > LARGEST:
+            return None
+        if self.points and self.what == "column":
+            return None
+        others = np.setdiff1d(np.arange(self.free.size), at)
+        Q, whole = undoing(only(at, self.free.size, self._moves), others, self.unseen)
+        return (Q, whole) if Q.shape[1] else None
+
+    def single(self) -> Iterator[NamedSubspace]:
+        """Factors and common offsets of one row, or of one column."""
+        if self.undone is not None:
+            yield from self._named(_of_one(self.undone[0], self.size, len(self.pairs), self.what))
+
+    def mixed(self) -> Iterator[NamedSubspace]:
+        """All others: one row added to another, rotations, factors of all, any linear maps."""
+        if self.undone is not None:
+            yield from self._named(_of_several(self.undone[0], self.size, self.pairs, self.what))
+
+    def _named(self, found: Iterator[tuple[str, str, Array]]) -> Iterator[NamedSubspace]:
+        assert self.undone is not None
+        for kind, said, a in found:
+            v = self.undone[1](a)
+            if v.any():
+                yield named_gauge(kind, said, v, self.free, [self.block], least=self.unseen.same)
 
 
-def _named_maps(
+def _of_one(Q: Array, h: int, count: int, what: str) -> Iterator[tuple[str, str, Array]]:
+    """Coefficients (g,) in the space Q (g, q) of maps of one column: kind, words, coefficients."""
+    unit = np.eye(len(Q))
+    for k in np.flatnonzero(undone_maps(Q, unit[:, :h])):
+        yield "scale", f"a factor of {what} {k}", unit[k]
+    for k in np.flatnonzero(undone_maps(Q, unit[:, count:])):
+        yield "offset", f"a common offset of {what} {k}", unit[count + k]
+
+
+def _of_several(
     Q: Array, h: int, pairs: list[tuple[int, int]], what: str
 ) -> Iterator[tuple[str, str, Array]]:
-    """Coefficients (g,) that span the space Q (g, q) of maps, each with its kind and its words."""
+    """Coefficients (g,) that span the rest of Q (g, q), each with its kind and its words."""
     unit, count = np.eye(len(Q)), len(pairs)
     place = {pair: k for k, pair in enumerate(pairs)}
-    for k, (inside, (i, j)) in enumerate(zip(undone_maps(Q, unit[:, :count]), pairs, strict=True)):
-        if inside:
-            words = f"a factor of {what} {i}" if i == j else f"{what} {i} added to {what} {j}"
-            yield ("scale" if i == j else "mixing"), words, unit[k]
-    for k, inside in enumerate(undone_maps(Q, unit[:, count:])):
-        if inside:
-            yield "offset", f"a common offset of {what} {k}", unit[count + k]
+    for k in np.flatnonzero(undone_maps(Q, unit[:, h:count])):
+        i, j = pairs[h + k]
+        yield "mixing", f"{what} {i} added to {what} {j}", unit[h + k]
     same = unit[:, :h].sum(axis=1)
     if undone_maps(Q, same[:, None])[0]:
         yield "scale", "a common factor", same
     for a in common(Q, unit[:, :h]).T:
         yield "scale", f"factors of the {what}s", a
-    planes = [] if count == h else [*combinations(range(h), 2)]
-    if planes:
+    if count > h:
+        planes = [*combinations(range(h), 2)]
         turns = np.column_stack([unit[place[i, j]] - unit[place[j, i]] for i, j in planes])
         turns /= 2**0.5
-        for (i, j), inside, a in zip(planes, undone_maps(Q, turns), turns.T, strict=True):
-            if inside:
-                yield "rotation", f"a rotation of {what}s {i} and {j}", a
+        for k in np.flatnonzero(undone_maps(Q, turns)):
+            i, j = planes[k]
+            yield "rotation", f"a rotation of {what}s {i} and {j}", turns[:, k]
         for a in common(Q, turns).T:
             yield "rotation", f"a rotation of the {what}s", a
     for a in common(Q, unit[:, count:]).T:

@@ -36,7 +36,8 @@ class Direction:
     Attributes:
         name: what the direction is called in reports.
         kind: of gauges `translation`, `rotation`, `scale`, `offset`, `mixing`, `projective` or
-            `gauge`; `trade-off` where few unknowns undo each other; of others `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
+            `gauge`, and `trade-off` where single numbers undo each other; of others `entry`,
+            `twist`, `joint`, `shift`, `block` or `mixed`.
         joints: the joints that it turns, as far as they are known.
         vector: (n,) the direction.
         change: |J d|, in sigmas per unit of the direction.
@@ -64,7 +65,7 @@ def null_directions(
     null = point.null_in(constrained, units)
     x = point.problem.split(point.values)[0] / units
     silent = np.linalg.norm(null, axis=1) > 1 - ZERO
-    nearby = nearby_null_spaces(point, units) if np.sum(silent) < len(null.T) else ()
+    nearby = nearby_null_spaces(point, pattern, units) if np.sum(silent) < len(null.T) else ()
     unseen = Unseen(x, null, nearby=nearby)
     motions = _motions(point, pattern, unseen, units, units, declared)
     found = directions(

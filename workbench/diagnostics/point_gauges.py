@@ -127,13 +127,20 @@ def point_gauges(
             continue  # such as a turn of points about the line on which they all lie
         same = (x / size, a) if main[0].shape[-1] == d else None
         yield named_gauge(step.kind, step.name, v, free, main, cloud.own, same, least=unseen.same)
-    if unseen.count > coefficients.shape[1]:
-        X = x[own].reshape(-1, d)
-        for kind, maps in (("mixing", stretches), ("projective", moves_of_infinity)):
-            for k, (said, _) in enumerate(maps(X)):
-                along = only(own, n, partial(_map, maps=maps, k=k, d=d))
-                for v, _ in undone(along, others, unseen):
-                    yield named_gauge(kind, said, v, free, main, cloud.own, least=unseen.same)
+
+
+def bending_gauges(
+    cloud: Cloud, free: Layout, unseen: Unseen, others: Index
+) -> Iterator[NamedSubspace]:
+    """Stretches and shears of the rows, and then projective maps."""
+    own, d = cloud.places.ravel(), cloud.places.shape[1]
+    X = unseen.x[own].reshape(-1, d)
+    for kind, maps in (("mixing", stretches), ("projective", moves_of_infinity)):
+        for k, (said, _) in enumerate(maps(X)):
+            along = only(own, free.size, partial(_map, maps=maps, k=k, d=d))
+            for v, _ in undone(along, others, unseen):
+                main = list(cloud.blocks)
+                yield named_gauge(kind, said, v, free, main, cloud.own, least=unseen.same)
 
 
 def _map(at: Array, maps: Callable[[Array], Iterable[tuple[str, Array]]], k: int, d: int) -> Array:
