@@ -445,7 +445,7 @@ FIFTH_ZOO = (
     Specimen(clocks_with_delays, {"offset": 2, "trade-off": 4}, 6, 2),
     Specimen(relative_turns, {"rotation": 3}, 3, 1),
     Specimen(accelerometer_at_rest, {"rotation": 3}, 3, 1),
-    Specimen(magnetometer, {"rotation": 3}, 3, 3),
+    Specimen(magnetometer, {"rotation": 3}, 3, 3, exchanged=("A",)),
     Specimen(decays_from_an_unknown_start, {"trade-off": 1}, 1, 1, exchanged=("amount", "rate")),
     Specimen(counts_of_a_detector, {"scale": 1}, 1, 1),
     Specimen(enzyme, {"scale": 1}, 1, 1),

@@ -507,7 +507,7 @@ SIXTH_ZOO = (
     Specimen(stars_of_unknown_distance, {"scale": 5, "offset": 1}, 6, 2),
     Specimen(exposures_with_a_gamma, {"scale": 1, "trade-off": 1}, 2, 2),
     Specimen(sensor_lamp_and_paint, {"scale": 6, "mixing": 6}, 12, 4),
-    Specimen(scores_of_attention, {"scale": 2, "mixing": 2}, 4, 4),
+    Specimen(scores_of_attention, {"scale": 2, "mixing": 2}, 4, 4, exchanged=("queries", "keys")),
     Specimen(units_of_normalized_weights, {"scale": 3}, 3, 3),
     Specimen(one_blend_shape, {"scale": 1, "offset": 1}, 2, 2),
     Specimen(intensities_of_a_wave, {"rotation": 1}, 1, 1),

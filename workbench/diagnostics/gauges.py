@@ -115,7 +115,7 @@ def _stages(
     yield from (offsets_of_factors(free, unseen, island, mixed) for island in islands)
     yield from (point_gauges(cloud, free, unseen, found, others, units) for cloud, others in seen)
     maps = [
-        Maps(free, unseen, block, what, units, points=block.name in points)
+        Maps(free, unseen, block, what, units, block.name in points, found)
         for block in ([b for b in blocks if b.whole is None] if unseen.nearby else [])
         for what in ("row", "column")
     ]
@@ -126,6 +126,7 @@ def _stages(
     if unseen.nearby and len(angles) > 1:
         yield number_gauges(free, angles, islands, unseen, found, units)
     yield turn_gauges(problem, unseen)
+    yield from (one.added() for one in maps)
     yield from (one.mixed() for one in maps)
     yield number_gauges(free, blocks, islands, unseen, found, units)
     yield size_gauges(problem, values, unseen, units)

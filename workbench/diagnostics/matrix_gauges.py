@@ -19,6 +19,7 @@ from workbench.blocks import Block, Layout
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.undoing import (
+    Found,
     Unseen,
     common,
     only,
@@ -43,6 +44,7 @@ class Maps:
         units: (n,) in which motions are told.
         points: whether the block's rows are points: these turn together, so that no columns are
             looked at, and rows are only scaled.
+        found: what was found before, which is not told again with other unknowns to undo it.
     """
 
     free: Layout = field(repr=False)
@@ -51,6 +53,7 @@ class Maps:
     what: str
     units: Array = field(repr=False)
     points: bool
+    found: Found = field(repr=False)
 
     @property
     def size(self) -> int:
@@ -98,16 +101,23 @@ class Maps:
         if self.undone is not None:
             yield from self._named(_of_one(self.undone[0], self.size, len(self.pairs), self.what))
 
+    def added(self) -> Iterator[NamedSubspace]:
+        """One row, or one column, is added to another."""
+        if self.undone is not None:
+            yield from self._named(_added(self.undone[0], self.size, self.pairs, self.what))
+
     def mixed(self) -> Iterator[NamedSubspace]:
-        """All others: one row added to another, rotations, factors of all, any linear maps."""
+        """All others: rotations, factors of all, any linear maps."""
         if self.undone is not None:
             yield from self._named(_of_several(self.undone[0], self.size, self.pairs, self.what))
 
     def _named(self, found: Iterator[tuple[str, str, Array]]) -> Iterator[NamedSubspace]:
         assert self.undone is not None
+        at = self.places
+        moves = self._moves(self.unseen.x[at])
         for kind, said, a in found:
             v = self.undone[1](a)
-            if v.any():
+            if v.any() and not self.found.does(moves @ a, at):
                 yield named_gauge(kind, said, v, self.free, [self.block], least=self.unseen.same)
 
 
@@ -120,15 +130,22 @@ def _of_one(Q: Array, h: int, count: int, what: str) -> Iterator[tuple[str, str,
         yield "offset", f"a common offset of {what} {k}", unit[count + k]
 
 
+def _added(
+    Q: Array, h: int, pairs: list[tuple[int, int]], what: str
+) -> Iterator[tuple[str, str, Array]]:
+    """Coefficients (g,) in the space Q (g, q) of maps that add one column to another."""
+    unit = np.eye(len(Q))
+    for k in np.flatnonzero(undone_maps(Q, unit[:, h : len(pairs)])):
+        i, j = pairs[h + k]
+        yield "mixing", f"{what} {i} added to {what} {j}", unit[h + k]
+
+
 def _of_several(
     Q: Array, h: int, pairs: list[tuple[int, int]], what: str
 ) -> Iterator[tuple[str, str, Array]]:
     """Coefficients (g,) that span the rest of Q (g, q), each with its kind and its words."""
     unit, count = np.eye(len(Q)), len(pairs)
     place = {pair: k for k, pair in enumerate(pairs)}
-    for k in np.flatnonzero(undone_maps(Q, unit[:, h:count])):
-        i, j = pairs[h + k]
-        yield "mixing", f"{what} {i} added to {what} {j}", unit[h + k]
     same = unit[:, :h].sum(axis=1)
     if undone_maps(Q, same[:, None])[0]:
         yield "scale", "a common factor", same

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
@@ -62,7 +63,7 @@ def null_directions(
         return ()
     units = point.block_units
     constrained = point.in_block_units
-    null = point.null_in(constrained, units)
+    null = _polished(point.null_in(constrained, units), constrained.stacked, constrained.tolerance)
     x = point.problem.split(point.values)[0] / units
     silent = np.linalg.norm(null, axis=1) > 1 - ZERO
     nearby = nearby_null_spaces(point, pattern, units) if np.sum(silent) < len(null.T) else ()
@@ -72,6 +73,15 @@ def null_directions(
         constrained.stacked, null, point.problem.free, motions, constrained.tolerance
     )
     return tuple(_in_own_units(d, units, point.constrained.stacked) for d in found)
+
+
+def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
+    """A null space (n, d) without what rounding leaves of long columns, by a Newton step."""
+    if not isinstance(here.jacobian, np.ndarray):
+        return null
+    R = here.R
+    missed = scipy.linalg.lstsq(R, R @ null, cond=tolerance / float(np.linalg.norm(R)))[0]
+    return np.asarray(np.linalg.qr(null - missed)[0])
 
 
 def _in_own_units(direction: Direction, units: Array, here: Linearization) -> Direction:

@@ -66,20 +66,20 @@ def number_gauges(
 ) -> Iterator[NamedSubspace]:
     """Offsets and factors of these blocks that cancel; `islands` are unknowns that rows tie."""
     whole = [*_whole(free, blocks, islands)]
-    if not unseen.nearby:  # at one point, offsets and factors together undo too much
-        for factor in (False, True):
-            alike = [g for g in whole if g.factor is factor]
-            for one in _combinations(alike, unseen, found, units):
-                if max(group.places.size for group, _ in one.parts) > 1:
-                    yield from _named(free, one, unseen)
+    for one in _by_kind(whole, unseen, found, units):
+        # at one point alone, single numbers undo each other in ways that say nothing
+        if unseen.nearby or max(group.places.size for group, _ in one.parts) > 1:
+            yield from _named(free, one, unseen)
+    if not unseen.nearby:
         return
-    yield from _combined(free, whole, unseen, found, units)
-    yield from _undone_in_any_way(free, whole, unseen, units)
+    yield from _undone_in_any_way(free, whole, unseen, found, units)
     slices = [*_slices(free, blocks)]
-    yield from _combined(free, slices, unseen, found, units)
+    for one in _by_kind(slices, unseen, found, units):
+        yield from _named(free, one, unseen)
     few = [group for group in slices if group.places.size > 1]
-    yield from _undone_in_any_way(free, few, unseen, units)
-    yield from _combined(free, [*_entries(free, blocks)], unseen, found, units)
+    yield from _undone_in_any_way(free, few, unseen, found, units)
+    for one in _by_kind([*_entries(free, blocks)], unseen, found, units):
+        yield from _named(free, one, unseen)
 
 
 def common_scales(
@@ -164,11 +164,14 @@ class Combination:
     v: Array = field(repr=False)
 
 
-def _combined(
-    free: Layout, groups: Sequence[Group], unseen: Unseen, found: Found, units: Array
-) -> Iterator[NamedSubspace]:
-    for combination in _combinations(groups, unseen, found, units):
-        yield from _named(free, combination, unseen)
+def _by_kind(
+    groups: Sequence[Group], unseen: Unseen, found: Found, units: Array
+) -> Iterator[Combination]:
+    """Combinations of offsets, of factors, and then of both, where more than one point is known."""
+    yield from _combinations([g for g in groups if not g.factor], unseen, found, units)
+    yield from _combinations([g for g in groups if g.factor], unseen, found, units)
+    if unseen.nearby:
+        yield from _combinations(groups, unseen, found, units)
 
 
 def _combinations(
@@ -247,7 +250,7 @@ def _part(group: Group, amount: float) -> str:
 
 
 def _undone_in_any_way(
-    free: Layout, groups: Sequence[Group], unseen: Unseen, units: Array
+    free: Layout, groups: Sequence[Group], unseen: Unseen, found: Found, units: Array
 ) -> Iterator[NamedSubspace]:
     """An offset or a factor of several unknowns that the fewest other blocks undo, in any way."""
     sizes: dict[str, int] = {}
@@ -256,7 +259,9 @@ def _undone_in_any_way(
     for group in groups:
         if group.places.size < 2 or sizes[group.block.name] > 4 * SLICES:
             continue
-        if not unseen.fixed(group.places):
+        if not unseen.fixed(group.places) or found.does(
+            group.column(unseen.x, units)[group.places], group.places
+        ):
             continue
         choices = [places_of(free, b) for b in free.blocks if b is not group.block]
         kind, said = ("scale", "a common factor") if group.factor else ("offset", "a common offset")

@@ -120,7 +120,7 @@ def undoing(field: Field, others: Index, unseen: Unseen) -> tuple[Array, Callabl
     lengths[lengths == 0] = 1.0
     missed = []
     for x, basis in unseen.everywhere:
-        U, s, Vt = np.linalg.svd(basis[rest], full_matrices=False)
+        U, s, _ = np.linalg.svd(basis[rest], full_matrices=False)
         U = U[:, s > unseen.same]
         wanted = field(x)[rest] / lengths
         missed.append(wanted - U @ (U.T @ wanted))
