@@ -99,13 +99,18 @@ def common_scales(
 
 
 def trade_offs(free: Layout, blocks: Sequence[Block], unseen: Unseen) -> Iterator[NamedSubspace]:
-    """A number of its own may have any value, since a few other unknowns undo its change."""
-    for block in [b for b in blocks if b.size == 1] if unseen.nearby else ():
-        at = places_of(free, block)
+    """A single number may have any value, since a few other unknowns undo its change.
+
+    Of the entries of a block that is so where one other block undoes them.
+    """
+    for block in blocks if unseen.nearby else ():
         choices = [places_of(free, b) for b in free.blocks if b is not block]
-        field = only(at, free.size, lambda x: np.ones((1, 1)))
-        for v, _ in undone_by_few(field, choices, unseen):
-            yield _trade_off(free, v)
+        for at in places_of(free, block) if block.size <= SLICES else ():
+            field = only(np.array([at]), free.size, lambda x: np.ones((1, 1)))
+            for v, _ in undone_by_few(field, choices, unseen):
+                moved = sum(1 for some in choices if abs(v[some]).max() > SAME * abs(v).max())
+                if block.size == 1 or moved < 2:
+                    yield _trade_off(free, v)
 
 
 def _trade_off(free: Layout, v: Array) -> NamedSubspace:
@@ -219,7 +224,7 @@ def _named(
     """A combination by its name: `a common factor of ability, undone by slope`."""
     parts, v = combination.parts, combination.v
     factors = [(group, c) for group, c in parts if group.factor]
-    main = factors or [(g, c) for g, c in parts if g.places.size > 1]
+    main = factors or [(g, c) for g, c in parts if g.places.size > 1] or _alike(parts)
     if not main:
         yield _trade_off(free, v)
         return
@@ -239,6 +244,16 @@ def _named(
     ]
     name = f"{said} of {listed(up)}" + (f", undone by {listed(down)}" if down else "")
     yield single_gauge(kind, name, v)
+
+
+def _alike(parts: Sequence[tuple[Group, float]]) -> list[tuple[Group, float]]:
+    """The entries of all blocks, if those of some block are several and move by the same."""
+    by_block: dict[str, list[float]] = {}
+    for group, c in parts:
+        by_block.setdefault(group.block.name, []).append(c)
+    several = [amounts for amounts in by_block.values() if len(amounts) > 1]
+    alike = bool(several) and all(np.allclose(some, some[0], rtol=PART) for some in several)
+    return list(parts) if alike else []
 
 
 def _part(group: Group, amount: float) -> str:
