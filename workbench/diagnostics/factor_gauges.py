@@ -62,12 +62,16 @@ def factor_gauges(free: Layout, unseen: Unseen) -> Iterator[FactorGauge]:
     for first, second in combinations([b for b in blocks if len(b.shape) == 1], 2):
         at = np.concatenate([places_of(free, first), places_of(free, second)])
         signs = np.repeat([1.0, -1.0], [first.size, second.size])
-        field = only(at, free.size, lambda x, signs=signs: (signs * x)[:, None])
+        field = only(at, free.size, partial(_in_proportion, signs=signs))
         if not all(unseen.x[places_of(free, b)].any() for b in (first, second)):
             continue
         for v, _ in undone(field, at[:0], unseen):
             name = f"a common factor of {first.name}, undone by {second.name}"
             yield FactorGauge(single_gauge("scale", name, v), (first.name, second.name))
+
+
+def _in_proportion(x: Array, signs: Array) -> Array:
+    return (signs * x)[:, None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """Gauges of frames: a place moves or a turn turns, of a body or a camera; a vector, or a size."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -71,8 +72,13 @@ def turn_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
         for others in ways:
             for words, sign in (("a rotation about", 1.0), ("a rotation about its own", -1.0)):
                 if sign > 0 or unseen.nearby:
-                    field = only(at, n, lambda w, sign=sign: _turning(w, sign))
+                    field = only(at, n, partial(_turning, sign=sign))
                     yield from _along("rotation", words, field, others, block, free, unseen)
+
+
+def _turned_vector(x: Array) -> Array:
+    """How one vector (d,) moves with the rotations: (d, 1 or 3)."""
+    return similarity(x[None])[:, x.size : steps_of(x.size) - 1]
 
 
 def _turning(w: Array, sign: float) -> Array:
@@ -147,7 +153,7 @@ def vector_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
         ways: list[Sequence[Block]] = [angles] if angles and block.unit in LENGTHS[1:] else []
         if unseen.nearby and unseen.fixed(at):
             ways.append([b for b in free.blocks if b is not block])
-        field = only(at, free.size, lambda x, d=d: similarity(x[None])[:, d : steps_of(d) - 1])
+        field = only(at, free.size, _turned_vector)
         for some in ways:
             others = places(free, some)
             for v, a in undone(field, others, unseen):

@@ -19,6 +19,7 @@ from workbench.blocks import Block, Layout
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.undoing import (
+    CLOSE,
     Found,
     Unseen,
     common,
@@ -163,4 +164,20 @@ def _of_several(
     for a in common(Q, unit[:, count:]).T:
         yield "offset", f"offsets of the {what}s", a
     for a in Q.T:
+        if count > h and _turns(a, h, pairs):
+            yield "rotation", f"a rotation of the {what}s along ellipses", a
         yield "mixing", f"a linear map of the {what}s", a
+
+
+def _turns(a: Array, h: int, pairs: list[tuple[int, int]]) -> bool:
+    """Whether a map leads along closed curves: E has imaginary eigenvalues, and nothing shifts.
+
+    It is then a rotation of other axes, such as those of a covariance that is told.
+    """
+    E = np.zeros((h, h))
+    E[tuple(np.array(pairs).T)] = a[: len(pairs)]
+    values = np.linalg.eigvals(E)
+    size = float(abs(values.imag).max(initial=0.0))
+    return bool(size > 0.01 * np.linalg.norm(a) and (abs(values.real) < CLOSE * size).all()) and (
+        float(np.linalg.norm(a[len(pairs) :])) < CLOSE
+    )

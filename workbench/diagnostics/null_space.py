@@ -201,7 +201,7 @@ def directions(
         if _all_seen(_as_array(gram[entries][:, entries]), basis, tolerance):
             continue
         moved = R[:, entries] if basis is None else R[:, entries] @ basis
-        if basis is not None and np.linalg.norm(moved) > tolerance:
+        if basis is not None and np.linalg.norm(_as_array(moved)) > tolerance:
             entries, basis = _without_rounding(entries, basis, null)
             moved = R[:, entries] @ basis
         local = null_basis(_as_array(moved), tolerance)

@@ -20,6 +20,7 @@ from workbench.diagnostics.sparse_bases import sparsest
 from workbench.diagnostics.things import in_space
 from workbench.diagnostics.undoing import (
     SAME,
+    Field,
     Found,
     Unseen,
     nothing,
@@ -292,5 +293,5 @@ def _undone_in_any_way(
                 yield named_gauge(kind, said, v, free, [group.block], own, least=unseen.same)
 
 
-def _one(group: Group, units: Array):
+def _one(group: Group, units: Array) -> Field:
     return lambda x: group.column(x, units)[:, None]
