@@ -2,6 +2,10 @@
 
 Its predictions were committed before any of these problems was diagnosed. Gauges, trade-offs,
 numbers and acts are counted as in `fifth_zoo.py`.
+
+In the first run the numbers were as predicted in 18 of 18, the acts in 18, and the kinds of gauges
+in 17. In `factors_of_unit_covariance` the point has another covariance than the one that is told,
+so that the rotation is one of other axes; it was called a linear map, and was mended afterwards.
 """
 
 from itertools import combinations

@@ -4,6 +4,11 @@ Its predictions were committed before any of these problems was diagnosed. Model
 of compartments are textbook cases of structural identifiability (Bellman and Astrom, On structural
 identifiability, 1970; Massonis and Villaverde, Finding and breaking Lie symmetries, 2020). Gauges,
 trade-offs, numbers and acts are counted as in `fifth_zoo.py`.
+
+In the first run the numbers were as predicted in 26 of 26, the acts in 26, and the kinds of gauges
+in 23. The other three were mended afterwards: `arm_with_two_upright_axes` (the rotation was lost to
+rounding), `stars_of_unknown_distance` and `one_blend_shape` (a mixture of an offset and a factor).
+That queries and keys may be exchanged in `scores_of_attention` was not predicted.
 """
 
 from collections.abc import Callable

@@ -1,13 +1,16 @@
 """Gauges: what a problem is invariant to, by name, before any other name is looked for.
 
-Rows of points may move by a similarity (translations, rotations and a scale), rows of numbers by a
-common offset or a common factor, and a factor of a matrix product by a matrix that the next factor
-undoes; points that cameras see as matrices may be mapped projectively. Such a motion is a gauge
-where the other unknowns can undo it: where some of their changes, together with it, lie in the null
-space. This is a linear question, whatever the form in which cameras are written. Of all changes
-that undo it the smallest is taken.
+Rows of points may move by a similarity (translations, rotations and a scale), numbers by a common
+offset or a common factor, and a factor of a matrix product by a matrix that the next factor undoes;
+points that cameras see as matrices may be mapped projectively. Each such motion is a field over the
+unknowns: an element of the Lie algebra of a group that acts on them. It is a gauge where the other
+unknowns can undo it: where some of their changes, together with it, lie in the null space. This is
+a linear question, whatever the form in which cameras are written. It has to have the same answer
+at other points nearby, for at one point alone much cancels by chance. Of all changes that undo a
+motion the smallest is taken, or that of the fewest blocks.
 
-Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general.
+Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general;
+Olver, Applications of Lie groups to differential equations (1993), section 2.1, symmetries.
 """
 
 from collections.abc import Callable, Iterator, Sequence

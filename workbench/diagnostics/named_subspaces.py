@@ -27,7 +27,7 @@ class NamedSubspace:
     """A subspace of the free numbers with a name: the columns of `basis` at the rows `entries`.
 
     Attributes:
-        kind: `entry`, `twist`, `joint`, `shift` or `block`.
+        kind: `entry`, `twist`, `joint`, `shift` or `block`, or that of a gauge (`Direction`).
         name: what the motion is called in reports.
         joints: the joints that it turns.
         entries: (q,) the free numbers that it moves.
