@@ -77,7 +77,7 @@ def null_directions(
 
 def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
     """A null space (n, d) without what rounding leaves of long columns, by a Newton step."""
-    if not isinstance(here.jacobian, np.ndarray):
+    if not isinstance(here.jacobian, np.ndarray) or not here.jacobian.any():
         return null
     R = here.R
     missed = scipy.linalg.lstsq(R, R @ null, cond=tolerance / float(np.linalg.norm(R)))[0]
