@@ -62,7 +62,7 @@ def turn_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
     single = [b for b in turns if b.size == 3]
     spatial = [*single, *(b for b in free.blocks if b.shape == (3,) and b.unit in LENGTHS[1:])]
     roots = [np.array(tree.entries(0, free), dtype=np.int64) for tree in problem.trees]
-    moved = [(r, free.block_of(int(r[0]))[0]) for r in roots if len(r) == 3 and spatial]
+    moved = [(r, free.block_of(int(r[0]))[0]) for r in roots if len(r) == 3 and turns]
     moved += [(places_of(free, b), b) for b in turns]
     for at, block in moved:
         frames = [b for b in spatial if b is not block]

@@ -8,6 +8,7 @@ those of few groups are taken (least sum of absolute values).
 
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from workbench.diagnostics.sparse_bases import sparsest
 from workbench.diagnostics.things import in_space
 from workbench.diagnostics.undoing import (
     SAME,
-    Field,
     Found,
     Unseen,
     nothing,
@@ -115,7 +115,12 @@ def trade_offs(free: Layout, blocks: Sequence[Block], unseen: Unseen) -> Iterato
 
 
 def _trade_off(free: Layout, v: Array) -> NamedSubspace:
-    return single_gauge("trade-off", f"a trade-off: {dominant(v / np.linalg.norm(v), free)}", v)
+    """`a trade-off within slide: 0.71 slide[0] - 0.71 slide[2]`, or one of several blocks."""
+    small = SAME * abs(v).max()
+    moved = [b.name for b in free.blocks if abs(v[places_of(free, b)]).max(initial=0.0) > small]
+    among = f"within {moved[0]}" if len(moved) == 1 else f"of {listed(moved)}"
+    name = f"a trade-off {among}: {dominant(v / np.linalg.norm(v), free)}"
+    return single_gauge("trade-off", name, v)
 
 
 def _whole(free: Layout, blocks: Sequence[Block], islands: Sequence[Index]) -> Iterator[Group]:
@@ -188,9 +193,7 @@ def _combinations(
     if found.all or not groups or len(groups) > MANY:
         return
 
-    def moves(x: Array) -> Array:
-        return np.column_stack([group.column(x, units) for group in groups])
-
+    moves = partial(_columns, groups, units)
     D = moves(unseen.x)
     size = np.linalg.norm(D, axis=0)
     C = nothing(unseen.missed(moves, size), unseen.same)
@@ -208,6 +211,11 @@ def _combinations(
         v = np.where(v == 0, 0.0, inside) if unseen.exact else inside
         if np.linalg.norm(v) > SAME * np.linalg.norm(D * a):
             yield Combination([(g, float(b)) for g, b in zip(groups, a, strict=True) if b], v)
+
+
+def _columns(groups: Sequence[Group], units: Array, x: Array) -> Array:
+    """How the unknowns (n,) move with each of the groups, (n, g)."""
+    return np.column_stack([group.column(x, units) for group in groups])
 
 
 def _of_few(basis: Array, known: Array) -> Array:
@@ -282,8 +290,7 @@ def _undone_in_any_way(
         choices = [places_of(free, b) for b in free.blocks if b is not group.block]
         kind, said = ("scale", "a common factor") if group.factor else ("offset", "a common offset")
         own = None if group.places.size == group.block.size else group.places
-        field = _one(group, units)
-        for v, _ in undone_by_few(field, choices, unseen):
+        for v, _ in undone_by_few(partial(_columns, [group], units), choices, unseen):
             if group.name.startswith(("row ", "column ", "slice ")):
                 where = group.name.removesuffix(f" of {group.block.name}")
                 yield named_gauge(
@@ -291,7 +298,3 @@ def _undone_in_any_way(
                 )
             else:
                 yield named_gauge(kind, said, v, free, [group.block], own, least=unseen.same)
-
-
-def _one(group: Group, units: Array) -> Field:
-    return lambda x: group.column(x, units)[:, None]
