@@ -168,7 +168,7 @@ Picture(
 )
 
 # %% [markdown]
-# Far from all examples the kernels fade, and hardly anything is repaired. If they are divided by their sum, the
+# Far from all examples, at 170 degrees, the kernels have faded, and hardly anything is repaired. If they are divided by their sum, the
 # nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples will do
 # for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
 # that have to be kept and summed. Examples cannot fill 69 dimensions.
@@ -422,7 +422,7 @@ axes = within / lengths
 steps = np.linspace(0, 4, 41)  # m, over all coordinates together
 shares = []
 for step in steps:
-    everything = np.column_stack([within, step / 2 * axes[:, 3]])  # C = A A'
+    everything = np.column_stack([within, step / 2 * axes[:, 3]])  # C is this times its transpose
     U, _, _ = np.linalg.svd(everything, full_matrices=False)
     shares.append(np.abs(U[:, :2].T @ axes[:, 3]))
 shares = np.array(shares)
@@ -723,9 +723,9 @@ Picture(
 #
 # | problem | answer | whose | here |
 # | --- | --- | --- | --- |
-# | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | not yet: these bodies have one joint for all fingers |
-# | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lecture 13: a mirror changes the sign of $x$ and exchanges vertices |
-# | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 10: a Gaussian of poses; below, for bodies |
+# | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | lecture 18; the bodies of this lecture have one joint for all fingers of a hand |
+# | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lectures 13 and 18: a mirror changes the sign of $x$ and exchanges vertices |
+# | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 18; a Gaussian of poses in lecture 10, and for bodies below |
 # | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR*, 2020 | above; the embedded bodies are local |
 # | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL*, 2015 | above |
 # | the template is drawn in a pose of its own | binding matrices | the notes on MANO | lecture 3 |

@@ -161,7 +161,7 @@ SAYS = {
         )
     ),
     "the embedded bodies are local": lambda run: run.line("embedded body:")[0] > 70,
-    "these bodies have one joint for all fingers": lambda run: (
+    "the bodies of this lecture have one joint for all fingers of a hand": lambda run: (
         sum("hand" in name for name in run["body"].joint_names) == 2
     ),
     "If poses are few, let a vertex depend on near joints only.": lambda run: (
@@ -194,8 +194,9 @@ SAYS = {
         error(run, "exact", 105),
         error(run, "divided by the sum", 105),
     ),
-    "Far from all examples the kernels fade, and hardly anything is repaired. If they are divided by "
+    "Far from all examples, at 170 degrees, the kernels have faded, and hardly anything is repaired. If they are divided by "
     "their sum, the nearest example is used instead": lambda run: (
+        170,
         error(run, "not divided", 170) > 0.9 * error(run, "none", 170),
         error(run, "exact", 170) > 0.9 * error(run, "none", 170),
         error(run, "divided by the sum", 170) < 0.8 * error(run, "none", 170),
