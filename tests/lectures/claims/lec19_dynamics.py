@@ -144,5 +144,5 @@ GIVEN = (
     "w\\, z + r^2 = 0$, which gives",
     "(Pons-Moll et al., 2015; Loper et al., 2015)",
     "1 is perfect, 0 is as good as a tissue that keeps its mean place, and below 0 is worse.",
-    "(Le and Deng, 2012; the fits of lecture 4 in turn with rigid motions)",
+    "(Le and Deng, 2012: in turn the weights, in which the blending of lecture 4 is linear",
 )
