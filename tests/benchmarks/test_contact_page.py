@@ -29,7 +29,7 @@ def test_every_way_fitted_the_same_poses() -> None:
 def test_the_hinge_with_a_small_sigma_and_the_limit_agree_from_one_start(way: str) -> None:
     apart = abs(of("hinge, sigma 0.1 mm", "cost") / of(way, "cost") - 1)
     assert apart.max() < 0.01
-    assert (apart < 2e-4).sum() >= 8
+    assert (apart < 2.5e-4).sum() == (8 if way.startswith("IPOPT") else 10)
     assert abs(of("hinge", "cost") / of("hinge, sigma 0.1 mm", "cost") - 1).max() < 0.0125
 
 
