@@ -10,6 +10,7 @@ TOGETHER = {  # files of tests that share what takes long, and a name for them
     "test_every_lecture.py": "lectures",
     "test_prose.py": "lectures",
     "test_benchmarks.py": "benchmarks",
+    "test_examples.py": "examples",
     "test_site.py": "site",
     "test_no_hang.py": "no hang",
     "test_triangle_study.py": "triangles",

@@ -70,7 +70,7 @@ def weights(s: Array) -> Array:
 
     When the hand turns by 180 degrees, they turn about the forearm by 0, 45, 90, 135 and 180
     degrees. A ring at s = 0 (the elbow) follows the first bone alone, one at s = 1 the last one
-    alone. Between them, linear blending must leave 0.9 of every radius, and rings that are a
+    alone. Between them, linear blending must leave at least 0.9 of every radius, and rings that are a
     hundredth of the length apart must not be turned by more than 5 degrees against each other.
 
     s (n,), from 0 to 1 -> (n, 5), not negative, rows summing to one

@@ -233,7 +233,9 @@ Picture(
 #    = |c|^2 + s \operatorname{Re}\left( \frac{d\bar c}{ds}\, c \right) + y\, (\dots)
 #    = |c|^2 + \tfrac12 s\, \frac{d |c|^2}{ds} + y\, (\dots) , $$
 #
-# because the derivative of $|c|^2 = \bar c\, c$ is twice the real part of $\frac{d\bar c}{ds}\, c$.
+# because the derivative of $|c|^2 = \bar c\, c$ is twice the real part of $\frac{d\bar c}{ds}\, c$. This area has a sign. On
+# the inside of a sharp bend, where the skin is folded through itself, it is negative, and so it counts as negative
+# volume, in our integral and in the volume that is measured on the mesh.
 # The last term is in proportion to $y$, and cancels between the upper and the lower half of the tube. What is
 # left depends on $s$ alone. We multiply it by $A$ and integrate it over the zone. The term with the derivative
 # is integrated by parts, and at both ends of the zone $|c|^2 = 1$:

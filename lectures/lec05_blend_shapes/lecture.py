@@ -521,7 +521,10 @@ Picture(
 )
 
 # %% [markdown]
-# Here un-posing is exact, because the meshes were made by the model that un-poses them; real registrations
+# Here un-posing is exact, because the meshes were made by the model that un-poses them. (`unpose` is not told the shape,
+# and so not the joints. But these are a fixed weighted mean of the rest surface, as the next section says, so that for a
+# known pose the posed vertices are linear in the rest surface, joints included: one linear system undoes it all.) Real
+# registrations
 # are un-posed only as well as the model describes them. Even with exact un-posing, the meshes of ten people fill
 # nine directions at most, however many poses there are. Poses do not replace people.
 #

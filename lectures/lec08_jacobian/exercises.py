@@ -60,9 +60,9 @@ def rank_of_tree(parents: list[int]) -> int:
 def sigmas(J: Array) -> Array:
     """How well each unknown is known, to first order, from whitened residuals (one sigma each).
 
-    Infinite for an unknown that takes part in a direction that no residual notices: for one whose
-    row in an orthonormal basis of the null space, as columns, is longer than 1e-8. (That is far above
-    rounding, and far below what matters.)
+    Infinite for an unknown that takes part in a direction that no residual notices, that is, whose
+    singular value counts as zero in `rank`: for an unknown whose row in an orthonormal basis of these
+    directions, as columns, is longer than 1e-8 (far above rounding, and far below what matters).
 
     J (m, n) -> (n,), standard deviations
     """

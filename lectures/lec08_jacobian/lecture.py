@@ -140,6 +140,10 @@ print(f"the tolerance {tolerance:.0e}, and {np.sum(scaled > tolerance)} are abov
 # - A joint with **several children** has several bones to them. No axis is parallel to all of these bones, unless
 #   they lie on one line. So all $3$ numbers are seen.
 #
+# These counts may be added. Each number that is not seen has a null direction of its own, so the rank is at most their
+# sum. And the bones that leave a joint are turned by this joint and by those above it, never by those below. So, beginning
+# at the root, nothing that is seen of a joint can be undone by the joints that follow: the rank is also at least the sum.
+#
 # If the body may also move as a whole, $3$ more numbers are seen.
 
 # %%

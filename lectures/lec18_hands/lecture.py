@@ -121,7 +121,7 @@ with house_style():
         hand.faces,
         ax=ax,
     )
-    ax.set(xlabel="")
+    ax.set(xlabel="", ylabel="along the hand (m)")
 Picture(
     figure,
     "The first component of the hand's pose, seen from above, opens and closes the fingers. The second one, "
@@ -156,7 +156,7 @@ with house_style():
     figure, (ax,) = sheet(7.5, 3.0)
     kinds = (("zero: flat", flat), ("the mean pose", relaxed), ("the mean twice", twice))
     line_up([Figurine(name, v, above) for name, v in kinds], hand.faces, ax=ax)
-    ax.set(xlabel="")
+    ax.set(xlabel="", ylabel="along the hand (m)")
 Picture(figure, "The same hand at zero, in its mean pose, and with the mean pose added twice.")
 
 # %% [markdown]
