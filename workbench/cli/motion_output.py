@@ -55,8 +55,6 @@ def write_motion(
         save_motion(out, motion)
     else:
         assert body is not None
-        if not isinstance(body, SkinnedBody):
-            raise NotSupported(not_skinned(body, "a motion as .glb", "take a SkinnedBody"))
         if correctives is not None or shapes:
             used = min(shapes, body.n_betas)
             found = write_glb(out, motion, body, correctives=correctives, shapes=used)
