@@ -6,11 +6,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.arrays import Array
-from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.skinned_only import not_skinned
 from workbench.cli.output import say
-from workbench.errors import BadArgument, NotSupported
+from workbench.errors import BadArgument
 from workbench.motions import Motion, save_motion, write_bvh, write_glb
 
 MOTIONS = (".bvh", ".npz", ".glb")  # what is written

@@ -55,9 +55,10 @@ def write_gltf(
     `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such
     as an expression, whose directions become morph targets. `correctives` is the number of morph
     targets that stand for the pose blend shapes, or for what bones lack of a triangle body: None
-    for as many as the poses need, which is exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
-    standard deviation, which the file leaves at zero. What is returned says how far the surface is
-    off; the file's `extras` say it too, and the betas. Whole or not at all.
+    for as many as the poses need, which is exact, 0 for none. The first `shapes` shape directions
+    are morph targets as well, of one standard deviation, which the file leaves at zero. What is
+    returned says how far the surface is off; the file's `extras` say it too, and the betas. Whole
+    or not at all.
 
     Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, and
     bodies drawn in another pose than zero; BadArgument for other numbers of morph targets.
