@@ -27,7 +27,7 @@ def shares(gram: Array, right: Array, start: Array) -> Array:
     `start` (n,) fulfils the constraints.
     """
     every = np.ones((1, len(right)), dtype=bool)
-    return many_shares(gram[None], right[None], start[None], every)[0]
+    return np.asarray(many_shares(gram[None], right[None], start[None], every)[0])
 
 
 def many_shares(grams: Array, rights: Array, starts: Array, allowed: Mask) -> Array:
@@ -127,7 +127,8 @@ def _solved(K: Array, right: Array) -> tuple[Array, Mask]:
         both = _solved(K[:half], right[:half]), _solved(K[half:], right[half:])
         return np.concatenate([x for x, _ in both]), np.concatenate([well for _, well in both])
     off = np.linalg.norm((K @ found[..., None])[..., 0] - right, axis=1)
-    return found, off < 1e-12 * np.maximum(1.0, np.linalg.norm(found, axis=1))
+    well: Mask = off < 1e-12 * np.maximum(1.0, np.linalg.norm(found, axis=1))
+    return np.asarray(found, dtype=float), well
 
 
 def kkt_residual(gram: Array, right: Array, w: Array, allowed: Mask) -> float:
