@@ -17,9 +17,7 @@ def test_the_page_is_that_of_the_numbers() -> None:
 
 def test_24_joints_become_52_and_back_as_well_as_the_page_says() -> None:
     there, back = FOUND["pairs"][:2]
-    assert (
-        (there["from"], there["to"]) == ("default", "full + fingers") == (back["to"], back["from"])
-    )
+    assert (there["from"], there["to"]) == ("default", "full-hands") == (back["to"], back["from"])
     for row in (there, back):
         assert len(row["mean"]) == len(conversion.SEEDS)
         assert max(row["mean"]) < 3.5

@@ -5,11 +5,22 @@ import json
 from benchmarks.hands.__main__ import BEGIN, END, PAGE, RESULTS
 from benchmarks.hands.tables import tables
 
+KINDS = ("frame", "frame with fingers")
+
 
 def test_the_page_holds_the_tables_of_the_stored_results() -> None:
     text = PAGE.read_text()
     found = json.loads(RESULTS.read_text())
     assert f"{BEGIN}\n{tables(found)}\n{END}" in text
+
+
+def test_what_fingers_cost_is_what_was_measured() -> None:
+    seconds = json.loads(RESULTS.with_name("fingers.json").read_text())["found"]["seconds"]
+    ratios = [min(seconds[k]["full-hands"]) / min(seconds[k]["full"]) for k in KINDS]
+    text = " ".join(PAGE.read_text().split())
+    assert f"is fitted in {ratios[0]:.2f} times the time, where at most 2.5" in text
+    assert f"of body and fingers it takes {ratios[1]:.2f} times as long" in text
+    assert ratios[0] < 2.5 < ratios[1]
 
 
 def test_hands_are_found_as_the_page_says() -> None:

@@ -1,6 +1,7 @@
 """Skinned glTF: read back and evaluated as a viewer would, it says what the body says."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import workbench as wb
 from workbench.bodies.files.correctives import correctives_of
 from workbench.bodies.files.gltf import write_gltf
-from workbench.bodies.triangles import scape
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument, BadBody
 
 SMALL = wb.load_body("small")
@@ -177,6 +178,30 @@ def test_quaternions_of_neighbouring_frames_are_on_one_side(tmp_path: Path) -> N
         assert ((q[1:] * q[:-1]).sum(axis=1) > 0.9).all()
 
 
+@pytest.mark.parametrize("make", [scape, blend_scape])
+def test_bones_and_correctives_show_a_triangle_body(
+    tmp_path: Path, make: Callable[[wb.SkinnedBody], TriangleBody]
+) -> None:
+    """Also where a twist by half a turn flattens what linear blending makes of a forearm."""
+    assert isinstance(SMALL, wb.SkinnedBody)
+    body, (poses, betas) = make(SMALL), some()
+    poses[1, body.joint_names.index("left_wrist")] = [np.pi, 0, 0]
+    trans = np.array([[0.0, 1, 0], [0.1, 1, 0.5], [0.2, 1.1, 1.0]])
+    found = write_gltf(tmp_path / "a.glb", body, poses, betas, trans=trans, shapes=2)
+    assert len(found.shapes) == 3
+    assert found.largest < 1e-7
+    document, array = read(tmp_path / "a.glb")
+    for frame, (pose, place) in enumerate(zip(poses, trans, strict=True)):
+        shown = skinned(document, array, frame)
+        np.testing.assert_allclose(shown, body.vertices(pose, betas, place), atol=1e-6)
+    assert "WEIGHTS_1" not in document["meshes"][0]["primitives"][0]["attributes"]
+    moved = array(document["meshes"][0]["primitives"][0]["targets"][1]["POSITION"])
+    direction = body.vertices(betas=np.eye(10)[1]) - body.vertices()
+    np.testing.assert_allclose(moved, direction, atol=1e-7)
+    few = write_gltf(tmp_path / "b.glb", body, poses, betas, correctives=1)
+    assert 1e-3 < few.mean < few.largest
+
+
 def test_trimesh_opens_it(tmp_path: Path) -> None:
     poses, betas = some()
     write_gltf(tmp_path / "a.glb", SMALL, poses, betas)
@@ -187,8 +212,6 @@ def test_trimesh_opens_it(tmp_path: Path) -> None:
 
 def test_what_no_gltf_can_say_is_refused_and_nothing_written(tmp_path: Path) -> None:
     poses, _ = some()
-    with pytest.raises(BadBody, match="has no bones: its surface is the solution"):
-        write_gltf(tmp_path / "a.glb", scape(SMALL), poses)
     twisted = replace(SMALL, skinning=wb.dual_quaternion_blend)
     with pytest.raises(BadBody, match="is not skinned as a glTF is"):
         write_gltf(tmp_path / "a.glb", twisted, poses)

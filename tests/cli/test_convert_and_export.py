@@ -93,10 +93,6 @@ def test_code_is_exported(tmp_path: Path, workbench: Run) -> None:
             "--correctives takes exact, or a whole number from 0, not 'many'",
         ),
         (("export", "walk.npz", "--out", "a.fbx"), "can be written as .bvh or .npz or .glb or .c"),
-        (
-            ("export", "walk.npz", "--body", "small-scape", "--out", "a.glb"),
-            "take a SkinnedBody",
-        ),
         (("export", "--points", "face", "--out", "a.c"), "no landmark set is called 'face'"),
     ],
 )

@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ import pytest
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
-from tests.bodies.model_files import with_fingers, written
+from tests.bodies.model_files import flame, with_fingers, written
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.motions import glb_files, write_glb
 
@@ -43,6 +45,7 @@ def shown(path: Path) -> tuple[dict[str, object], np.ndarray]:
         ("default", 40, 32, 5e-4),
         ("hand", 20, None, 1e-6),
         ("52 joints", 12, None, 1e-6),
+        ("small-blend-scape", 12, None, 1e-6),
     ],
 )
 def test_the_validator_finds_nothing_and_three_shows_the_body(
@@ -50,9 +53,37 @@ def test_the_validator_finds_nothing_and_three_shows_the_body(
 ) -> None:
     known = name != "52 joints"
     body = wb.load_body(name if known else written(with_fingers("small"), tmp_path / "SMPLH.pkl"))
-    assert isinstance(body, wb.SkinnedBody)
+    assert isinstance(body, wb.SkinnedBody | TriangleBody)
     motion = clip(body, frames, seed=6)
-    path = tmp_path / "a.glb"
+    seen_by_others(tmp_path / "a.glb", motion, body, correctives, farthest)
+
+
+@NEEDS_NODE
+def test_a_face_that_moves_is_shown(tmp_path: Path) -> None:
+    raw = flame(60)
+    raw["shapedirs"] = raw["shapedirs"][:, :, [*range(10), *range(300, 310)]]
+    body = wb.load_body(written(raw, tmp_path / "FLAME.pkl"))
+    assert isinstance(body, wb.SkinnedBody)
+    faces = np.arange(40)[:, None] + [0, 1, 2]  # some of those made up are flat
+    weights = np.where(body.weights > np.sort(body.weights)[:, :1], body.weights, 0)  # four of five
+    body = replace(body, faces=faces, weights=weights / weights.sum(axis=1, keepdims=True))
+    rng = np.random.default_rng(3)
+    pose = rng.normal(scale=0.3, size=(8, body.n_joints, 3))
+    trans, betas, expression = (rng.normal(size=s) for s in ((8, 3), 6, (8, 10)))
+    talking = wb.Motion(pose, trans, 30.0, body.joint_names, betas, expression)
+    still = replace(talking, expression=None)
+    assert np.abs(talking.vertices(body) - still.vertices(body)).max() > 1e-3
+    seen_by_others(tmp_path / "a.glb", talking, body, None, 1e-6)
+
+
+def seen_by_others(
+    path: Path,
+    motion: wb.Motion,
+    body: wb.SkinnedBody | TriangleBody,
+    correctives: int | None,
+    farthest: float,
+) -> None:
+    """The validator finds nothing, and three.js shows the body, to within `farthest` in m."""
     write_glb(path, motion, body, correctives=correctives, shapes=10)
     issues, places = shown(path)
     found = [issues[f"num{kind}"] for kind in ("Errors", "Warnings", "Infos", "Hints")]

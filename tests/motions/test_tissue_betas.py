@@ -35,10 +35,18 @@ def test_a_body_with_tissue_is_the_model_of_tissue(tmp_path: Path) -> None:
 def test_the_command_shows_tissue(tmp_path: Path) -> None:
     wb.save_motion(tmp_path / "walk.npz", MOTION)
     out = ["--page", str(tmp_path / "walk.html"), "--out", str(tmp_path / "walk.glb")]
-    said = CliRunner().invoke(app, ["motion", str(tmp_path / "walk.npz"), "--tissue", *out])
+    said = CliRunner().invoke(
+        app, ["motion", str(tmp_path / "walk.npz"), "--tissue", "--exaggeration", "2", *out]
+    )
     assert said.exit_code == 0, said.output
-    assert "simulated soft tissue, learned from no measurement, is displaced by" in said.output
-    assert (tmp_path / "walk.html").stat().st_size > 1e5
+    text = (tmp_path / "walk.html").read_text()
+    by = displaced_by(TISSUE, betas_with_tissue(BODY, TISSUE, TISSUE.prepared(MOTION), 2.0))
+    most = 1e3 * np.linalg.norm(by, axis=2).max()
+    for shown in (" ".join(said.output.split()), text):
+        assert "The soft tissue is simulated, and was learned from no measurement of peo" in shown
+        assert f"{most:.0f} mm at most, 2 times as far as the model says" in shown
+    assert "Charts are shown" not in text
+    assert len(text) > 1e5
     assert (tmp_path / "walk.glb").stat().st_size > 1e5
 
 

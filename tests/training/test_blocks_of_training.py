@@ -40,7 +40,14 @@ from workbench.training.pose_training import (
 from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
 from workbench.training.progress import Progress
 from workbench.training.registrations import InMemory, in_memory
-from workbench.training.simplex import few_shares, kkt_residual, shares, shares_to_zero
+from workbench.training.simplex import (
+    NoShares,
+    few_shares,
+    kkt_residual,
+    many_shares,
+    shares,
+    shares_to_zero,
+)
 from workbench.training.skinning_pass import SkinningPass
 
 START = jointed_tube(7, 5)
@@ -212,15 +219,35 @@ def test_shares_fulfil_the_conditions_and_beat_every_corner() -> None:
 
 def test_few_shares_are_few_and_never_worse_than_the_start() -> None:
     rng = np.random.default_rng(2)
-    for _ in range(20):
-        B, v = rng.standard_normal((60, 10)), rng.standard_normal(60) * 0.1
-        G, c = B.T @ B, B.T @ v
-        start = np.zeros(10)
-        start[:4] = 0.25
-        w, kkt = few_shares(G, c, start, 4)
-        assert np.count_nonzero(w) <= 4
-        assert kkt < 1e-10
+    B, v = rng.standard_normal((20, 60, 10)), rng.standard_normal((20, 60)) * 0.1
+    grams, rights = B.swapaxes(1, 2) @ B, (v[:, None] @ B)[:, 0]
+    start = np.zeros(10)
+    start[:4] = 0.25
+    found, kkt = few_shares(grams, rights, np.tile(start, (20, 1)), 4)
+    assert (np.count_nonzero(found, axis=1) <= 4).all()
+    assert kkt.max() < 1e-10
+    for G, c, w in zip(grams, rights, found, strict=True):
         assert 0.5 * w @ G @ w - c @ w <= 0.5 * start @ G @ start - c @ start
+
+
+def test_problems_of_shares_are_solved_together_as_each_by_itself() -> None:
+    """Also where a matrix is singular, or a row of its start is a corner."""
+    rng = np.random.default_rng(3)
+    B, v = rng.standard_normal((12, 9, 6)), rng.standard_normal((12, 9))
+    B[3, :, 1] = B[3, :, 0]  # two columns are the same
+    B[4] = 0
+    grams, rights = B.swapaxes(1, 2) @ B, (v[:, None] @ B)[:, 0]
+    starts = np.full((12, 6), 1 / 6)
+    starts[5] = np.eye(6)[2]
+    every = np.ones((12, 6), dtype=bool)
+    found = many_shares(grams, rights, starts, every)
+    for G, c, w, start in zip(grams, rights, found, starts, strict=True):
+        np.testing.assert_allclose(w, shares(G, c, start), atol=1e-12)
+    allowed = every.copy()
+    allowed[:, 4] = False
+    assert not many_shares(grams, rights, np.tile(np.eye(6)[0], (12, 1)), allowed)[:, 4].any()
+    with pytest.raises(NoShares, match="not finite"):
+        shares(np.full((2, 2), np.nan), np.zeros(2), np.array([0.5, 0.5]))
 
 
 def test_kkt_residual_notices() -> None:

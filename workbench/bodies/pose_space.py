@@ -208,6 +208,6 @@ def _deviations(extras: Mapping[str, NDArray[Any]], end: str, count: int) -> Arr
         return np.ones(count)
     if coefficients.shape[1] == count and len(coefficients) > 1:
         with np.errstate(over="ignore", invalid="ignore"):
-            spread = np.asarray(coefficients.std(axis=0), dtype=np.float64)
+            spread = reals(f"hands_coeffs{end}", coefficients).std(axis=0)
         return spread if ((spread > 0) & np.isfinite(spread)).all() else np.ones(count)
     return np.ones(count)

@@ -127,33 +127,40 @@ def motion(
         places, pairs = _stick_figure(found, model)
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
-    betas: Array | None = None
+    betas, told = None, ""
     if tissue:
         assert model is not None
-        found, model, betas = _with_tissue(console, found, model, exaggeration)
+        found, model, betas, told = _with_tissue(console, found, model, exaggeration)
     if page is not None:
         assert model is not None
-        print_page(console, "page", motion_page(found, model, path.name, betas).save(page))
+        made = motion_page(found, model, path.name, betas, [f"{told}."] if told else ())
+        print_page(console, "page", made.save(page))
     if out is not None:
         write_motion(console, out, found, model, betas=betas)
 
 
 def _with_tissue(
     console: Console, found: Motion, body: Body, exaggeration: float
-) -> tuple[Motion, SkinnedBody, Array]:
-    """The motion at the tissue's rate, the body with tissue, and its betas in every frame."""
+) -> tuple[Motion, SkinnedBody, Array, str]:
+    """The motion at the tissue's rate, the body with tissue, its betas in every frame; a sentence.
+
+    The sentence says where the tissue comes from, and how far it moves.
+    """
     soft = load_tissue()
     if not isinstance(body, SkinnedBody):
         raise BadArgument(f"body {body.name!r} has no soft tissue; take --body default")
     found = soft.prepared(found)
     betas = betas_with_tissue(body, soft, found, exaggeration)
-    farthest = np.linalg.norm(displaced_by(soft, betas), axis=2).max()
-    say(
-        console,
-        f"simulated soft tissue, learned from no measurement, is displaced by {1e3 * farthest:.0f} "
-        f"mm at most in {len(found)} frames at {found.fps:g} frames a second",
+    away = 1e3 * np.linalg.norm(displaced_by(soft, betas), axis=2)
+    told = (
+        "The soft tissue is simulated, and was learned from no measurement of people: in "
+        f"{len(found)} frames at {found.fps:g} frames a second it moves vertices by "
+        f"{away.mean():.1f} mm on average and {away.max():.0f} mm at most"
     )
-    return found, with_tissue(body, soft), betas
+    if exaggeration != 1.0:
+        told += f", {exaggeration:g} times as far as the model says"
+    say(console, told)
+    return found, with_tissue(body, soft), betas, told
 
 
 def _say_motion(console: Console, found: Motion, path: Path) -> None:

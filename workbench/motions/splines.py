@@ -39,7 +39,7 @@ def splined(motion: Motion, fps: float) -> Motion:
         axis=1,
     )
     face = motion.expression
-    note = f"splined from {motion.fps:g} to {times.fps:g} frames a second"
+    note = f"resampled by splines from {motion.fps:g} to {times.fps:g} frames a second"
     return replace(
         motion,
         pose=pose,

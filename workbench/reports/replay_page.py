@@ -119,8 +119,16 @@ def replay_page(recording: Recording, title: str = "", said: Sequence[str] = ())
     return ReplayPage(text, recording.caption)
 
 
-def motion_page(motion: Motion, body: Body, title: str, betas: Array | None = None) -> ReplayPage:
+def motion_page(
+    motion: Motion,
+    body: Body,
+    title: str,
+    betas: Array | None = None,
+    said: Sequence[str] = (),
+) -> ReplayPage:
     """The page of a motion on a body; `betas` (T, B) take the place of the motion's own.
+
+    `said` are further sentences above the body.
 
     Raises BadArgument if they have no joint in common, and NotSupported for a body that a page
     cannot pose.
@@ -133,4 +141,4 @@ def motion_page(motion: Motion, body: Body, title: str, betas: Array | None = No
         )
     count = f"{len(motion):,} frames at {motion.fps:g} frames a second, {motion.seconds:.2f} s"
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in motion.named(body).notes if note)
-    return replay_page(recording, title, (f"{count}, on body {body.name!r}.", *notes))
+    return replay_page(recording, title, (f"{count}, on body {body.name!r}.", *notes, *said))

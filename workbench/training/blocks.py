@@ -159,11 +159,8 @@ def fit_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
     precision = objective.sigmas.weights**-2
     grams += precision * np.eye(grams.shape[1])
     rights += precision * objective.first_weights
-    weights, worst = np.empty_like(estimate.weights), 0.0
-    for i, start in enumerate(estimate.weights):
-        weights[i], kkt = few_shares(grams[i], rights[i], start, options.most_weights)
-        worst = max(worst, kkt)
-    return BlockResult(replace(estimate, weights=weights), {"kkt": worst})
+    weights, kkt = few_shares(grams, rights, estimate.weights, options.most_weights)
+    return BlockResult(replace(estimate, weights=weights), {"kkt": float(kkt.max())})
 
 
 def cut_weights(given: BlockInput, estimate: Estimate) -> BlockResult:

@@ -17,7 +17,7 @@ PULL = 1e-13  # of the largest diagonal entry: a smaller gradient is rounding
 
 
 class NoShares(WorkbenchError):
-    """The active set did not settle, as happens with numbers that are not finite."""
+    """Numbers that are not finite, or an active set that did not settle."""
 
 
 def shares(gram: Array, right: Array, start: Array) -> Array:
@@ -26,34 +26,55 @@ def shares(gram: Array, right: Array, start: Array) -> Array:
     `gram` (n, n) is symmetric and not indefinite, and `right` is in its range, as B'B and B'v are.
     `start` (n,) fulfils the constraints.
     """
-    scale = float(np.diag(gram).max()) or 1.0
-    G, c, w = gram / scale, right / scale, start.copy()
-    free = w > 0
-    barred = np.zeros_like(free)  # freed and fixed again at once: their gradient is rounding
-    for _ in range(20 * len(w) + 20):
-        own = np.flatnonzero(free)
-        best = np.zeros_like(w)
-        best[own] = _balanced(G[np.ix_(own, own)], c[own])
-        low = own[best[own] <= 0]
-        if len(low):
-            falls = w[low] - best[low]
-            shares_of_way = np.where(falls > 0, w[low] / np.where(falls > 0, falls, 1.0), 0.0)
-            first = int(np.argmin(shares_of_way))
-            way = min(1.0, float(shares_of_way[first]))
-            barred = barred if way > 0 else barred | (np.arange(len(w)) == low[first])
-            w = w + way * (best - w)
-            w[low[first]], free[low[first]] = 0.0, False
-            w = np.where(free, w.clip(0), 0.0)
-            continue
-        w = best
-        slope = G @ w - c
-        pull = slope - slope @ w
-        pull[free | barred] = 0
-        k = int(np.argmin(pull))
-        if pull[k] >= -PULL * max(1.0, float(abs(c).max())):
-            return np.asarray(w / w.sum())
-        free[k] = True
-    raise NoShares(f"shares of {len(w)} did not settle; are the numbers finite?")
+    every = np.ones((1, len(right)), dtype=bool)
+    return np.asarray(many_shares(gram[None], right[None], start[None], every)[0])
+
+
+def many_shares(grams: Array, rights: Array, starts: Array, allowed: Mask) -> Array:
+    """The shares (m, n) of m such problems; those that are not `allowed` (m, n) stay zero.
+
+    All problems make their steps together, each until it is solved. Raises NoShares for numbers
+    that are not finite.
+    """
+    if not (np.isfinite(grams).all() and np.isfinite(rights).all()):
+        raise NoShares("numbers that are not finite have no shares")
+    scales = np.diagonal(grams, axis1=1, axis2=2).max(axis=1)
+    scales = np.where(scales == 0, 1.0, scales)
+    W, free = starts.copy(), starts > 0
+    barred = ~allowed  # and what was freed and fixed again at once: its gradient is rounding
+    going = np.arange(len(W))
+    for _ in range(20 * W.shape[1] + 20):
+        G, c = grams[going] / scales[going, None, None], rights[going] / scales[going, None]
+        w, own, shut = W[going], free[going], barred[going]
+        best = _balanced(G, c, own)
+        low = own & (best <= 0)
+        out, inside = np.flatnonzero(low.any(axis=1)), np.flatnonzero(~low.any(axis=1))
+        # Shares that would be negative: go as far as the first of them is zero, and fix it there.
+        falls = w[out] - best[out]
+        ways = np.where(falls > 0, w[out] / np.where(falls > 0, falls, 1.0), 0.0)
+        ways = np.where(low[out], ways, np.inf)
+        first = ways.argmin(axis=1)
+        way = ways[np.arange(len(out)), first].clip(max=1.0)
+        shut[out, first] |= way <= 0
+        w[out] += way[:, None] * (best[out] - w[out])
+        own[out, first] = False
+        w[out] = np.where(own[out], w[out].clip(0), 0.0)
+        # None of them: free the one that lowers the cost most, if any does.
+        w[inside] = best[inside]
+        slope = (G[inside] @ w[inside, :, None])[..., 0] - c[inside]
+        pull = slope - np.sum(slope * w[inside], axis=1, keepdims=True)
+        pull[own[inside] | shut[inside]] = 0
+        k = pull.argmin(axis=1)
+        least = -PULL * np.maximum(1.0, np.abs(c[inside]).max(axis=1))
+        solved = pull[np.arange(len(inside)), k] >= least
+        own[inside[~solved], k[~solved]] = True
+        done = inside[solved]
+        w[done] /= w[done].sum(axis=1, keepdims=True)
+        W[going], free[going], barred[going] = w, own, shut
+        going = np.delete(going, done)
+        if not len(going):
+            return W
+    raise NoShares(f"shares of {W.shape[1]} did not settle")
 
 
 def shares_to_zero(A: Array) -> Array:
@@ -70,56 +91,92 @@ def shares_to_zero(A: Array) -> Array:
     return np.asarray(w / w.sum())
 
 
-def _balanced(G: Array, c: Array) -> Array:
-    """The w that minimises w.G w / 2 - c.w with sum w = 1; the shortest if there are several."""
-    n = len(c)
-    K = np.ones((n + 1, n + 1))
-    K[:n, :n], K[n, n] = G, 0
-    right = np.append(c, 1.0)
+def _balanced(grams: Array, rights: Array, free: Mask) -> Array:
+    """The w (m, n) that minimise w.G w / 2 - c.w with sum w = 1 and zeros where they are not free.
+
+    The shortest, if there are several.
+    """
+    m, most = len(grams), max(1, int(free.sum(axis=1).max(initial=1)))
+    order = np.argsort(~free, axis=1, kind="stable")[:, :most]  # the free ones come first
+    own = np.take_along_axis(free, order, axis=1)
+    rows = np.arange(m)[:, None]
+    K = np.ones((m, most + 1, most + 1))
+    K[:, :most, :most] = grams[rows[..., None], order[:, :, None], order[:, None, :]]
+    K[:, :most, :most] *= own[:, :, None] & own[:, None, :]
+    K[:, :most, most] = K[:, most, :most] = own
+    K[:, most, most] = 0
+    at = np.arange(most)
+    K[:, at, at] = np.where(own, K[:, at, at], 1.0)  # what is not free has an equation w = 0
+    right = np.concatenate([rights[rows, order] * own, np.ones((m, 1))], axis=1)
+    found, well = _solved(K, right)
+    for i in np.flatnonzero(~well):
+        found[i] = np.linalg.lstsq(K[i], right[i], rcond=None)[0]
+    w = np.zeros_like(rights)
+    np.put_along_axis(w, order, found[:, :most] * own, axis=1)
+    return w
+
+
+def _solved(K: Array, right: Array) -> tuple[Array, Mask]:
+    """Solutions of K (m, k, k) x = right (m, k), and whether each is one."""
     try:
-        found = np.linalg.solve(K, right)
-        if np.linalg.norm(K @ found - right) < 1e-12 * max(1.0, float(np.linalg.norm(found))):
-            return np.asarray(found[:n])
-    except np.linalg.LinAlgError:
-        pass
-    return np.asarray(np.linalg.lstsq(K, right, rcond=None)[0][:n])
+        found = np.linalg.solve(K, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # which of them is singular is not said
+        if len(K) == 1:
+            return np.zeros_like(right), np.zeros(1, dtype=bool)
+        half = len(K) // 2
+        both = _solved(K[:half], right[:half]), _solved(K[half:], right[half:])
+        return np.concatenate([x for x, _ in both]), np.concatenate([well for _, well in both])
+    off = np.linalg.norm((K @ found[..., None])[..., 0] - right, axis=1)
+    well: Mask = off < 1e-12 * np.maximum(1.0, np.linalg.norm(found, axis=1))
+    return np.asarray(found, dtype=float), well
 
 
 def kkt_residual(gram: Array, right: Array, w: Array, allowed: Mask) -> float:
-    """The residual of the Karush-Kuhn-Tucker conditions at w, for the weights that are allowed.
+    """The residual of the Karush-Kuhn-Tucker conditions at w (n,); see `kkt_residuals`."""
+    return float(kkt_residuals(gram[None], right[None], w[None], allowed[None])[0])
 
-    It has no unit: gradients are divided by the largest diagonal entry of the matrix.
+
+def kkt_residuals(grams: Array, rights: Array, W: Array, allowed: Mask) -> Array:
+    """The residual (m,) of the Karush-Kuhn-Tucker conditions of each row of W (m, n).
+
+    Only weights that are `allowed` (m, n) count. It has no unit: gradients are divided by the
+    largest diagonal entry of the matrix.
     """
-    scale = float(np.diag(gram).max()) or 1.0
-    slope = (gram @ w - right) / scale
-    pull = (slope - slope @ w)[allowed]
-    taken = w[allowed] > 0
-    return max(
-        float(np.abs(pull[taken]).max(initial=0)),
-        float(-pull[~taken].min(initial=0)),
-        abs(float(w.sum()) - 1),
-        float(-w.min()),
-    )
+    scales = np.diagonal(grams, axis1=1, axis2=2).max(axis=1)
+    scales = np.where(scales == 0, 1.0, scales)
+    slope = ((grams @ W[..., None])[..., 0] - rights) / scales[:, None]
+    pull = slope - np.sum(slope * W, axis=1, keepdims=True)
+    taken = W > 0
+    away = np.where(taken, np.abs(pull), -pull)
+    worst = np.where(allowed, away, 0.0).max(axis=1, initial=0.0)
+    unlike = np.maximum(np.abs(W.sum(axis=1) - 1), -W.min(axis=1))
+    return np.asarray(np.maximum(worst, unlike))
 
 
-def few_shares(gram: Array, right: Array, start: Array, most: int) -> tuple[Array, float]:
-    """Shares of which at most `most` are above zero, and their KKT residual.
+def few_shares(grams: Array, rights: Array, starts: Array, most: int) -> tuple[Array, Array]:
+    """Shares (m, n) of which at most `most` are above zero in each row; their KKT residuals (m,).
 
     They are not worse than those of the start. Of the C(n, most) sets of shares two are tried:
     the largest ones without the limit, and those of the start, which has at most `most`.
     """
-    every = np.ones(len(right), dtype=bool)
-    whole = shares(gram, right, start)
-    if np.count_nonzero(whole) <= most:
-        return whole, kkt_residual(gram, right, whole, every)
-    found: list[tuple[float, Array, float]] = []
-    for chosen in (np.argsort(-whole, kind="stable")[:most], np.flatnonzero(start)):
-        own, w = np.ix_(chosen, chosen), np.zeros_like(start)
-        first = whole[chosen] if whole[chosen].sum() > 0 else start[chosen]
-        w[chosen] = shares(gram[own], right[chosen], first / first.sum())
-        allowed = np.zeros_like(every)
-        allowed[chosen] = True
-        cost = float(0.5 * w @ gram @ w - right @ w)
-        found.append((cost, w, kkt_residual(gram, right, w, allowed)))
-    _, w, residual = min(found, key=lambda one: one[0])
-    return w, residual
+    every = np.ones(rights.shape, dtype=bool)
+    W, allowed = many_shares(grams, rights, starts, every), every
+    many = np.flatnonzero((W > 0).sum(axis=1) > most)
+    if len(many):
+        G, c, start, whole = grams[many], rights[many], starts[many], W[many]
+        largest = np.zeros_like(start, dtype=bool)
+        np.put_along_axis(largest, np.argsort(-whole, axis=1, kind="stable")[:, :most], True, 1)
+        lowest, chosen = np.full(len(many), np.inf), largest
+        for sets in (largest, start > 0):
+            first = np.where(sets, whole, 0.0)
+            total = first.sum(axis=1, keepdims=True)
+            first = np.where(total > 0, first / np.where(total > 0, total, 1.0), start)
+            w = many_shares(G, c, first, sets)
+            cost = 0.5 * np.einsum("mi,mij,mj->m", w, G, w) - np.sum(c * w, axis=1)
+            better = cost < lowest
+            lowest = np.where(better, cost, lowest)
+            W[many[better]] = w[better]
+            chosen = np.where(better[:, None], sets, chosen)
+        allowed = allowed.copy()
+        allowed[many] = chosen
+    return W, kkt_residuals(grams, rights, W, allowed)

@@ -20,7 +20,7 @@ def rough() -> Bones:
 
 def test_rigid_motions_of_whole_weights_are_those_of_procrustes() -> None:
     rest, meshes = GIVEN.body.template, GIVEN.meshes
-    R, t = rigid_motions(rest, meshes, np.ones(len(rest)))
+    R, t = rigid_motions(rest, meshes.swapaxes(0, 1), np.ones(len(rest)))
     for turn, shift, mesh in zip(R, t, meshes, strict=True):
         motion = procrustes(rest, mesh)
         np.testing.assert_allclose(turn, motion.R, atol=1e-12)
@@ -30,9 +30,9 @@ def test_rigid_motions_of_whole_weights_are_those_of_procrustes() -> None:
 def test_the_motion_of_a_weighted_bone_is_stationary() -> None:
     """No small turn or shift lowers sum |w (R p + t) - q|^2."""
     rng = np.random.default_rng(0)
-    rest, targets, w = rng.random((9, 3)), rng.random((1, 9, 3)), rng.random(9)
+    rest, targets, w = rng.random((9, 3)), rng.random((9, 1, 3)), rng.random(9)
     (R,), (t,) = rigid_motions(rest, targets, w)
-    residual = w[:, None] * (rest @ R.T + t) - targets[0]
+    residual = w[:, None] * (rest @ R.T + t) - targets[:, 0]
     np.testing.assert_allclose(w @ residual, 0, atol=1e-12)
     np.testing.assert_allclose(w @ np.cross(rest @ R.T, residual), 0, atol=1e-12)
 
@@ -49,6 +49,14 @@ def test_no_turn_of_the_alternation_raises_the_cost() -> None:
     np.testing.assert_allclose(bones.weights.sum(axis=1), 1, atol=1e-12)
     assert bones.weights.min() >= 0
     assert (bones.weights > 0).sum(axis=1).max() <= 4
+
+
+def test_meshes_in_any_layout_of_memory_are_only_read() -> None:
+    rest, bones = GIVEN.body.template, rough()
+    by_vertex = np.ascontiguousarray(GIVEN.meshes.swapaxes(0, 1)).swapaxes(0, 1)
+    found = fit_bones(bones, rest, by_vertex)
+    np.testing.assert_array_equal(by_vertex, GIVEN.meshes)
+    np.testing.assert_array_equal(found.rotations, fit_bones(bones, rest, GIVEN.meshes).rotations)
 
 
 def test_the_rank_of_the_meshes_counts_bones() -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.training.rigging.made_motion import compared, driven
 from workbench.errors import BadArgument
@@ -29,6 +30,20 @@ def test_a_tube_is_found_as_it_is_and_explains_held_out_meshes() -> None:
     motion = found.motion(30.0)
     again = found.body.vertices(motion.pose[4], trans=motion.trans[4])
     np.testing.assert_allclose(again, given.meshes[4], atol=1e-8)
+
+
+def test_where_the_body_is_and_which_way_it_turns_changes_nothing() -> None:
+    given = driven(24, seed=1)
+    R = Rotation.random(24, random_state=0).as_matrix()
+    away = 3 * np.random.default_rng(1).standard_normal((24, 1, 3))
+    placed = given.meshes @ R.swapaxes(1, 2) + away
+    first, found = (
+        rig(meshes, given.body.faces, rest=given.body.template) for meshes in (given.meshes, placed)
+    )
+    assert found.body.parents == first.body.parents
+    np.testing.assert_allclose(found.body.weights, first.body.weights, atol=1e-8)
+    np.testing.assert_allclose(found.body.joints()[1:], first.body.joints()[1:], atol=1e-8)
+    np.testing.assert_allclose(found.motion(30.0).vertices(found.body), placed, atol=1e-8)
 
 
 def test_the_pose_at_rest_is_found_too() -> None:

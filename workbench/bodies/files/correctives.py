@@ -6,7 +6,7 @@ in the sum of squares are the singular vectors of that (3 N, T) matrix (Eckart a
 With P = Q R they are Q times those of the small matrix R f.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,48 +49,82 @@ def correctives_of(
 
     Raises BadArgument for a count below zero.
     """
+    _check(count)
+    people = np.tile(betas, (len(poses), 1))
+    features = body.kinematics.motions(poses, people).features  # (T, F)
+    P = body.posedirs.reshape(3 * body.n_vertices, -1)
+    if P.shape[1] == 0 or count == 0:
+        mixed, shares = np.zeros((len(poses), 0)), np.zeros((len(poses), 0))
+    else:
+        mixed, shares = _mixtures(np.linalg.qr(P, mode="r") @ features.T, count)
+    shapes = P @ (features.T @ mixed)
+    return _judged(body, poses, people, shapes, shares, lambda some: features[some] @ P.T)
+
+
+def correctives_of_surfaces(
+    body: SkinnedBody, poses: Array, betas: Array, surfaces: Array, count: int | None = None
+) -> Correctives:
+    """The best `count` correctives by which a body without blend shapes shows other surfaces.
+
+    Surfaces (T, N, 3) m belong to poses (T, K, 3) rad. Skinning moves vertex i by B_i p_i + t_i, so
+    that it is at v_i if p_i = B_i^-1 (v_i - t_i). What p lacks of the rest surface is taken for
+    what blend shapes add. No B_i may be singular. Raises BadArgument for a count below zero.
+    """
+    _check(count)
+    T, N = len(poses), body.n_vertices
+    people = np.tile(betas, (T, 1))
+    rest = body.template + body.shapedirs @ betas
+    added = np.empty((T, 3 * N))
+    for some in _batches(T):
+        M = _blended(body, poses[some], people[some])
+        away = (surfaces[some] - M[..., 3])[..., None]
+        added[some] = (np.linalg.solve(M[..., :3], away)[..., 0] - rest).reshape(-1, 3 * N)
+    mixed, shares = _mixtures(added.T, count)
+    return _judged(body, poses, people, added.T @ mixed, shares, lambda some: added[some])
+
+
+def _check(count: int | None) -> None:
     if count is not None and (type(count) is not int or count < 0):
         raise BadArgument(
             f"the number of correctives is a whole number from 0, or None for all, not {count!r}"
         )
-    N, T = body.n_vertices, len(poses)
-    people = np.tile(betas, (T, 1))
-    features = body.kinematics.motions(poses, people).features  # (T, F)
-    P = body.posedirs.reshape(3 * N, -1)
-    if P.shape[1] == 0 or count == 0:
-        shapes, shares = np.zeros((0, N, 3)), np.zeros((T, 0))
-    else:
-        R = np.linalg.qr(P, mode="r")
-        _, sizes, turns = np.linalg.svd(R @ features.T, full_matrices=False)
-        kept = int((sizes > NOTHING).sum())
-        kept = kept if count is None else min(kept, count)
-        used = turns[:kept].T  # (T, C), columns of length one
-        largest = np.abs(used).max(axis=0, initial=1e-300)
-        shares = used / largest
-        shapes = np.moveaxis((P @ (features.T @ used) * largest).reshape(N, 3, kept), 2, 0)
-    shapes = shapes.astype(np.float32).astype(np.float64)
-    shares = shares.astype(np.float32).astype(np.float64)
-    off = [*_errors(body, poses, people, features, shapes, shares)]
-    return Correctives(
-        shapes, shares, float(np.mean([o.mean() for o in off])), float(max(o.max() for o in off))
-    )
 
 
-def _errors(
+def _mixtures(added: Array, count: int | None) -> tuple[Array, Array]:
+    """The mixtures (T, C) of the columns of `added` (rows, T) m that are the shapes; the shares."""
+    _, sizes, turns = np.linalg.svd(added, full_matrices=False)
+    kept = int((sizes > NOTHING).sum())
+    used = turns[: kept if count is None else min(kept, count)].T  # columns of length one
+    largest = np.abs(used).max(axis=0, initial=1e-300)
+    return used * largest, used / largest
+
+
+def _judged(
     body: SkinnedBody,
     poses: Array,
     people: Array,
-    features: Array,
     shapes: Array,
     shares: Array,
-) -> Iterator[Array]:
-    """How far each vertex of each posed surface is off, (N,) m: what is missing, skinned."""
-    N, K = body.n_vertices, body.n_joints
-    P, modes = body.posedirs.reshape(3 * N, -1), shapes.reshape(len(shapes), 3 * N)
-    for first in range(0, len(poses), TOGETHER):
-        some = slice(first, first + TOGETHER)
-        missing = features[some] @ P.T - shares[some] @ modes
-        turns = body.kinematics.motions(poses[some], people[some]).G[:, :, :, :3]
-        for lacks, R in zip(missing.reshape(-1, N, 3), turns, strict=True):
-            blend = (body.weights @ R.reshape(K, 9)).reshape(N, 3, 3)
-            yield np.linalg.norm(np.einsum("nij,nj->ni", blend, lacks), axis=1)
+    added: Callable[[slice], Array],
+) -> Correctives:
+    """Shapes (3 N, C) in single precision, and by how much what they lack moves the surfaces."""
+    modes, held = (a.astype(np.float32).astype(np.float64) for a in (shapes, shares))
+    total, largest, N = 0.0, 0.0, body.n_vertices
+    for some in _batches(len(poses)):
+        missing = (added(some) - held[some] @ modes.T).reshape(-1, N, 3)
+        turns = _blended(body, poses[some], people[some])[..., :3]
+        off = np.linalg.norm(np.einsum("tnij,tnj->tni", turns, missing), axis=2)
+        total, largest = total + float(off.sum()), max(largest, float(off.max()))
+    targets = np.moveaxis(modes.reshape(N, 3, -1), 2, 0)
+    return Correctives(targets, held, total / (len(poses) * N), largest)
+
+
+def _batches(T: int) -> list[slice]:
+    return [slice(first, first + TOGETHER) for first in range(0, T, TOGETHER)]
+
+
+def _blended(body: SkinnedBody, poses: Array, people: Array) -> Array:
+    """The motion (T, N, 3, 4) of each vertex."""
+    G = body.kinematics.motions(poses, people).G
+    flat = body.weights @ G.reshape(len(G), body.n_joints, 12)
+    return np.asarray(flat.reshape(len(G), body.n_vertices, 3, 4))

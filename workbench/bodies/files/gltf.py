@@ -7,6 +7,9 @@ Further morph targets are the shape directions, at zero for the person of the fi
 surface alone, as a glTF has no means to move joints with them. Those of betas that move follow the
 frames, and the joints with them: a joint at J that such betas take to J + d turns about there,
 so that v goes to R (v - J - d) + J + d = R (v - J) + J + (I - R) d. A node's place gets (I - R) d.
+
+A triangle body is written with bones that carry its parts (`blended_triangles`), and all that these
+lack of its surface in the poses of the file as correctives.
 """
 
 from pathlib import Path
@@ -17,7 +20,12 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
-from workbench.bodies.files.correctives import Correctives, correctives_of
+from workbench.bodies.files.blended_triangles import blended
+from workbench.bodies.files.correctives import (
+    Correctives,
+    correctives_of,
+    correctives_of_surfaces,
+)
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, BadBody
@@ -46,22 +54,17 @@ def write_gltf(
 
     `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such
     as an expression, whose directions become morph targets. `correctives` is the number of morph
-    targets that stand for the pose blend shapes: None for as many as the poses need, which is
-    exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
-    standard deviation, which the file leaves at zero. What is returned says how far the surface is
-    off; the file's `extras` say it too, and the betas. Whole or not at all.
+    targets that stand for the pose blend shapes, or for what bones lack of a triangle body: None
+    for as many as the poses need, which is exact, 0 for none. The first `shapes` shape directions
+    are morph targets as well, of one standard deviation, which the file leaves at zero. What is
+    returned says how far the surface is off; the file's `extras` say it too, and the betas. Whole
+    or not at all.
 
-    Raises BadBody for what no skinned glTF can say: triangle bodies, other skinnings than linear
-    blending, and bodies drawn in another pose than zero; BadArgument for other numbers of morph
-    targets.
+    Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, and
+    bodies drawn in another pose than zero; BadArgument for other numbers of morph targets.
     """
     path = Path(path)
-    if isinstance(body, TriangleBody):
-        raise BadBody(
-            f"body {body.name!r} has no bones: its surface is the solution of a linear system, "
-            "and a glTF only blends motions of bones; write a mesh of every pose, with write_mesh"
-        )
-    if not body.is_smpl or body.bind_pose.any():
+    if isinstance(body, SkinnedBody) and (not body.is_smpl or body.bind_pose.any()):
         raise BadBody(
             f"body {body.name!r} is not skinned as a glTF is, linearly from a zero pose; write a "
             "mesh of every pose, with write_mesh"
@@ -83,9 +86,13 @@ def write_gltf(
         raise BadArgument(
             f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
         )
-    found = correctives_of(body, theta, beta, correctives)
+    if isinstance(body, SkinnedBody):
+        skinned, found = body, correctives_of(body, theta, beta, correctives)
+    else:
+        skinned, surfaces = blended(body, theta), body.vertices(theta, np.tile(beta, (P, 1)))
+        found = correctives_of_surfaces(skinned, theta, beta, surfaces, correctives)
     content = _glb(
-        body,
+        skinned,
         theta,
         beta,
         None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),

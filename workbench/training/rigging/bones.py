@@ -91,45 +91,54 @@ def frames(meshes: Array) -> Iterator[slice]:
 def rigid_motions(rest: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
     """R (T, 3, 3) and t (T, 3) m that make sum_i |w_i (R p_i + t) - q_i|^2 least in each frame.
 
-    `rest` p (N, 3) m, `targets` q (T, N, 3) m, `weights` w (N,) of which some are above zero.
+    `rest` p (N, 3) m, `targets` q (N, T, 3) m, `weights` w (N,) of which some are above zero.
     """
-    total = float(weights @ weights)
+    N, T, _ = targets.shape
+    total, flat = float(weights @ weights), targets.reshape(N, 3 * T)
     middle = weights**2 @ rest / total
-    ends = np.einsum("n,tna->ta", weights, targets) / total
+    ends = (weights @ flat).reshape(T, 3) / total
     arms = weights[:, None] * (rest - middle)
-    R = nearest_rotation(targets.swapaxes(1, 2) @ arms)
+    R = nearest_rotation((flat.T @ arms).reshape(T, 3, 3))
     return R, ends - R @ middle
 
 
 def fit_bones(bones: Bones, rest: Array, meshes: Array, rounds: int = 3) -> Bones:
     """Each bone in turn, the weights held, a number of times."""
     R, t, W = bones.rotations.copy(), bones.translations.copy(), bones.weights
+    carried = [np.flatnonzero(column) for column in W.T]
     for some in frames(meshes):
-        each = bones.moved(rest, some)
-        missing = meshes[some] - np.einsum("nk,tkna->tna", W, each, optimize=True)
+        missing = np.array(meshes[some].transpose(1, 0, 2), order="C")  # (N, c, 3), a copy
+        shares = []
+        for k, own in enumerate(carried):
+            shares.append(_share(rest[own], W[own, k], R[some, k], t[some, k]))
+            missing[own] -= shares[k]
         for _ in range(rounds):
-            for k in range(bones.count):
-                own = np.flatnonzero(W[:, k])
+            for k, own in enumerate(carried):
                 w = W[own, k]
                 if w @ w < LIGHTEST:
                     continue
-                left = missing[:, own] + w[:, None] * each[:, k, own]
+                left = missing[own] + shares[k]
                 R[some, k], t[some, k] = rigid_motions(rest[own], left, w)
-                each[:, k] = rest @ R[some, k].swapaxes(1, 2) + t[some, k][:, None]
-                missing[:, own] = left - w[:, None] * each[:, k, own]
+                shares[k] = _share(rest[own], w, R[some, k], t[some, k])
+                missing[own] = left - shares[k]
     return Bones(R, t, W)
+
+
+def _share(rest: Array, weights: Array, R: Array, t: Array) -> Array:
+    """w_i (R p_i + t) in each frame, (N, T, 3) m."""
+    T = len(R)
+    moved = (rest @ R.reshape(3 * T, 3).T).reshape(len(rest), T, 3) + t
+    return np.asarray(weights[:, None, None] * moved)
 
 
 def fit_bone_weights(bones: Bones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS) -> Bones:
     """The weights of each vertex, the bones held, at most `most` of them above zero."""
     (N, K), T = bones.weights.shape, len(meshes)
-    grams, rights = np.zeros((N, K, K)), np.zeros((N, K))
+    grams = np.zeros((N, K, K))
     for some in frames(meshes):
         each = bones.moved(rest, some).transpose(2, 1, 0, 3).reshape(N, K, -1)
         there = meshes[some].transpose(1, 0, 2).reshape(N, -1, 1)
         away = each - there.swapaxes(1, 2)  # about the vertex: the products keep their digits
         grams += away @ away.swapaxes(1, 2)
-    weights = np.empty((N, K))
-    for i, start in enumerate(bones.weights):
-        weights[i], _ = few_shares(grams[i] / T, rights[i], start, most)
+    weights, _ = few_shares(grams / T, np.zeros((N, K)), bones.weights, most)
     return replace(bones, weights=weights)

@@ -64,7 +64,7 @@ def bones_needed(meshes: Array, tolerance: float) -> int:
 def clusters(rest: Array, meshes: Array, count: int) -> Bones:
     """At most `count` bones, each of which carries the vertices that it moves best, alone."""
     near = patches(rest)
-    motions = [rigid_motions(rest, meshes, np.ones(len(rest)))]
+    motions = [rigid_motions(rest, meshes.swapaxes(0, 1), np.ones(len(rest)))]
     own, errors = _lloyd(rest, meshes, motions)
     while len(motions) < count:
         before = len(motions)
@@ -171,7 +171,7 @@ def patches(rest: Array) -> Index:
 
 
 def _of_patch(rest: Array, meshes: Array, patch: Index) -> tuple[Array, Array]:
-    return rigid_motions(rest[patch], meshes[:, patch], np.ones(len(patch)))
+    return rigid_motions(rest[patch], meshes[:, patch].swapaxes(0, 1), np.ones(len(patch)))
 
 
 def _lloyd(rest: Array, meshes: Array, motions: list[tuple[Array, Array]]) -> tuple[Index, Array]:

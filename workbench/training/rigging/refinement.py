@@ -125,6 +125,13 @@ def put_back(estimate: Estimate, rest: Array) -> Estimate:
     )
 
 
+def turned(estimate: Estimate, turns: Array) -> Estimate:
+    """The same motion, turned as a whole by turns (T, 3, 3)."""
+    root = vector_from_matrix(turns @ matrix_from_vector(estimate.poses[:, 0]))
+    poses = np.concatenate([root[:, None], estimate.poses[:, 1:]], axis=1)
+    return replace(estimate, poses=poses)
+
+
 def without_empty(estimate: Estimate) -> Estimate:
     """The same motion without bones that move no vertex and carry no other bone."""
     weights, parents = estimate.weights, estimate.parents

@@ -15,7 +15,7 @@ from workbench.threads import limited_threads
 from workbench.training.estimate import Estimate
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
-from workbench.training.rigging.bones import Bones, fit_bone_weights
+from workbench.training.rigging.bones import Bones, fit_bone_weights, rigid_motions
 from workbench.training.rigging.decomposition import (
     MOST,
     Report,
@@ -31,6 +31,7 @@ from workbench.training.rigging.refinement import (
     off_tree,
     on_tree,
     put_back,
+    turned,
     without_empty,
 )
 from workbench.training.rigging.words import notes_of
@@ -103,21 +104,22 @@ def rig(
     first = meshes[0] if rest is None and len(meshes) else rest
     shape = _checked(meshes, first, bones, tolerance)
     with limited_threads():
+        turns, still = _without_travel(shape, meshes)
         few = subsample(shape, np.asarray(faces), ENOUGH)
         v = few.vertices
-        near = Refinement(meshes[:, v], few.faces)
+        near = Refinement(still[:, v], few.faces)
         estimate, merged = _skeleton(near, shape[v], bones, tolerance, report)
         free = bool((estimate.templates[0] != shape[v]).any())
         block = "skinning" if free else "skeleton"
         estimate = near.refined(estimate, block, LAST_ROUNDS, report, LAST)
-        every = Refinement(meshes, np.asarray(faces))
+        every = Refinement(still, np.asarray(faces))
         if len(v) < len(shape):
-            estimate = _on_every_vertex(estimate, meshes, shape, v)
+            estimate = _on_every_vertex(estimate, still, shape, v)
             estimate = every.refined(estimate, block, ROUNDS, report)
         if not free and every.rms(estimate) > REGRESSED:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
-        estimate = without_empty(put_back(estimate, shape))
-        return _result(every, estimate, merged, dict(card or {}))
+        estimate = turned(without_empty(put_back(estimate, shape)), turns)
+        return _result(replace(every, meshes=meshes), estimate, merged, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
@@ -129,6 +131,16 @@ def pose_rms(body: SkinnedBody, meshes: Array) -> float:
     ]
     with limited_threads():
         return fit.fits(np.stack(starts), meshes).rms(meshes)
+
+
+def _without_travel(rest: Array, meshes: Array) -> tuple[Array, Array]:
+    """Meshes that are turned and shifted back onto the one at rest, by the turns (T, 3, 3).
+
+    Where a person walks to, and which way they turn as a whole, says nothing about the bones, and
+    large coordinates only round away digits.
+    """
+    turns, moves = rigid_motions(rest, meshes.swapaxes(0, 1), np.ones(len(rest)))
+    return turns, (meshes - moves[:, None]) @ turns
 
 
 def _skeleton(
