@@ -28,7 +28,7 @@ from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.reports.replay_page import motion_page
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
@@ -215,5 +215,4 @@ def _markers(
 
 def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
     figure = drawn(lambda ax: plot_motion(places, pairs, fps, ax=ax), 10, 3)
-    with replacing(path) as temporary:
-        temporary.write_bytes(png(figure))
+    write_file(path, png(figure))

@@ -13,7 +13,7 @@ from workbench.course.outline import Lecture
 from workbench.course.student_process import environment
 from workbench.errors import BadFile
 from workbench.installation import pip_install
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 SECONDS = 120.0  # s, for a cell
 NEEDED = ("jupytext", "nbformat", "nbclient", "ipykernel")
@@ -132,5 +132,4 @@ def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
 
 def write_notebook(made: Any, path: Path) -> None:
     """Write a notebook to a file `.ipynb`, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(tool("nbformat").writes(made), encoding="utf-8")
+    write_file(path, tool("nbformat").writes(made))

@@ -32,7 +32,7 @@ from workbench.reading.expected import (
     texts,
     wholes,
 )
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays
 
 number = Kind("a number", frozenset({"f4", "f8", "i", "u"}), reals.read)
 word = Kind("text", frozenset({"U", "S"}), lambda array: array.astype(np.str_))
@@ -277,5 +277,4 @@ def save_motion(path: str | Path, motion: Motion) -> None:
         arrays["bone_offsets"] = motion.bones.offsets
         arrays["end_parents"] = np.array(motion.bones.end_parents, dtype=np.int64)
         arrays["end_offsets"] = motion.bones.end_offsets
-    with replacing(path) as temporary:
-        write_arrays(temporary, arrays)
+    write_arrays(path, arrays)

@@ -16,7 +16,7 @@ from workbench.motions.trajectories import (
 )
 from workbench.reading.damage import taken_for
 from workbench.reading.facts import bounded
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 MOST_BYTES = 2**29
 OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
@@ -133,5 +133,4 @@ def write_trc(path: str | Path, markers: Trajectories) -> None:
     for t, frame in enumerate(markers.places):
         cells = [f"{x:.9g}" if np.isfinite(x) else "" for x in frame.ravel()]
         lines.append("\t".join([str(t + 1), f"{t / markers.fps:.6f}", *cells]))
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_file(path, "\n".join(lines) + "\n")

@@ -24,7 +24,7 @@ from workbench.reports.page import as_json, page, versions
 from workbench.reports.registration_folder import table_of
 from workbench.reports.tables import Table, number
 from workbench.training.folder import TABLE, Row
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays, write_file
 
 REGISTRATIONS, LEARNED = "registrations", "body.npz"
 FILES = {
@@ -70,11 +70,9 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
         Row(f"{name}.npz", row.subject, row.gender, row.set)
         for name, row in zip(names, found.scans.rows, strict=True)
     ]
-    with replacing(registrations / TABLE) as temporary:
-        temporary.write_text(table_of(rows), encoding="utf-8")
+    write_file(registrations / TABLE, table_of(rows))
     for path, body in ((registrations / BODY, start), (place / LEARNED, found.body)):
-        with replacing(path) as temporary:
-            save_body(body, temporary)
+        save_body(body, path)
     scans, state = found.scans, found.state
     measured = distances(scans, start, state.vertices)
     away = beyond_betas(start, state.estimate.templates)
@@ -82,16 +80,14 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
         ("index.html", coregistration_page(found, measured, away, str(place))),
         (SUMMARY, as_json(summary(found, measured, away, source))),
     ):
-        with replacing(place / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(place / name, text)
     return place / "index.html"
 
 
 def begin_folder(place: Path, source: str) -> None:
     """Mark a folder as that of a coregistration of `source`, before there is a result."""
     about = {"made_by": MAKER, "source": source, "kind": "coregistration"}
-    with replacing(place / SUMMARY) as temporary:
-        temporary.write_text(as_json({**about, "versions": versions(), "files": list(FILES)}))
+    write_file(place / SUMMARY, as_json({**about, "versions": versions(), "files": list(FILES)}))
 
 
 def coregistration_page(

@@ -25,7 +25,7 @@ from workbench.reports.folder import MAKER, SUMMARY, own_folder
 from workbench.reports.page import as_json, page, versions
 from workbench.reports.tables import number
 from workbench.reports.thumbnail import thumbnail
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays, write_file
 
 FORMAT = 2  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
@@ -111,8 +111,7 @@ class ImageFolder:
             arrays |= {f"hypothesis {i + 2}:{name}": np.asarray(v) for name, v in other.items()}
         write_arrays(self._path(found.job, "npz"), arrays)
         body = self.work.body
-        with replacing(self._path(found.job, "svg")) as temporary:
-            temporary.write_text(thumbnail(found.picture, body.parents), encoding="utf-8")
+        write_file(self._path(found.job, "svg"), thumbnail(found.picture, body.parents))
         betas = values[body.blocks()[1].name]
         height = float(stature(body, betas)) if isinstance(body, SkinnedBody) else None
         facts = {
@@ -127,13 +126,12 @@ class ImageFolder:
             "notes": found.notes,
         }
         text = as_json(facts)
-        with replacing(self._path(found.job, "json")) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(self._path(found.job, "json"), text)
         return ImageEntry(found.job.name, json.loads(text))
 
     def finish(self, entries: Sequence[ImageEntry], failed: Sequence[FailedImage]) -> Path:
         """Write the page, the table and `poses.npz` of all images; returns the page."""
-        self._write(TABLE, table_of(entries))
+        write_file(self.place / TABLE, table_of(entries))
         self._write_poses(entries)
         text = page(
             "images.html",
@@ -144,7 +142,7 @@ class ImageFolder:
             hypotheses=self.work.hypotheses,
             found=FOUND,
         )
-        self._write("index.html", text)
+        write_file(self.place / "index.html", text)
         self._write_summary(entries, failed)
         return self.place / "index.html"
 
@@ -165,10 +163,6 @@ class ImageFolder:
     def _path(self, job: ImageJob, kind: str) -> Path:
         return self.place / FITS / f"{job.name}.{kind}"
 
-    def _write(self, name: str, text: str) -> None:
-        with replacing(self.place / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-
     def _write_summary(self, entries: Sequence[ImageEntry], failed: Sequence[FailedImage]) -> None:
         about = {
             "made_by": MAKER,
@@ -182,7 +176,7 @@ class ImageFolder:
             "versions": versions(),
             "files": ["index.html", TABLE, "poses.npz", SUMMARY],
         }
-        self._write(SUMMARY, as_json(about))
+        write_file(self.place / SUMMARY, as_json(about))
 
 
 def table_of(entries: Sequence[ImageEntry]) -> str:

@@ -20,7 +20,7 @@ from workbench.reports.page import as_json, page, versions
 from workbench.reports.registration_page import ARRAYS, FORMAT, write_registration
 from workbench.reports.tables import number
 from workbench.training.folder import COLUMNS, TABLE, Row
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 START = "start.npz"  # the body, from which training starts
 MM = 1e3
@@ -97,12 +97,11 @@ class RegistrationFolder:
         `rows` has for each entry its subject, its gender and its set. Returns the page. Without
         entries there is no table.
         """
-        self._write("index.html", self._page(entries, failed))
+        write_file(self.place / "index.html", self._page(entries, failed))
         if entries:
-            self._write(TABLE, table_of(rows))
+            write_file(self.place / TABLE, table_of(rows))
         if isinstance(self.body, SkinnedBody):
-            with replacing(self.place / START) as temporary:
-                save_body(self.body, temporary)
+            save_body(self.body, self.place / START)
         else:
             (self.place / START).unlink(missing_ok=True)  # of a body that was used before
         self._write_summary(entries, failed)
@@ -119,10 +118,6 @@ class RegistrationFolder:
             trains=bool(entries) and isinstance(self.body, SkinnedBody),
         )
 
-    def _write(self, name: str, text: str) -> None:
-        with replacing(self.place / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-
     def _write_summary(self, entries: Sequence[Entry], failed: Sequence[FailedScan] = ()) -> None:
         about = {
             "made_by": MAKER,
@@ -134,7 +129,7 @@ class RegistrationFolder:
             "versions": versions(),
             "files": ["index.html", TABLE, START, SUMMARY],
         }
-        self._write(SUMMARY, as_json(about))
+        write_file(self.place / SUMMARY, as_json(about))
 
 
 def table_of(rows: Sequence[Row]) -> str:

@@ -24,7 +24,7 @@ from workbench.errors import BadArgument, BadBody
 from workbench.geometry.glb_writing import ATTRIBUTES, ELEMENTS, Chunk
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 STILL = 1e-9  # m: a joint that betas move by less stays where it is
 SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
@@ -94,8 +94,7 @@ def write_gltf(
         found,
         shapes,
     )
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    write_file(path, content)
     return found
 
 
