@@ -19,8 +19,8 @@ from workbench.registration.coregistration import Coregistration, State
 from workbench.registration.coregistration.folder import BODY, RegisteredScans
 from workbench.registration.coregistration.measures import beyond_betas, distances
 from workbench.reports.figures import Shown, plotted, shown
-from workbench.reports.folder import MAKER, SUMMARY
-from workbench.reports.page import as_json, page, versions
+from workbench.reports.folder import SUMMARY, summary_text
+from workbench.reports.page import page
 from workbench.reports.registration_folder import table_of
 from workbench.reports.tables import Table, number
 from workbench.training.folder import TABLE, Row
@@ -78,7 +78,7 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
     away = beyond_betas(start, state.estimate.templates)
     for name, text in (
         ("index.html", coregistration_page(found, measured, away, str(place))),
-        (SUMMARY, as_json(summary(found, measured, away, source))),
+        (SUMMARY, summary_text(source, summary(found, measured, away), list(FILES))),
     ):
         write_file(place / name, text)
     return place / "index.html"
@@ -86,8 +86,7 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
 
 def begin_folder(place: Path, source: str) -> None:
     """Mark a folder as that of a coregistration of `source`, before there is a result."""
-    about = {"made_by": MAKER, "source": source, "kind": "coregistration"}
-    write_file(place / SUMMARY, as_json({**about, "versions": versions(), "files": list(FILES)}))
+    write_file(place / SUMMARY, summary_text(source, {"kind": "coregistration"}, list(FILES)))
 
 
 def coregistration_page(
@@ -146,14 +145,10 @@ def _templates(found: Coregistered, away: Array) -> Shown:
     return shown(figure_of(draw, 2.0 + 1.6 * len(coloured), 3.2), caption)
 
 
-def summary(
-    found: Coregistered, measured: Mapping[str, Array], beyond: Array, source: str
-) -> dict[str, Any]:
+def summary(found: Coregistered, measured: Mapping[str, Array], beyond: Array) -> dict[str, Any]:
     """The numbers of the page, for programs: lengths in m, times in s."""
     log = found.state.log
     return {
-        "made_by": MAKER,
-        "source": source,
         "kind": "coregistration",
         "scans": list(found.scans.names),
         "subjects": list(found.scans.subjects),
@@ -162,6 +157,4 @@ def summary(
         "seconds": sum(entry.seconds for entry in log),
         "median_m": {name: each.tolist() for name, each in measured.items()},
         "beyond_betas_m": beyond.mean(axis=1).tolist(),
-        "versions": versions(),
-        "files": list(FILES),
     }
