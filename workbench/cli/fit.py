@@ -25,7 +25,6 @@ from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
-from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.meshes import own_mesh
@@ -225,13 +224,7 @@ def fit(
 def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
     """The fit to keypoints of one moment, from one camera or several."""
     reading = given.reading
-    observed = read_observations(
-        files,
-        calibration=reading.calibration,
-        size=reading.size,
-        focal=reading.focal,
-        person=reading.person,
-    )
+    observed = reading.observations(files)
     if reading.focal is not None and reading.calibration is not None:
         why = f"{reading.calibration} says the focal length of each camera"
         warn_without_effect(given.console, "--focal", why)

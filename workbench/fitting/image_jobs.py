@@ -16,6 +16,7 @@ from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import reprojection_errors
+from workbench.fitting.observations import Observations
 from workbench.solvers import Status
 
 AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
@@ -36,6 +37,16 @@ class ImageReading:
     focal: float | None = None
     calibration: Path | None = None
     person: int | None = None
+
+    def observations(self, files: Sequence[Path]) -> Observations:
+        """The keypoints in files of one moment; see `read_observations`."""
+        return read_observations(
+            files,
+            calibration=self.calibration,
+            size=self.size,
+            focal=self.focal,
+            person=self.person,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +120,8 @@ class ImageWork:
         return [self._one(fits, job) for job in jobs]
 
     def _one(self, fits: ImageFits, job: FileJob) -> Fitted:
-        reading = self.reading
         try:
-            observed = read_observations(
-                [job.path],
-                calibration=reading.calibration,
-                size=reading.size,
-                focal=reading.focal,
-                person=reading.person,
-            )
+            observed = self.reading.observations([job.path])
             setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)
             assert setup.strategy is not None
             solution = setup.strategy(None).solve(setup.problem, setup.start)

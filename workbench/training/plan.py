@@ -63,19 +63,9 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
     will have, and no longer with their rings. A vertex is bent by the joints within `reach`
     bones; None allows all joints, as in the paper.
     """
-    held = Sigmas() if sigmas is None else sigmas
-    rough = replace(held, data=ROUGH * held.data)
-    tied = replace(held, rings=TIED * held.rings)
     last = ("together", "weights", "regressor", "surfaces", "poses", "regressor", "surfaces")
-    return Plan(
-        (
-            Stage(rough, ("rest", "poses"), 1, QUICK),
-            Stage(held, ("surfaces", "poses"), 1, QUICK),
-            Stage(tied, ROUND, rounds, QUICK),
-            Stage(tied, last, 1, QUICK),
-        ),
-        reach,
-    )
+    stages = _alternating(sigmas, ("surfaces", "poses"), ROUND, rounds, last)
+    return Plan(stages, reach)
 
 
 def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
@@ -85,15 +75,27 @@ def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
     directions for every vertex: from registrations that linear blending explains, joints and
     weights are found that blend shapes would hide.
     """
+    last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
+    first, each = ("rest", "poses", "weights"), ("regressor", "rest", "poses")
+    return Plan(_alternating(sigmas, first, each, rounds, last))
+
+
+def _alternating(
+    sigmas: Sigmas | None,
+    first: tuple[str, ...],
+    each: tuple[str, ...],
+    rounds: int,
+    last: tuple[str, ...],
+) -> tuple[Stage, ...]:
+    """Templates and poses with a larger sigma of the data, `first`, and then, with joints tied to
+    the regressor, rounds of `each`, and `last`.
+    """
     held = Sigmas() if sigmas is None else sigmas
     rough = replace(held, data=ROUGH * held.data)
     tied = replace(held, rings=TIED * held.rings)
-    last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
-    return Plan(
-        (
-            Stage(rough, ("rest", "poses"), 1, QUICK),
-            Stage(held, ("rest", "poses", "weights"), 1, QUICK),
-            Stage(tied, ("regressor", "rest", "poses"), rounds, QUICK),
-            Stage(tied, last, 1, QUICK),
-        )
+    return (
+        Stage(rough, ("rest", "poses"), 1, QUICK),
+        Stage(held, first, 1, QUICK),
+        Stage(tied, each, rounds, QUICK),
+        Stage(tied, last, 1, QUICK),
     )

@@ -43,7 +43,7 @@ from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective, centred, trusted
 from workbench.training.pose_prior import PosePrior
-from workbench.training.pose_training import ROUNDING, NotLowered, PoseModel
+from workbench.training.pose_training import PoseModel
 from workbench.training.progress import LogEntry, Progress
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
@@ -194,9 +194,8 @@ class Coregistration:
                 state = self._after(state, steps[number], execution)
                 if folder is not None:
                     keep(partial(state.save, folder, identity))
-                each = (time.perf_counter() - began) / (number + 1 - already)
-                left = each * (len(steps) - number - 1)
-                execution.report.block(Progress(number + 1, len(steps), state.log[-1], left))
+                ended = Progress.since(began, already, number + 1, len(steps), state.log[-1])
+                execution.report.block(ended)
         return state
 
     def _after(self, state: State, block: str, execution: Execution) -> State:
@@ -207,11 +206,8 @@ class Coregistration:
             found = self._with(state, self._on_scans(registered, state, execution))
         else:
             found, facts = self._model(state, sum(before.values()), execution)
-        after = self.costs(found)
-        was, total = sum(before.values()), sum(after.values())
-        if not total <= was + ROUNDING * (1 + was):
-            raise NotLowered(f"block {block!r} raised the cost from {was:.9g} to {total:.9g}")
-        entry = LogEntry(block, before, after, facts, time.perf_counter() - began)
+        entry = LogEntry(block, before, self.costs(found), facts, time.perf_counter() - began)
+        entry.check_lowered()
         return replace(found, log=(*state.log, entry))
 
     def _model(
