@@ -13,7 +13,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import Up, print_page, say, warn_without_effect
+from workbench.cli.output import Up, print_page, say, say_notes, warn_without_effect
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
@@ -122,7 +122,7 @@ def motion(
     if model is not None:
         before = found.notes
         found = found.named(model)
-        _say_notes(console, found.notes[len(before) :])
+        say_notes(console, found.notes[len(before) :])
     if strip is not None:
         places, pairs = _stick_figure(found, model)
         _draw(strip, places, pairs, found.fps)
@@ -173,12 +173,7 @@ def _say_motion(console: Console, found: Motion, path: Path) -> None:
         lines.append(f"{found.expression.shape[1]} coefficients of expression")
     for line in lines:
         say(console, escape(line))
-    _say_notes(console, found.notes)
-
-
-def _say_notes(console: Console, notes: tuple[str, ...]) -> None:
-    for note in notes:
-        say(console, f"[dim]{escape(note)}[/]")
+    say_notes(console, found.notes)
 
 
 def _ends(found: Motion) -> Array:
@@ -203,7 +198,7 @@ def _markers(
     rate = "of an unknown rate" if found.fps is None else f"at {found.fps:g} frames a second"
     say(console, escape(f"{path.name} holds {M} markers in {T} frames {rate}"))
     say(console, escape(f"labels: {some_of(found.labels)}"))
-    _say_notes(console, found.notes)
+    say_notes(console, found.notes)
     if strip is not None:
         seen: Mask = np.asarray(np.isfinite(found.markers[..., 0]).any(axis=1))
         _draw(strip, found.markers[seen], NO_PAIRS, found.fps if seen.all() else None)

@@ -1,7 +1,7 @@
 """The folder that a command writes, and what it prints about it, its progress and its options."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -72,6 +72,12 @@ def say(console: Console, text: str) -> None:
     Long lines are left for the terminal to break.
     """
     console.print(text, highlight=False, soft_wrap=True)
+
+
+def say_notes(console: Console, notes: Iterable[str]) -> None:
+    """Print notes on a file that was read or a result, dim."""
+    for note in notes:
+        say(console, f"[dim]{escape(note)}[/]")
 
 
 def print_page(console: Console, kind: str, page: Path) -> None:

@@ -47,7 +47,8 @@ def notebook(lecture: Lecture) -> Any:
     made.cells.append(v4.new_code_cell(_given(lecture)))
     for name, text in zip(lecture.exercises, texts, strict=True):
         made.cells.append(v4.new_markdown_cell(text))
-        for tag, code in (("answer", _stub(lecture, name)), ("check", _check(lecture, name))):
+        stub = inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
+        for tag, code in (("answer", stub), ("check", f"check_here({lecture.number}, {name})")):
             made.cells.append(v4.new_code_cell(code, metadata={"tags": [tag]}))
     for k, cell in enumerate(made.cells):
         cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
@@ -99,14 +100,6 @@ def _given(lecture: Lecture) -> str:
     lines = text.splitlines()
     kept = lines[(body[0].end_lineno or 0) : body[first - 1].end_lineno]
     return "\n".join(["from workbench.course.here import check_here", *kept[1:]])
-
-
-def _stub(lecture: Lecture, name: str) -> str:
-    return inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
-
-
-def _check(lecture: Lecture, name: str) -> str:
-    return f"check_here({lecture.number}, {name})"
 
 
 def executed(made: Any, lecture: Lecture, folder: Path) -> Any:

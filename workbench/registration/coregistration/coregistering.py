@@ -47,7 +47,7 @@ from workbench.training.pose_training import PoseModel
 from workbench.training.progress import LogEntry, Progress
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
-from workbench.training.template_prior import TemplatePrior, smooth_prior
+from workbench.training.template_prior import smooth_prior
 from workbench.writing import Keeping
 
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
@@ -105,21 +105,21 @@ class Coregistration:
 
     def objective(self, registrations: InMemory) -> Objective:
         """The objective of training for these registrations, with templates held by edges."""
-        body, edges = self.body, self.plan.edges
+        body, plan = self.body, self.plan
+        freedom = None
+        if plan.edges is not None:
+            freedom = smooth_prior(body.faces, body.shapedirs, plan.edges, plan.bends)
         return Objective(
             registrations,
             body.J_regressor,
             body.weights,
             None,
-            self.plan.sigmas,
+            plan.sigmas,
             body.template,
-            freedom=None if edges is None else self._smooth(edges),
+            freedom=freedom,
             first_posedirs=body.posedirs,
             pose_prior=PosePrior.of(*pose_gaussian(body)),
         )
-
-    def _smooth(self, edges: float) -> TemplatePrior:
-        return smooth_prior(self.body.faces, self.body.shapedirs, edges, self.plan.bends)
 
     def costs(self, state: State) -> dict[str, float]:
         """The joint cost of a state, by term."""
