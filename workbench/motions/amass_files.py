@@ -6,6 +6,7 @@ has `mocap_frame_rate`, and the parts of a pose beside the whole.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -237,17 +238,7 @@ def _upright(
             few = motion.betas[: body.n_betas]
             root = body.joints(np.zeros((body.n_joints, 3)), few)[0]
     found = motion if axis == "y" else motion.turned(TURNS[axis], root)
-    return Motion(
-        found.pose,
-        found.trans,
-        found.fps,
-        found.joint_names,
-        found.betas,
-        found.expression,
-        found.bones,
-        found.origin,
-        (*notes, *found.notes),
-    )
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def save_motion(path: str | Path, motion: Motion) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
 
+Names = tuple[str, ...]  # of blocks, in order
 NO_LIMIT = 10**6
 # For registrations with noise: digits that the next block changes are not worth their passes.
 QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
@@ -81,11 +82,7 @@ def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
 
 
 def _alternating(
-    sigmas: Sigmas | None,
-    first: tuple[str, ...],
-    each: tuple[str, ...],
-    rounds: int,
-    last: tuple[str, ...],
+    sigmas: Sigmas | None, first: Names, each: Names, rounds: int, last: Names
 ) -> tuple[Stage, ...]:
     """Templates and poses with a larger sigma of the data, `first`, and then, with joints tied to
     the regressor, rounds of `each`, and `last`.

@@ -84,17 +84,8 @@ def write_gltf(
             f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
         )
     found = correctives_of(body, theta, beta, correctives)
-    content = _glb(
-        body,
-        theta,
-        beta,
-        None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),
-        added,
-        seconds,
-        found,
-        shapes,
-    )
-    write_file(path, content)
+    moved = None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3)
+    write_file(path, _glb(body, theta, beta, moved, added, seconds, found, shapes))
     return found
 
 
