@@ -224,8 +224,8 @@ Picture(
 # How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length
 # $l$, from $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. The volume of the bent
 # zone is the volume at rest, with each small piece $ds\, dy$ of the plane multiplied by the factor by which the
-# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. A small step along the tube is taken to
-# $u = c + \frac{dc}{ds} (s + i y)$ times the step, and one across it to $v = i c$ times the step. The area between two
+# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. A small step along the tube is taken to the step times
+# $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area between two
 # complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite sign of
 # $i$. The imaginary part of $i$ times a number is its real part, so the area is
 #

@@ -62,7 +62,7 @@ def sigmas(J: Array) -> Array:
 
     Infinite for an unknown that takes part in a direction that no residual notices: for one whose
     row in an orthonormal basis of the null space, as columns, is longer than 1e-8. (That is far above
-    rounding; the limit of the library, on the squares, is higher, and any limit between would do.)
+    rounding, and far below what matters.)
 
     J (m, n) -> (n,), standard deviations
     """

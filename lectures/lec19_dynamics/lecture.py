@@ -262,7 +262,7 @@ source(second_differences, MovingFrames.forces)
 # $z^2 v = z A_1 v + A_2 v$ by $\rho^2$: it becomes $(\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v$. So with $\rho A_1$ and
 # $\rho^2 A_2$ in place of $A_1$ and $A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by
 # $\rho^t$: every wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
-# In the cell, `s` is this factor.
+# In the cell, `s` is this factor $\rho$.
 
 # %%
 tissue = tissues["and forces on parts"]
@@ -302,7 +302,8 @@ Picture(
 # `load_tissue()` is the tissue of the body `default`. It was learned in the same way, with 32 dynamic blend
 # shapes, from springs that recorded motion drove. The recordings are not part of the package, but what was
 # measured with them is: in clips and people that it had not seen, a free run explains 87.9 % of the
-# variance, with a 95 % interval from 81.1 % to 90.8 %. With Dyna's inputs alone it explains 33.5 %.
+# variance, with a 95 % interval from 81.1 % to 90.8 %. With Dyna's inputs alone it explains 33.5 %. (Above, where
+# they failed, the body and the clips were others.)
 #
 # Coefficients of zero give SMPL, to the last bit. An **exaggeration** multiplies them. How much farther the
 # tissue of a heavy person moves is a gain, a power of the body mass index that was learned with the rest.
@@ -343,7 +344,10 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # measured meshes, noise leaves none of them exactly zero, so that one asks how small a singular value is *compared
 # with the largest one*: the smaller it is, the further a given noise moves the joint along its direction. We try it
 # with a synthetic limb of two bones that moves in two ways: like a shoulder, about all axes, and like a hinge, about
-# one.
+# one. In the cell, the rows of `joint.directions` are the right singular vectors of $Q$, and `joint.parting` holds its
+# singular values over the root of the number of frames: how far the bones part a point, root mean square over the
+# frames, for each metre along that direction. These meshes have no noise, so that a fixed limit tells zero from the
+# rest.
 
 # %%
 made = random_smpl(limb(9, 6), 1, seed=0)
