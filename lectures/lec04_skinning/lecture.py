@@ -508,7 +508,8 @@ Picture(
 # %% [markdown]
 # Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. Rings are turned
 # about the joint. On the tube the joint lies in the middle of the rings, and what the bend gains on the outside it loses
-# on the inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of
+# on the inside. (The 20 cm³ that it lost at half a turn are the mesh's, whose straight edges cut the corner: with twice
+# as many rings it loses 5.) In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of
 # the arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body
 # it does. On the coarse one it loses volume both ways, because only a few long edges lead around the elbow, and they
 # cut the corner.

@@ -80,7 +80,9 @@ def markers() -> list[int]:
     `import workbench as wb` and `body = wb.load_body("small")` have what you need: body.joints(pose)
     (24, 3) m and body.vertices(pose) (369, 3) m for a pose (24, 3) rad, vertices numbered 0 to 368;
     body.weights (369, 24) says on which joints each of them hangs. For derivatives, the numeric
-    Jacobian of lecture 6 will do: answer with flat arrays, so 72 numbers to 72 + 1107.
+    Jacobian of lecture 6 will do: answer with flat arrays, so 72 numbers to 72 + 1107. It is off by
+    some 1e-10, and `rank` of 8.1, whose tolerance is that of rounding, would count that as seen:
+    count the singular values above 1e-6 instead. Those of what is seen are far above it.
 
     -> a list of whole numbers
     """

@@ -36,6 +36,12 @@ def above(vertices):
     return np.column_stack([z, x, y])
 
 
+def beside(vertices):
+    """The view from the side of the thumb; the back of the hand is on the left."""
+    x, y, z = vertices.T
+    return np.column_stack([-y, x, z])
+
+
 # %% [markdown]
 # ## Forty-five angles by themselves
 #
@@ -83,7 +89,8 @@ Picture(
 #
 # $$ \theta = \bar\theta + \sum_c z_c\, \theta_c , \qquad z_c \sim N(0, \sigma_c^2) . $$
 #
-# Rotation vectors do not add up, strictly speaking, but this is a *linear* map. So a problem may have $z$ as its
+# This is no composition of rotations, whose vectors do not add up; it is simply a *linear* map, and a good enough
+# one. So a problem may have $z$ as its
 # unknowns in place of $\theta$: a body takes the expression $\bar\theta + \sum_c z_c\, \theta_c$ of a block $z$ where
 # it takes the symbol of a pose, and solvers and the diagnosis then see $z$. In the library a pose space holds the
 # `mean` (15, 3) and the `components` (45, 15, 3), and `np.tensordot` with the axes $(-1, 0)$ is the sum over $c$:
@@ -107,7 +114,7 @@ with house_style():
             Figurine(
                 f"z{c + 1} = {s:+d} sd",
                 hand.vertices(space.poses(hand, s * space.deviations * (np.arange(45) == c))),
-                above,
+                above if c == 0 else beside,
             )
             for c, s in steps
         ],
@@ -117,8 +124,9 @@ with house_style():
     ax.set(xlabel="")
 Picture(
     figure,
-    "The first component of the hand's pose opens and closes the fingers, and the second one moves their "
-    "bases against their ends. Two standard deviations to either side of the mean pose.",
+    "The first component of the hand's pose, seen from above, opens and closes the fingers. The second one, "
+    "seen from the side of the thumb, bends their bases while their ends stretch, and the other way round. Two "
+    "standard deviations to either side of the mean pose.",
 )
 
 # %% [markdown]

@@ -7,6 +7,7 @@ from tests.lectures.prose import Run
 from workbench.sampling.autocorrelation import WINDOW
 from workbench.sampling.ensemble_settings import BURNT, BURNT_TIMES
 from workbench.sampling.mixing import LEAST, MARGIN, TIMES
+from workbench.sampling.modes import REACH
 
 
 def posterior(run: Run, truth: float) -> tuple[int, float, float]:
@@ -52,6 +53,7 @@ def tall(run: Run, beta: float) -> float:
 
 
 SAYS = {
+    "up to 1,000 of Laplace's standard deviations away": lambda run: round(REACH[1]),
     "it asks for $1.3 \\cdot 50\\, \\tau$ steps, because a short chain makes $\\tau$ look short, and for as many "
     "again, because half of this chain was left out": lambda run: (
         (MARGIN, TIMES) == (1.3, 50),
