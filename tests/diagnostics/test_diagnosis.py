@@ -185,14 +185,14 @@ def test_directions_within_a_block_and_across_blocks_are_told_apart() -> None:
     A = rng.normal(size=(8, 3))
     across = linear(np.column_stack([A, A[:, 0] - A[:, 1]]), (2,), (2,))
     (direction,) = across.null_directions
-    assert direction.kind == "block"
-    assert direction.name.startswith("a against b: ")
+    assert direction.kind == "trade-off"
+    assert direction.name.startswith("a trade-off of a and b: ")
     assert all(entry in direction.name for entry in ("0.58 a[0]", "0.58 a[1]", "0.58 b[1]"))
     assert "b[0]" not in direction.name
     block = linear(np.column_stack([rng.normal(size=8), A, A @ [1.0, 2, 3]]), (1,), (4,))
     (direction,) = block.null_directions
-    assert direction.kind == "block"
-    assert direction.name.startswith("within b: ")
+    assert direction.kind == "trade-off"
+    assert direction.name.startswith("a trade-off within b: ")
     np.testing.assert_allclose(direction.vector[0], 0, atol=1e-15)
     expected = np.array([0, 1, 2, 3, -1]) / np.sqrt(15)
     np.testing.assert_allclose(abs(direction.vector @ expected), 1, rtol=1e-12)

@@ -46,13 +46,13 @@ def test_ranks_are_those_of_each_point() -> None:
 
 def test_directions_are_counted_by_name() -> None:
     over = found()
-    assert [one.name for one in over.everywhere] == ["directions within weights"]
+    assert [one.name for one in over.everywhere] == ["a trade-off within weights"]
     some = {one.name: (one.count, one.first) for one in over.somewhere}
     assert some["angles[0]"] == (1, 0)
-    assert "directions within weights" not in some
+    assert "a trade-off within weights" not in some
     told = over.report()
     assert "rank 1 at 1, 2 at 1, 3 at 2 of them; 4 would be full" in told
-    assert "unseen at every point\n  directions within weights" in told
+    assert "unseen at every point\n  a trade-off within weights" in told
     assert "angles[0]: at 1 of 4 points, first at number 0" in told
     assert over.data()["ranks"] == [1, 3, 2, 3]
 

@@ -110,7 +110,7 @@ def test_columns_that_are_equal_are_the_same_unknown_twice() -> None:
     A[:, 4] = A[:, 1]
     found = linear(A)
     (direction,) = found.null_directions
-    assert direction.name == "within b0: 0.71 b0[1] - 0.71 b0[4]"
+    assert direction.name == "a trade-off within b0: 0.71 b0[1] - 0.71 b0[4]"
     assert "1 pair of unknowns with parallel columns: b0[1] and b0[4]" in found.report()
 
 

@@ -25,6 +25,8 @@ GAUGES = {  # nouns by the kinds of directions that are gauges
     "scale": "change of scale",
     "offset": "common offset",
     "mixing": "mixing of factors",
+    "projective": "projective map",
+    "trade-off": "trade-off",
     "gauge": "other gauge",
 }
 ALONE = 0.999  # leverage from which on a row determines a direction alone

@@ -35,7 +35,7 @@ def named_gauge(
     whole, v = v, np.where(abs(v) > least * abs(v).max(), v, 0.0)
     alike = [b.name for b in main]
     if own is not None and len(own) < main[0].size:
-        alike[0] = _rows(main[0], own - free.slices[main[0].name].start)
+        alike[0] = rows_of(main[0], own - free.slices[main[0].name].start)
     blocks = [b for b in free.blocks if b not in main and v[free.slices[b.name]].any()]
     if same is not None:
         x, coefficients = same
@@ -46,14 +46,14 @@ def named_gauge(
             if np.allclose(like, whole[at], rtol=10 * least, atol=least * abs(v).max()):
                 alike.append(block.name)
                 blocks.remove(block)
-    name = f"{said} of {_listed(alike)}"
+    name = f"{said} of {listed(alike)}"
     if blocks:
         back = things([b.name for b in free.blocks], [b.name for b in blocks])
-        name += f", undone by {_listed(back)}"
+        name += f", undone by {listed(back)}"
     return single_gauge(kind, name, whole)
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """`a`, `a and b`, `cam0_turn to cam4_turn`, or `a, b, c and 2 more`."""
     numbered: dict[str, list[str]] = {}
     for name in names:
@@ -66,9 +66,12 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join(short) if len(short) < 3 else some_of(short, LISTED)
 
 
-def _rows(block: Block, entries: Index) -> str:
+def rows_of(block: Block, entries: Index) -> str:
+    """Some rows of a block, by their entries: `points[4]`, `5 rows of points (0, 1, 2, ...)`."""
     wide = block.shape[-1] if in_space(block) else 1
     rows = np.unique(entries // wide)
+    if rows.size == 1:
+        return f"{block.name}[{row_label(block, int(rows[0]), wide)}]"
     first = ", ".join(row_label(block, int(row), wide) for row in rows[:3])
     return f"{rows.size} rows of {block.name} ({first}{', ...' if rows.size > 3 else ''})"
 

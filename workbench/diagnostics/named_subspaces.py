@@ -27,7 +27,7 @@ class NamedSubspace:
     """A subspace of the free numbers with a name: the columns of `basis` at the rows `entries`.
 
     Attributes:
-        kind: `entry`, `twist`, `joint`, `shift` or `block`.
+        kind: `entry`, `twist`, `joint`, `shift` or `block`, or that of a gauge (`Direction`).
         name: what the motion is called in reports.
         joints: the joints that it turns.
         entries: (q,) the free numbers that it moves.
@@ -43,6 +43,13 @@ class NamedSubspace:
     basis: Array | None = None
     tree: Tree | None = None
     undone_by: str = ""
+
+    def vector(self, n: int) -> Array:
+        """(n,) the motion, of a subspace of one."""
+        v = np.zeros(n)
+        assert self.basis is not None
+        v[self.entries] = self.basis[:, 0]
+        return v
 
 
 def in_sizes(motion: NamedSubspace, sizes: Array) -> NamedSubspace:

@@ -5,19 +5,21 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from scipy.sparse import csc_array
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout
 from workbench.blocks.directions import dominant, signed
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.gauges import Gauge, gauges
 from workbench.diagnostics.named_subspaces import NamedSubspace, in_sizes, named_subspaces
+from workbench.diagnostics.nearby_points import nearby_null_spaces
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.rest_gauges import rest_gauges
 from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparsest
 from workbench.diagnostics.turned_joints import named_by_joints
-from workbench.diagnostics.undoing import Unseen, unit_vectors
+from workbench.diagnostics.undoing import SAME, Unseen, unit_vectors
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 from workbench.threads import limited_threads
@@ -35,7 +37,8 @@ class Direction:
     Attributes:
         name: what the direction is called in reports.
         kind: of gauges `translation`, `rotation`, `scale`, `offset`, `mixing`, `projective` or
-            `gauge`; of others `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
+            `gauge`, and `trade-off` where single numbers undo each other; of others `entry`,
+            `twist`, `joint`, `shift`, `block` or `mixed`.
         joints: the joints that it turns, as far as they are known.
         vector: (n,) the direction.
         change: |J d|, in sigmas per unit of the direction.
@@ -60,12 +63,25 @@ def null_directions(
         return ()
     units = point.block_units
     constrained = point.in_block_units
-    null = point.null_in(constrained, units)
-    motions = _motions(point, pattern, Unseen(null), units, units, declared)
+    null = _polished(point.null_in(constrained, units), constrained.stacked, constrained.tolerance)
+    x = point.problem.split(point.values)[0] / units
+    silent = np.linalg.norm(null, axis=1) > 1 - ZERO
+    nearby = nearby_null_spaces(point, pattern, units) if np.sum(silent) < len(null.T) else ()
+    unseen = Unseen(x, null, nearby=nearby)
+    motions = _motions(point, pattern, unseen, units, units, declared)
     found = directions(
         constrained.stacked, null, point.problem.free, motions, constrained.tolerance
     )
     return tuple(_in_own_units(d, units, point.constrained.stacked) for d in found)
+
+
+def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
+    """A null space (n, d) without what rounding leaves of long columns, by a Newton step."""
+    if not isinstance(here.jacobian, np.ndarray) or not here.jacobian.any():
+        return null
+    R = here.R
+    missed = scipy.linalg.lstsq(R, R @ null, cond=tolerance / float(np.linalg.norm(R)))[0]
+    return np.asarray(np.linalg.qr(null - missed)[0])
 
 
 def _in_own_units(direction: Direction, units: Array, here: Linearization) -> Direction:
@@ -93,7 +109,8 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
     first, rank = int(np.sum(values > WEAK)), here.spectrum.rank
     null, weak = vectors[:, rank:], vectors[:, first:rank]
     units = point.block_units
-    unseen = Unseen(np.linalg.qr(vectors[:, first:] * (sizes / units)[:, None])[0], NEARLY)
+    hardly = np.linalg.qr(vectors[:, first:] * (sizes / units)[:, None])[0]
+    unseen = Unseen(point.problem.split(point.values)[0] / units, hardly, NEARLY)
     motions = _motions(point, pattern, unseen, units, sizes)
     found = directions(here, weak, point.problem.free, motions, WEAK, null)
     return tuple(replace(d, vector=d.vector * sizes) for d in sorted(found, key=lambda d: d.change))
@@ -184,6 +201,9 @@ def directions(
         if _all_seen(_as_array(gram[entries][:, entries]), basis, tolerance):
             continue
         moved = R[:, entries] if basis is None else R[:, entries] @ basis
+        if basis is not None and np.linalg.norm(_as_array(moved)) > tolerance:
+            entries, basis = _without_rounding(entries, basis, null)
+            moved = R[:, entries] @ basis
         local = null_basis(_as_array(moved), tolerance)
         if basis is not None:  # along the axes, where it may be
             local = basis @ sparsest(local, np.zeros((len(local), 0)))
@@ -206,6 +226,18 @@ def directions(
         rest = rest[:, : total - len(found)]
         found += [_mixed(v, here, free) for v in _inside(sparsest(rest, known), null, here).T]
     return tuple(found)
+
+
+def _without_rounding(entries: Index, basis: Array, null: Array) -> tuple[Index, Array]:
+    """A single motion as it is in the null space (n, d), if it misses that by rounding alone."""
+    if basis.shape[1] > 1:
+        return entries, basis
+    inside = null @ (null[entries].T @ basis)
+    outside = inside.copy()
+    outside[entries] -= basis
+    if np.linalg.norm(outside) > SAME:
+        return entries, basis
+    return np.arange(len(null)), inside / np.linalg.norm(inside)
 
 
 def _apart(A: Array) -> Array:

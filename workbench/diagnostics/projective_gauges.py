@@ -15,26 +15,19 @@ from workbench.arrays import Array
 from workbench.blocks import Layout
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.undoing import Unseen, places_of
+from workbench.diagnostics.undoing import Unseen, only, places_of, undone
 
 MATRICES = ((3, 3), (3, 4), (4, 4))  # that act on homogeneous coordinates
 
 
-def homogeneous_factors(
-    free: Layout, x: Array, unseen: Unseen
-) -> Iterator[tuple[str, NamedSubspace]]:
+def homogeneous_factors(free: Layout, unseen: Unseen) -> Iterator[tuple[str, NamedSubspace]]:
     """The names of matrices whose factor no residual sees, each with this motion."""
     for block in free.blocks:
         if block.shape in MATRICES and block.unit == "1" and block.whole is None:
-            at = places_of(free, block)
-            v = np.zeros(free.size)
-            v[at] = x[at]
-            if v.any() and (v_within := unseen.within(v)) is not None:
+            field = only(places_of(free, block), free.size, lambda x: x[:, None])
+            for v, _ in undone(field, np.zeros(0, dtype=np.int64), unseen):
                 said = "a common factor"
-                yield (
-                    block.name,
-                    named_gauge("scale", said, v_within, free, [block], least=unseen.same),
-                )
+                yield block.name, named_gauge("scale", said, v, free, [block], least=unseen.same)
 
 
 def moves_of_infinity(X: Array) -> Iterator[tuple[str, Array]]:

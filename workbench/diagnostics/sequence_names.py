@@ -106,7 +106,8 @@ def _over_all_frames(
     basis = np.linalg.qr(vectors[:, over].toarray())[0]
     problem, values = frames.problem, frames.values
     found, known = [], np.zeros((len(basis), 0))
-    for motion in gauges(problem, values, Unseen(basis), problem.pattern, declared):
+    unseen = Unseen(problem.split(values)[0], basis)
+    for motion in gauges(problem, values, unseen, problem.pattern, declared):
         v = np.zeros((len(basis), 1))
         assert motion.basis is not None  # of gauges
         v[motion.entries] = motion.basis

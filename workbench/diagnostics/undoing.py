@@ -1,6 +1,11 @@
-"""Which motions the other unknowns can undo, so that no residual changes: a linear question."""
+"""Which motions the other unknowns can undo, so that no residual changes: a linear question.
 
-from collections.abc import Callable, Iterator
+A motion is a field: how the unknowns move, wherever they are. At one point almost any motion may
+happen to be undone. A gauge is undone everywhere, in the same combination, so that the question is
+asked at the point itself and at a few points nearby.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +14,10 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
 
 SAME = 1e-6  # of its length: a motion that misses the null space by less lies in it
+CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up to SAME
+NEW = 1e-6  # of its length: what a motion has outside of those found before, to be a new one
+
+Field = Callable[[Array], Array]  # from unknowns (n,) to how they move, (n, g)
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,12 +25,17 @@ class Unseen:
     """The motions that no residual notices, or that residuals hardly notice.
 
     Attributes:
+        x: (n,) the point.
         basis: (n, d) an orthonormal basis of them.
         same: how much of its length a motion may have outside of them and still count as one.
+        nearby: other points (n,), each with its own basis (n, d'). Without them, motions are judged
+            at the point alone.
     """
 
+    x: Array = field(repr=False)
     basis: Array = field(repr=False)
     same: float = SAME
+    nearby: tuple[tuple[Array, Array], ...] = field(default=(), repr=False)
 
     @property
     def exact(self) -> bool:
@@ -33,64 +47,153 @@ class Unseen:
         """d, the dimension."""
         return len(self.basis.T)
 
-    def outside(self, vectors: Array) -> Array:
-        """What of vectors (n, ...) lies outside."""
-        return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
+    @property
+    def everywhere(self) -> tuple[tuple[Array, Array], ...]:
+        """The point and those nearby, each with its basis."""
+        return ((self.x, self.basis), *self.nearby)
 
-    def within(self, v: Array) -> Array | None:
-        """The motion (n,), moved into the space; None if it is none that counts as unseen."""
-        out = self.outside(v)
-        if np.linalg.norm(out) > self.same * np.linalg.norm(v):
-            return None
-        return v if self.exact else v - out
+    def missed(self, moves: Field, lengths: Array) -> Array:
+        """What of moves (n, g), in units of `lengths` (g,), residuals notice, at all points."""
+        found = [(moves(x) / lengths, basis) for x, basis in self.everywhere]
+        return np.vstack([v - basis @ (basis.T @ v) for v, basis in found])
+
+    def fixed(self, places: Index) -> int:
+        """How many ways of moving these unknowns others cannot undo; 0 if they may move anyhow.
+
+        The fewer there are, the less it says of a motion that others undo it.
+        """
+        s = np.linalg.svd(self.basis[places], compute_uv=False)
+        return len(places) - int(np.sum(s > self.same))
+
+    def undone_in_one_way(self, places: Index) -> bool:
+        """Whether a motion of these unknowns leaves the others no choice."""
+        return len(places) - self.fixed(places) == self.count
 
 
-def undoing(moves: Array, others: Index, unseen: Unseen) -> tuple[Array, Callable[[Array], Array]]:
+class Found:
+    """The motions that were found so far, as an orthonormal basis (n, k); not their names."""
+
+    def __init__(self, unseen: Unseen) -> None:
+        silent = np.linalg.norm(unseen.basis, axis=1) > 1 - SAME  # unknowns that nothing reads
+        self.basis = unit_vectors(np.flatnonzero(silent), len(unseen.basis))
+        self._unseen = unseen
+
+    @property
+    def all(self) -> bool:
+        """Whether nothing is left to be found."""
+        return self._unseen.exact and len(self.basis.T) >= self._unseen.count
+
+    def does(self, move: Array, places: Index) -> bool:
+        """Whether some combination of them moves the unknowns at these places as `move` (q,) does.
+
+        Then another motion that does the same differs from it only in what others do.
+        """
+        U, s, _ = np.linalg.svd(self.basis[places], full_matrices=False)
+        U = U[:, s > self._unseen.same]
+        outside = move - U @ (U.T @ move)
+        return self._unseen.exact and bool(np.linalg.norm(outside) <= CLOSE * np.linalg.norm(move))
+
+    def adds(self, v: Array) -> bool:
+        """Whether a motion (n,) is a new one, which then counts as found."""
+        if not self._unseen.exact:
+            return True
+        length = np.linalg.norm(v)
+        new = v - self.basis @ (self.basis.T @ v)
+        new -= self.basis @ (self.basis.T @ new)
+        if not length or np.linalg.norm(new) <= NEW * length:
+            return False
+        self.basis = np.column_stack([self.basis, new / np.linalg.norm(new)])
+        return True
+
+
+def undoing(field: Field, others: Index, unseen: Unseen) -> tuple[Array, Callable[[Array], Array]]:
     """Which combinations of moves (n, g) these other unknowns undo, and the whole motions.
 
-    The first is a basis (g, q) of coefficients, the second makes the motion (n,) of coefficients
-    (g,): the smallest one that is as the moves want it everywhere but in the others.
+    The first is a basis (g, q) of coefficients, the same at all points; the second makes the motion
+    (n,) of coefficients (g,): the smallest one that is as the moves want it everywhere but in the
+    others.
     """
+    moves = field(unseen.x)
     rest = np.ones(len(moves), dtype=bool)
     rest[others] = False
     lengths = np.linalg.norm(moves, axis=0)
     lengths[lengths == 0] = 1.0
-    U, s, Vt = np.linalg.svd(unseen.basis[rest], full_matrices=False)
-    strong = s > unseen.same
-    U, back = U[:, strong], Vt[strong].T / s[strong]
-    wanted = moves[rest] / lengths
-    found = _nothing(wanted - U @ (U.T @ wanted), unseen.same) / lengths[:, None]
+    missed = []
+    for x, basis in unseen.everywhere:
+        U, s, _ = np.linalg.svd(basis[rest], full_matrices=False)
+        U = U[:, s > unseen.same]
+        wanted = field(x)[rest] / lengths
+        missed.append(wanted - U @ (U.T @ wanted))
+    found = nothing(np.vstack(missed), unseen.same) / lengths[:, None]
     found = np.linalg.qr(found)[0] if found.shape[1] else found
 
     def whole(a: Array) -> Array:
-        v = unseen.basis @ (back @ (U.T @ (moves[rest] @ a)))
-        if unseen.exact:  # so that rounding moves nothing that should stay
-            v[rest] = np.where(moves[rest] @ a == 0, 0.0, v[rest])
-        return np.asarray(v)
+        wanted, space = moves @ a, unseen.basis
+        still = rest & (wanted == 0)
+        if unseen.exact and still.any():  # so that rounding moves nothing that should stay
+            space = space @ nothing(space[still], unseen.same)
+        U, s, Vt = np.linalg.svd(space[rest], full_matrices=False)
+        strong = s > unseen.same
+        v = space @ (Vt[strong].T / s[strong] @ (U[:, strong].T @ wanted[rest]))
+        return np.where(still, 0.0, v) if unseen.exact else v
 
     return found, whole
 
 
-def undone(moves: Array, others: Index, unseen: Unseen) -> Iterator[tuple[Array, Array]]:
+def undone(field: Field, others: Index, unseen: Unseen) -> Iterator[tuple[Array, Array]]:
     """The motions (n,) that `undoing` finds, each with its coefficients (g,)."""
-    coefficients, whole = undoing(moves, others, unseen)
+    coefficients, whole = undoing(field, others, unseen)
     for a in coefficients.T:
         v = whole(a)
         if v.any():  # and not a turn of points about the line on which they all lie
             yield v, a
 
 
-def undone_alike(move: Array, others: Array, unseen: Unseen) -> Array | None:
-    """The move (n,) together with some combination of others (n, c); None if none undoes it."""
-    back = unseen.outside(others)
-    U, s, Vt = np.linalg.svd(back, full_matrices=False)
-    strong = s > unseen.same
-    seen = unseen.outside(move)
-    return unseen.within(move - others @ (Vt[strong].T / s[strong]) @ (U[:, strong].T @ seen))
+def undone_by_few(
+    field: Field, choices: Sequence[Index], unseen: Unseen
+) -> Iterator[tuple[Array, Array]]:
+    """The motions (n,) of one field (n, 1) that the fewest of these groups of unknowns undo.
+
+    Where one group suffices, each that does gives a motion; otherwise all take part.
+    """
+    together = np.concatenate([np.zeros(0, dtype=np.int64), *choices])
+    every = [*undone(field, together, unseen)]
+    if not every:
+        return
+    nobody = [*undone(field, together[:0], unseen)]
+    single = [] if nobody else [one for some in choices for one in undone(field, some, unseen)]
+    yield from nobody or single or every
 
 
-def _nothing(A: Array, same: float) -> Array:
-    """An orthonormal basis of what A (m, g) takes to nothing."""
+def undone_maps(Q: Array, wanted: Array) -> Array:
+    """Which of the wanted coefficients (g, w) lie in a space with the orthonormal basis Q: (w,)."""
+    W = wanted / np.linalg.norm(wanted, axis=0)
+    return np.asarray(np.linalg.norm(W - Q @ (Q.T @ W), axis=0) <= CLOSE)
+
+
+def common(Q: Array, allowed: Array) -> Array:
+    """An orthonormal basis of what two spaces with orthonormal bases (g, q) and (g, a) share."""
+    U, s, _ = np.linalg.svd(allowed.T @ Q, full_matrices=False)
+    return np.asarray(allowed @ U[:, s > 1 - CLOSE**2])
+
+
+def with_fewer(field: Field, choices: Sequence[Index], a: Array, unseen: Unseen) -> Array:
+    """The motion (n,) of the combination a (g,) of moves, undone by as few groups as may be.
+
+    One group after the other is left out if the rest can undo the same combination, the last first.
+    """
+    left = list(choices)
+    along: Field = lambda x: field(x) @ a[:, None]  # noqa: E731
+    for one in reversed(choices):
+        fewer = [some for some in left if some is not one]
+        if undoing(along, np.concatenate([one[:0], *fewer]), unseen)[0].shape[1]:
+            left = fewer
+    found = [v for v, _ in undone(along, np.concatenate([choices[0][:0], *left]), unseen)]
+    return found[0] if found else np.zeros(len(unseen.x))
+
+
+def nothing(A: Array, same: float) -> Array:
+    """An orthonormal basis of what A (m, g) takes to nothing, up to `same`."""
     _, s, Vt = np.linalg.svd(A, full_matrices=len(A) < len(A.T))
     small = np.ones(len(Vt), dtype=bool)
     small[: len(s)] = s <= same
@@ -103,8 +206,25 @@ def places_of(free: Layout, block: Block) -> Index:
     return np.arange(at.start, at.stop)
 
 
+def places(free: Layout, blocks: Sequence[Block]) -> Index:
+    """The places of the entries of some blocks."""
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(places_of(free, b) for b in blocks)])
+
+
 def unit_vectors(places: Index, n: int) -> Array:
     """A unit vector for each of these places, (n, q)."""
     found = np.zeros((n, len(places)))
     found[places, np.arange(len(places))] = 1.0
     return found
+
+
+def only(at: Index, n: int, moves: Callable[[Array], Array]) -> Field:
+    """The field that moves the unknowns at these places, by `moves` from them (q,) to (q, g)."""
+
+    def field(x: Array) -> Array:
+        there = moves(x[at])
+        found = np.zeros((n, there.shape[1]))
+        found[at] = there
+        return found
+
+    return field
