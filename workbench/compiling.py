@@ -21,7 +21,7 @@ from pathlib import Path
 
 from workbench.errors import BadFile, WorkbenchError
 from workbench.homes import home
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 LOG = logging.getLogger(__name__)
 NATIVE = ("-march=native", "-mcpu=native")  # what compilers call the processor they run on
@@ -131,8 +131,7 @@ def _compiled(
             try:
                 path = cache_folder() / f"{name}-{key}-{_digest(compiled)}.so"
                 path.parent.mkdir(parents=True, exist_ok=True)
-                with replacing(path) as temporary:
-                    temporary.write_bytes(compiled)
+                write_file(path, compiled)
             except (OSError, BadFile) as error:
                 LOG.warning("compiled for this process only: %s", error)
                 return _loaded(made, trusted)

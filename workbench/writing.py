@@ -59,16 +59,23 @@ def replacing(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_arrays(path: Path, named: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays as `np.savez_compressed` does, but under any names.
+def write_file(path: str | Path, content: str | bytes) -> None:
+    """Write a text, as UTF-8, or bytes, whole or not at all. Raises BadFile as `replacing` does."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+def write_arrays(path: str | Path, named: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays as `np.savez_compressed` does, but under any names, and whole or not at all.
 
     NumPy takes names as keyword arguments, and so cannot save an array that is called `file`.
-
-
     Large arrays are not compressed: a file that unpacks to hundreds of times its size, as zeros
-    do, is not read again (`reading/archive.py`).
+    do, is not read again (`reading/archive.py`). Raises BadFile as `replacing` does.
     """
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with (
+        replacing(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
         for name, array in named.items():
             info = zipfile.ZipInfo(f"{name}.npy")
             large = array.nbytes > LARGE

@@ -137,7 +137,7 @@ def test_a_cluster_counts_its_own_workers(
     def absent(address: str | None) -> None:
         raise WorkbenchError("no cluster in this test")
 
-    monkeypatch.setattr("workbench.cli.compare.cluster", absent)
+    monkeypatch.setattr("workbench.cli.cluster.cluster", absent)
     (tmp_path / "line.py").write_text(LINE)
     _, out, err = workbench("compare", "line.py", "--dask", "tcp://somewhere:1", "--workers", "2")
     assert "no cluster in this test" in err

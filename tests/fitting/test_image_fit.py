@@ -10,9 +10,9 @@ import pytest
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
+from workbench.fitting.file_jobs import FailedFile
 from workbench.fitting.image_fit import ImageFits, image_fit
 from workbench.fitting.image_jobs import (
-    FailedImage,
     FittedImage,
     ImageReading,
     ImageWork,
@@ -278,7 +278,7 @@ def test_each_image_of_a_folder_is_fitted_by_itself(tmp_path: Path) -> None:
     work = ImageWork(BODY, reading=ImageReading(SIZE, 1100.0), hypotheses=2)
     found = [one for part in in_parts(jobs, 2) for one in work(part)]
     assert [one.job.name for one in found] == ["frame0", "frame1", "frame2", "broken"]
-    assert isinstance(found[-1], FailedImage)
+    assert isinstance(found[-1], FailedFile)
     for one in found[:-1]:
         assert isinstance(one, FittedImage)
         assert one.error < 6.0

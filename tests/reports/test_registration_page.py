@@ -113,7 +113,7 @@ def test_a_scan_is_kept_until_something_changes(
     assert again.key(found.job) == key
     kept = again.kept(found.job, key)
     assert kept is not None
-    assert kept.summary["scan"] == "one"
+    assert kept.facts["scan"] == "one"
     other = folder_in(tmp_path / "run", body, replace(RECIPE, boundary=0.01))
     assert other.key(found.job) != key
     assert replace(again, reading=Reading(unit="mm")).key(found.job) != key

@@ -71,6 +71,7 @@ def separate(body: SkinnedBody, joints: list[int]) -> Index:
         while parent not in joints and parent >= 0:
             parent = body.parents[parent]
         above[k] = parent
+    names = body.joint_names
     found = [
         (i, j)
         for j in range(len(joints))
@@ -80,11 +81,6 @@ def separate(body: SkinnedBody, joints: list[int]) -> Index:
             and above[joints[i]] != joints[j]
             and above[joints[i]] != above[joints[j]]
         )
-        or _across(body, joints[i], joints[j])
+        or opposite(names[joints[i]]) == names[joints[j]]
     ]
     return np.array(found, dtype=np.int64).reshape(-1, 2)
-
-
-def _across(body: SkinnedBody, i: int, j: int) -> bool:
-    """Whether two joints are each other's mirror image."""
-    return i != j and opposite(body.joint_names[i]) == body.joint_names[j]

@@ -1,12 +1,42 @@
-"""Sending work to a Dask cluster."""
+"""Where work is done: in processes of this machine, or on a Dask cluster."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Annotated
 
+import typer
 from joblib import parallel_config
+from rich.console import Console
 
+from workbench.cli.output import at_least_one, warn_without_effect
 from workbench.errors import WorkbenchError
 from workbench.installation import pip_install
+from workbench.training.executor import Executor, Processes, by_backend
+
+Workers = Annotated[
+    int,
+    typer.Option(
+        callback=at_least_one, help="Number of processes; the result does not depend on it."
+    ),
+]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        help="Address of a Dask scheduler, to work on its workers instead, which read files at "
+        "the same paths."
+    ),
+]
+
+
+@contextmanager
+def executing(console: Console, workers: int, dask: str | None) -> Iterator[Executor]:
+    """The executor that was asked for: so many processes, or the workers of a Dask cluster."""
+    if workers > 1 and dask is not None:
+        warn_without_effect(
+            console, "--workers", "with --dask, the cluster says how many there are"
+        )
+    with cluster(dask):
+        yield Processes(workers) if dask is None else by_backend
 
 
 @contextmanager

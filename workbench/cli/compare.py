@@ -11,8 +11,8 @@ from rich.markup import escape
 
 from workbench import comparison
 from workbench.cli.bars import Bars
-from workbench.cli.cluster import cluster
-from workbench.cli.leaving import Interrupted
+from workbench.cli.cluster import Dask, Workers, executing
+from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, say, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
 from workbench.comparison.comparison import MAIN
@@ -22,7 +22,6 @@ from workbench.comparison.targets import TargetOutcome, named
 from workbench.comparison.words import advice, prices_sentence
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.own_file import ENOUGH
-from workbench.interrupts import caused_by
 from workbench.reports import write_comparison
 from workbench.reports.tables import Columns, Table
 from workbench.solvers import DEFAULT, SOLVERS
@@ -58,12 +57,8 @@ def compare(
     seeds: Annotated[
         int, typer.Option(help="Number of starts, for problems with an argument start or seed.")
     ] = 1,
-    workers: Annotated[
-        int, typer.Option(help="Number of runs at the same time on this machine.")
-    ] = 1,
-    dask: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler, to run on its workers instead.")
-    ] = None,
+    workers: Workers = 1,
+    dask: Dask = None,
     max_evaluations: Annotated[
         int,
         typer.Option(
@@ -91,29 +86,24 @@ def compare(
             f"there is one start of {', '.join(single)}, which has no argument `start` or `seed` "
             "that could number the starts",
         )
-    if workers > 1 and dask is not None:
-        warn_without_effect(
-            console, "--workers", "with --dask, the cluster says how many there are"
-        )
     told = Bars(console)
-    try:
-        with cluster(dask), told:
-            found = comparison.compare(
-                experiments,
-                solver or USUAL,
-                seeds=seeds,
-                budget=budget,
-                workers=workers,
-                folder=out,
-                progress=told,
-            )
-    except (KeyboardInterrupt, SystemError) as error:
-        if not caused_by(error, KeyboardInterrupt):
-            raise
-        raise Interrupted(
+
+    def left() -> str:
+        return (
             f"interrupted while {told.last}; what was finished is stored in {out}, and the same "
             "command continues from there"
-        ) from error
+        )
+
+    with interrupts_say(left), executing(console, workers, dask), told:
+        found = comparison.compare(
+            experiments,
+            solver or USUAL,
+            seeds=seeds,
+            budget=budget,
+            workers=workers,
+            folder=out,
+            progress=told,
+        )
     console.print(solver_table(_table(found)))
     for text in (prices_sentence(), *advice(found)):
         say(console, escape(text))

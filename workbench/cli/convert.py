@@ -13,7 +13,7 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import Up, say, timed_lines, warn_without_effect
+from workbench.cli.output import Up, say, say_notes, timed_lines, warn_without_effect
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
 from workbench.conversion.converting import Converted
 from workbench.conversion.points_in_space import SIGMA
@@ -86,8 +86,7 @@ def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> 
     correspondence = correspond(source, target, report)
     say(console, escape(str(correspondence)))
     found = convert(motion, source, target, correspondence=correspondence, progress=_told(console))
-    for note in found.motion.notes:
-        say(console, f"[dim]{escape(note)}[/]")
+    say_notes(console, found.motion.notes)
     _print_errors(console, found)
     joints = {*source.joint_names} & {*target.joint_names}
     copied = conversion_errors(
@@ -122,8 +121,7 @@ def _from_points(
     up: str | None,
 ) -> Motion:
     recording = read_markers(path, unit=unit, up=up)
-    for note in recording.notes:
-        say(console, f"[dim]{escape(note)}[/]")
+    say_notes(console, recording.notes)
     fps = recording.fps if rate is None else rate
     if fps is None:
         raise BadArgument(f"{path.name} does not say its rate; give it with --rate")
@@ -136,8 +134,7 @@ def _from_points(
         sigma=1e-3 * sigma,
         progress=_told(console),
     )
-    for note in found.motion.notes:
-        say(console, f"[dim]{escape(note)}[/]")
+    say_notes(console, found.motion.notes)
     table = Table(box=None, header_style="bold")
     table.add_column("point")
     table.add_column("mean mm", justify="right")

@@ -13,7 +13,7 @@ from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, 
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
 from workbench.fitting.other_minima import other_minima
-from workbench.fitting.profile_likelihood import Profile, profile_likelihood
+from workbench.fitting.profile_likelihood import profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_diagnosis
 from workbench.solvers import DEFAULT, SOLVERS, Solver
@@ -94,7 +94,11 @@ def diagnose(
         console.print("[dim]fitting from starts along the weakest directions[/]")
         others = other_minima(first.problem, first.values, directions=minima, solver=by)
         say(console, escape(str(others)))
-    profiles = [_profile(console, first, entry, by) for entry in profile or ()]
+    profiles = []
+    for entry in profile or ():
+        console.print(f"[dim]following the lowest cost along {escape(entry)}[/]")
+        profiles.append(profile_likelihood(first.problem, first.values, entry, solver=by))
+        say(console, escape(str(profiles[-1])))
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
         first,
@@ -144,18 +148,6 @@ def _over_draws(
         gauges=setup.gauges,
     )
     return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
-
-
-def _profile(
-    console: Console,
-    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
-    entry: str,
-    solver: Solver,
-) -> Profile:
-    console.print(f"[dim]following the lowest cost along {escape(entry)}[/]")
-    profile = profile_likelihood(found.problem, found.values, entry, solver=solver)
-    say(console, escape(str(profile)))
-    return profile
 
 
 def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None:

@@ -17,7 +17,7 @@ from workbench.cli.motion_output import (
     refuse_suffix,
     write_motion,
 )
-from workbench.cli.output import say, warn_without_effect
+from workbench.cli.output import say, say_notes, warn_without_effect
 from workbench.errors import BadArgument
 from workbench.homes import expanded
 from workbench.motions import read_motion
@@ -76,7 +76,6 @@ def export(
     if fps is not None:
         found = found.resampled(fps)
     found = found.named(model)
-    for note in found.notes:
-        say(console, f"[dim]{escape(note)}[/]")
+    say_notes(console, found.notes)
     say(console, f"{len(found)} frames at {found.fps:g} frames a second on body {model.name}")
     write_motion(console, out, found, model, count, shapes)

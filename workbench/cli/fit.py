@@ -12,6 +12,7 @@ from rich.console import Console
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
+from workbench.cli.cluster import Dask, Workers
 from workbench.cli.images import fit_folder
 from workbench.cli.marker_fits import fit_markers
 from workbench.cli.output import warn_without_effect
@@ -24,7 +25,6 @@ from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
-from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.meshes import own_mesh
@@ -149,16 +149,8 @@ def fit(
         ),
     ] = None,
     compare: Compare = False,
-    workers: Annotated[
-        int, typer.Option(help="Number of processes that fit the images of a folder.")
-    ] = 1,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a Dask scheduler, to fit the images of a folder on its workers, which "
-            "read the files at the same paths."
-        ),
-    ] = None,
+    workers: Workers = 1,
+    dask: Dask = None,
     out: Out = Path("runs"),
 ) -> None:
     """Fit a body to keypoints, a video, markers or a mesh; write a report to runs/FILE/.
@@ -174,8 +166,6 @@ def fit(
     ):
         if number is not None and not 0 < number < math.inf:
             raise BadArgument(f"{option} takes {what} above 0, not {number:g}")
-    if workers < 1:
-        raise BadArgument(f"--workers takes 1 or more, not {workers}")
     if solver is not None:
         solver_named(solver)
     reading = ImageReading(_size(size), focal, cameras, person)
@@ -234,13 +224,7 @@ def fit(
 def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
     """The fit to keypoints of one moment, from one camera or several."""
     reading = given.reading
-    observed = read_observations(
-        files,
-        calibration=reading.calibration,
-        size=reading.size,
-        focal=reading.focal,
-        person=reading.person,
-    )
+    observed = reading.observations(files)
     if reading.focal is not None and reading.calibration is not None:
         why = f"{reading.calibration} says the focal length of each camera"
         warn_without_effect(given.console, "--focal", why)

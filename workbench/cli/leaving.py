@@ -5,10 +5,12 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
+
+from workbench.interrupts import caused_by
 
 AGAIN = 2.0  # s; by then everything is cleaned up, or the exception was lost
 LOST = 0.05  # s after which an exception is raised again that is known to be lost
@@ -24,6 +26,17 @@ class Interrupted(BaseException):
 
 class Terminated(BaseException):
     """SIGTERM: leave at once, cleaning up on the way."""
+
+
+@contextmanager
+def interrupts_say(text: Callable[[], str]) -> Iterator[None]:
+    """Inside, an interrupt from the keyboard raises Interrupted with a text, also out of C code."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemError) as error:
+        if not caused_by(error, KeyboardInterrupt):
+            raise
+        raise Interrupted(text()) from error
 
 
 class Signals:

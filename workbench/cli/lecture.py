@@ -32,7 +32,7 @@ from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.site import write_course_site
 from workbench.site.slides import write_slides
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
 
@@ -113,8 +113,7 @@ def run(
         elif isinstance(value, course.Picture):
             pictures += 1
             path = out / one.folder_name / f"figure-{pictures}.png"
-            with replacing(path) as temporary:
-                temporary.write_bytes(value.png)
+            write_file(path, value.png)
             console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
             if value.page is not None:
                 by_hand = value.page.save(path.with_suffix(".html"))
@@ -255,8 +254,7 @@ def notebooks(
         done = executed(notebook(one), one, folder)
         write_notebook(add_links(done, repository, at, path.stem) if repository else done, path)
     if repository:
-        with replacing(listed) as temporary:
-            temporary.write_text(requirements(), encoding="utf-8")
+        write_file(listed, requirements())
     print_page(console, "notebooks", folder)
 
 

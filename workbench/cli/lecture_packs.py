@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from workbench.cli.leaving import Interrupted
+from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, say
 from workbench.cli.waiting import waiting
 from workbench.course.packs.examples import try_file
@@ -21,7 +21,6 @@ from workbench.course.packs.packing import write_pack
 from workbench.course.packs.students import read_students
 from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument
-from workbench.interrupts import caused_by
 
 LIMITS = Limits()
 NOT_ALL_RIGHT = 1  # the exit code of `try`
@@ -168,16 +167,17 @@ def mark(
         for said in remarks(mark):
             say(console, f"    {escape(said)}")
 
-    try:
-        with Console(stderr=True).status("marking, which takes some seconds for each file"):
-            marks = mark_class(found, key, keys, table, limits, tell)
-    except (KeyboardInterrupt, SystemError) as error:
-        if not caused_by(error, KeyboardInterrupt):
-            raise
-        raise Interrupted(
+    def left() -> str:
+        return (
             f"interrupted; {done} of {len(key.students)} students are marked, and {table} says "
             "which. The same command goes on"
-        ) from error
+        )
+
+    with (
+        interrupts_say(left),
+        Console(stderr=True).status("marking, which takes some seconds for each file"),
+    ):
+        marks = mark_class(found, key, keys, table, limits, tell)
     for one in marks:
         for said in one.alike:
             say(console, f"[bold]{escape(key.students[one.student])}[/]  {escape(said)}")

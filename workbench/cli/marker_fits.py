@@ -9,6 +9,7 @@ from rich.markup import escape
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.skinned_only import not_skinned
+from workbench.cli.output import say_notes
 from workbench.cli.run import carry_out
 from workbench.errors import NotSupported
 from workbench.experiments import Experiment
@@ -45,8 +46,7 @@ def fit_markers(
     recording = read_markers(file)
     known = default_markers(body) if marker_set is None else read_marker_set(marker_set, body)
     worn, places, notes = matched(recording.labels, known)
-    for note in (*recording.notes, *notes):
-        console.print(f"[dim]{escape(note)}[/]", highlight=False, soft_wrap=True)
+    say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
     usable = frames_that_place(markers, worn)
     chosen = usable[spread_frames(markers[usable], FRAMES)]

@@ -13,7 +13,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import Up, print_page, say, warn_without_effect
+from workbench.cli.output import Up, print_page, say, say_notes, warn_without_effect
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
@@ -28,7 +28,7 @@ from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.reports.replay_page import motion_page
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
@@ -122,7 +122,7 @@ def motion(
     if model is not None:
         before = found.notes
         found = found.named(model)
-        _say_notes(console, found.notes[len(before) :])
+        say_notes(console, found.notes[len(before) :])
     if strip is not None:
         places, pairs = _stick_figure(found, model)
         _draw(strip, places, pairs, found.fps)
@@ -180,12 +180,7 @@ def _say_motion(console: Console, found: Motion, path: Path) -> None:
         lines.append(f"{found.expression.shape[1]} coefficients of expression")
     for line in lines:
         say(console, escape(line))
-    _say_notes(console, found.notes)
-
-
-def _say_notes(console: Console, notes: tuple[str, ...]) -> None:
-    for note in notes:
-        say(console, f"[dim]{escape(note)}[/]")
+    say_notes(console, found.notes)
 
 
 def _ends(found: Motion) -> Array:
@@ -210,7 +205,7 @@ def _markers(
     rate = "of an unknown rate" if found.fps is None else f"at {found.fps:g} frames a second"
     say(console, escape(f"{path.name} holds {M} markers in {T} frames {rate}"))
     say(console, escape(f"labels: {some_of(found.labels)}"))
-    _say_notes(console, found.notes)
+    say_notes(console, found.notes)
     if strip is not None:
         seen: Mask = np.asarray(np.isfinite(found.markers[..., 0]).any(axis=1))
         _draw(strip, found.markers[seen], NO_PAIRS, found.fps if seen.all() else None)
@@ -222,5 +217,4 @@ def _markers(
 
 def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
     figure = drawn(lambda ax: plot_motion(places, pairs, fps, ax=ax), 10, 3)
-    with replacing(path) as temporary:
-        temporary.write_bytes(png(figure))
+    write_file(path, png(figure))

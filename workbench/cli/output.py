@@ -1,7 +1,7 @@
 """The folder that a command writes, and what it prints about it, its progress and its options."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from workbench.errors import WorkbenchError
+from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.upright import TURNS
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.tables import Table
@@ -19,6 +19,13 @@ Up = Annotated[
     str | None,
     typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
 ]
+
+
+def at_least_one(option: typer.CallbackParam, value: int) -> int:
+    """The value of an option, of which there must be one or more. Raises BadArgument."""
+    if value < 1:
+        raise BadArgument(f"{option.opts[0]} takes 1 or more, not {value}")
+    return value
 
 
 def make_folder(folder: Path) -> None:
@@ -65,6 +72,12 @@ def say(console: Console, text: str) -> None:
     Long lines are left for the terminal to break.
     """
     console.print(text, highlight=False, soft_wrap=True)
+
+
+def say_notes(console: Console, notes: Iterable[str]) -> None:
+    """Print notes on a file that was read or a result, dim."""
+    for note in notes:
+        say(console, f"[dim]{escape(note)}[/]")
 
 
 def print_page(console: Console, kind: str, page: Path) -> None:

@@ -1,6 +1,7 @@
 """`workbench register`: scans that nobody labelled, each as the template's surface."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,8 +14,8 @@ from rich.markup import escape
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.bars import Bars
-from workbench.cli.cluster import cluster
-from workbench.cli.leaving import Interrupted
+from workbench.cli.cluster import Dask, Workers, executing
+from workbench.cli.many import carry_out
 from workbench.cli.output import (
     Up,
     folder_to_write,
@@ -28,13 +29,11 @@ from workbench.errors import BadArgument, BadFile, listed, some_of
 from workbench.fitting.scan_contents import READERS
 from workbench.fitting.scan_units import UNITS
 from workbench.homes import expanded
-from workbench.interrupts import caused_by
 from workbench.registration import (
     FailedScan,
     Progress,
     Reading,
     Recipe,
-    RegisteredScan,
     ScanJob,
     jobs_of,
     model_alone,
@@ -42,9 +41,9 @@ from workbench.registration import (
     usual_recipe,
 )
 from workbench.registration.scan_jobs import MOST
-from workbench.reports.registration_folder import Entry, RegistrationFolder
+from workbench.reports.entries import Entry
+from workbench.reports.registration_folder import RegistrationFolder
 from workbench.reports.registration_page import ARRAYS, stages_table, write_registration
-from workbench.training.executor import Executor, Processes, by_backend
 from workbench.training.folder import Row, read_table
 
 NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
@@ -95,16 +94,8 @@ def register(
             "training; without it each scan is of another person."
         ),
     ] = None,
-    workers: Annotated[
-        int, typer.Option(help="Number of scans that are registered at the same time.")
-    ] = 1,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a Dask scheduler, to register on its workers, which read the files "
-            "at the same paths."
-        ),
-    ] = None,
+    workers: Workers = 1,
+    dask: Dask = None,
     out: Out = Path("runs"),
 ) -> None:
     """Register scans: fit a body to each from many starts, then free its vertices.
@@ -114,8 +105,6 @@ def register(
     or killed, the same command continues with the scans that are missing.
     """
     console = Console()
-    if workers < 1:
-        raise BadArgument(f"--workers takes 1 or more, not {workers}")
     if not 0 <= boundary < math.inf:
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
     reading = Reading(unit, up, array, _place(camera), points)
@@ -129,17 +118,30 @@ def register(
         _one(console, template, body, recipe, reading, jobs[0], out)
         return
     rows = _rows(jobs, subjects)
-    if workers > 1 and dask is not None:
-        warn_without_effect(
-            console, "--workers", "with --dask, the cluster says how many there are"
-        )
     source = scans[0].resolve() if len(scans) == 1 else scans[0].resolve().parent
     folder = RegistrationFolder(
         out / f"register-{source.name}", template, body, recipe, reading, str(source)
     )
-    executor: Executor = Processes(workers) if dask is None else by_backend
-    with cluster(dask):
-        _many(console, folder, jobs, rows, executor)
+    keys = {job: folder.key(job) for job in jobs}
+    work = partial(registered, template, recipe, reading)
+
+    def finish(entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
+        page = folder.finish(entries, [rows[entry.name] for entry in entries], failed)
+        for entry in entries:
+            for text in entry.facts["warnings"]:
+                say(console, f"[bold yellow]warning:[/] {escape(entry.name)}: {escape(text)}")
+        return page
+
+    with executing(console, workers, dask) as executor:
+        carry_out(
+            console,
+            folder,
+            keys,
+            lambda missing: ([found] for found in executor(work, missing)),
+            finish,
+            "scans",
+            "registered",
+        )
 
 
 def _one(
@@ -168,63 +170,6 @@ def _one(
 
 def _tell(bars: Bars, at: Progress) -> None:
     bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts)
-
-
-def _many(
-    console: Console,
-    folder: RegistrationFolder,
-    jobs: tuple[ScanJob, ...],
-    rows: dict[str, Row],
-    executor: Executor,
-) -> None:
-    """Register the scans that are missing, and write what is over all of them."""
-    keys = {job.name: folder.key(job) for job in jobs}
-    entries = {
-        job.name: kept for job in jobs if (kept := folder.kept(job, keys[job.name])) is not None
-    }
-    missing = [job for job in jobs if job.name not in entries]
-    if entries:
-        say(console, f"{len(entries)} of {len(jobs)} scans are registered already")
-    failed: list[FailedScan] = []
-    work = partial(registered, folder.body, folder.recipe, folder.reading)
-    try:
-        with Bars(console) as bars:
-            bars("scans", len(entries), len(jobs))
-            for found in executor(work, missing):
-                _keep(console, folder, keys, found, entries, failed)
-                bars("scans", len(entries) + len(failed), len(jobs))
-    except (KeyboardInterrupt, SystemError) as error:
-        if not caused_by(error, KeyboardInterrupt):
-            raise
-        raise Interrupted(
-            f"interrupted; {len(entries)} of {len(jobs)} scans are registered in {folder.place}, "
-            "and the same command continues with the others"
-        ) from error
-    done = [job.name for job in jobs if job.name in entries]
-    page = folder.finish([entries[name] for name in done], [rows[name] for name in done], failed)
-    for name in done:
-        for text in entries[name].summary["warnings"]:
-            say(console, f"[bold yellow]warning:[/] {escape(name)}: {escape(text)}")
-    print_page(console, "report", page)
-    if failed:
-        say(console, f"{len(failed)} of {len(jobs)} scans could not be registered")
-        raise typer.Exit(1)
-
-
-def _keep(
-    console: Console,
-    folder: RegistrationFolder,
-    keys: dict[str, str],
-    found: RegisteredScan | FailedScan,
-    entries: dict[str, Entry],
-    failed: list[FailedScan],
-) -> None:
-    name = found.job.name
-    if isinstance(found, FailedScan):
-        failed.append(found)
-        say(console, f"[bold yellow]not registered:[/] {escape(name)}: {escape(found.reason)}")
-    else:
-        entries[name] = folder.keep(found, keys[name])
 
 
 def _place(text: str | None) -> tuple[float, float, float] | None:

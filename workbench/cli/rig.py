@@ -10,10 +10,9 @@ from rich.markup import escape
 
 from workbench.bodies.files.saving import save_body
 from workbench.cli.bars import Bars
-from workbench.cli.leaving import Interrupted
+from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, rich_table, say
 from workbench.errors import BadArgument
-from workbench.interrupts import caused_by
 from workbench.motions import save_motion
 from workbench.reports.tables import Table
 from workbench.training.rigging.mesh_sequences import read_meshes
@@ -86,21 +85,16 @@ def rig(
     )
     card = {"provenance": [f"Rigged from the meshes in {', '.join(p.name for p in meshes[:3])}."]}
     bars = Bars(console)
-    try:
-        with bars:
-            found = find_rig(
-                given.meshes[rows],
-                given.faces,
-                rest=first,
-                bones=bones,
-                tolerance=tolerance,
-                report=bars,
-                card=card,
-            )
-    except (KeyboardInterrupt, SystemError) as error:
-        if not caused_by(error, KeyboardInterrupt):
-            raise
-        raise Interrupted(f"interrupted at {bars.last}; nothing was written") from error
+    with interrupts_say(lambda: f"interrupted at {bars.last}; nothing was written"), bars:
+        found = find_rig(
+            given.meshes[rows],
+            given.faces,
+            rest=first,
+            bones=bones,
+            tolerance=tolerance,
+            report=bars,
+            card=card,
+        )
     save_body(found.body, out)
     if motion is not None:
         step = (rows[-1] - rows[0]) / (len(rows) - 1)  # meshes between two that were learned from

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli.blendshapes import Seed
+from workbench.cli.cluster import Workers
 from workbench.cli.output import folder_to_write, print_page, say, timed_lines
 from workbench.cli.run import Out
-from workbench.errors import BadArgument
 from workbench.studies.coregistration.page import together_text, write_together
 from workbench.studies.coregistration.study import TogetherPlan, together_study
 from workbench.training.executor import Processes
@@ -27,9 +27,7 @@ def together(
     ] = list(PLAN.holes),  # noqa: B006 - Typer reads it once
     people: Annotated[int, typer.Option(help="Number of people.")] = PLAN.people,
     rounds: Annotated[int, typer.Option(help="Number of rounds of coregistration.")] = PLAN.rounds,
-    workers: Annotated[
-        int, typer.Option(help="Number of processes; the result does not depend on it.")
-    ] = 1,
+    workers: Workers = 1,
     seed: Seed = PLAN.seed,
     out: Out = Path("runs"),
 ) -> None:
@@ -38,8 +36,6 @@ def together(
     The defaults take about half an hour of one core. Ctrl-C ends it, and nothing is written.
     """
     console = Console()
-    if workers < 1:
-        raise BadArgument(f"--workers takes 1 or more, not {workers}")
     plan = TogetherPlan(tuple(sorted(scans)), tuple(sorted(holes)), people, rounds, seed)
     folder = folder_to_write(out, "together", "")
     found = together_study(plan, Processes(workers), timed_lines(console))

@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 
 from workbench.bodies.files.saving import save_body
-from workbench.cli.leaving import Interrupted
+from workbench.cli.cluster import Workers
+from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import make_folder, print_page, warn_without_effect
 from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
@@ -72,9 +73,7 @@ def train(
         bool,
         typer.Option(help="Learn pose blend shapes, or only templates, joints, weights and poses."),
     ] = True,
-    jobs: Annotated[
-        int, typer.Option(help="Number of processes; the result does not depend on it.")
-    ] = 2,
+    jobs: Workers = 2,
     out: Out = Path("runs"),
 ) -> None:
     """Train a body model from registrations; a run that was killed continues where it stopped.
@@ -109,7 +108,16 @@ def train(
     make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)
-    try:
+
+    def told() -> str:
+        if not any(place.rglob(CHECKPOINT)):
+            return f"interrupted; there is no checkpoint in {place}, so no result was kept"
+        return (
+            f"interrupted; what was found until the last block is in {place}, and the same "
+            "command continues from there"
+        )
+
+    with interrupts_say(told):
         trained = train_body(
             poses,
             guess,
@@ -121,13 +129,6 @@ def train(
             card=_origin(folder),
             executor=Processes(jobs),
         )
-    except KeyboardInterrupt:
-        raise Interrupted(
-            f"interrupted; what was found until the last block is in {place}, and the same "
-            "command continues from there"
-            if any(place.rglob(CHECKPOINT))
-            else f"interrupted; there is no checkpoint in {place}, so no result was kept"
-        ) from None
     body = trained.body
     if people is not None and held_out is not None:
         console.print("[dim]fitting the held-out people[/]")

@@ -12,7 +12,7 @@ from workbench.errors import BadFile
 from workbench.reading.archive import open_arrays
 from workbench.reading.expected import doubles_or_nan, read_expected, texts
 from workbench.reading.facts import facts_in, json_in
-from workbench.writing import replacing
+from workbench.writing import write_arrays, write_file
 
 T = TypeVar("T")
 MARK = "comparison.json"  # by which a folder of ours is known
@@ -67,8 +67,7 @@ class Folder:
             ) from error
         if not there:
             text = json.dumps({"made_by": "workbench", "kind": "comparison"})
-            with replacing(self.folder / MARK) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            write_file(self.folder / MARK, text)
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
         """The same; a file that is not whole, or holds something else, counts as none."""
@@ -87,10 +86,8 @@ class Folder:
     def put(self, key: str, stored: Stored) -> None:
         """Keep a result under its key, in a file."""
         facts, arrays = stored
-        with replacing(self._runs / f"{key}.npz") as temporary, temporary.open("wb") as file:
-            np.savez_compressed(
-                file, allow_pickle=False, **arrays, facts=np.array(json.dumps(facts))
-            )
+        named = {**arrays, FACTS: np.array(json.dumps(facts))}
+        write_arrays(self._runs / f"{key}.npz", named)
 
 
 Store = Memory | Folder  # results are got and put by their keys

@@ -13,7 +13,7 @@ from workbench.course.outline import Lecture
 from workbench.course.student_process import environment
 from workbench.errors import BadFile
 from workbench.installation import pip_install
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 SECONDS = 120.0  # s, for a cell
 NEEDED = ("jupytext", "nbformat", "nbclient", "ipykernel")
@@ -47,7 +47,8 @@ def notebook(lecture: Lecture) -> Any:
     made.cells.append(v4.new_code_cell(_given(lecture)))
     for name, text in zip(lecture.exercises, texts, strict=True):
         made.cells.append(v4.new_markdown_cell(text))
-        for tag, code in (("answer", _stub(lecture, name)), ("check", _check(lecture, name))):
+        stub = inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
+        for tag, code in (("answer", stub), ("check", f"check_here({lecture.number}, {name})")):
             made.cells.append(v4.new_code_cell(code, metadata={"tags": [tag]}))
     for k, cell in enumerate(made.cells):
         cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
@@ -101,14 +102,6 @@ def _given(lecture: Lecture) -> str:
     return "\n".join(["from workbench.course.here import check_here", *kept[1:]])
 
 
-def _stub(lecture: Lecture, name: str) -> str:
-    return inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
-
-
-def _check(lecture: Lecture, name: str) -> str:
-    return f"check_here({lecture.number}, {name})"
-
-
 def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
     """A notebook with the results of all cells. Raises CellFailed with the first error."""
     nbclient = tool("nbclient")
@@ -132,5 +125,4 @@ def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
 
 def write_notebook(made: Any, path: Path) -> None:
     """Write a notebook to a file `.ipynb`, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(tool("nbformat").writes(made), encoding="utf-8")
+    write_file(path, tool("nbformat").writes(made))

@@ -11,9 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_body
-from workbench.bodies.triangles import TriangleBody
 from workbench.errors import check_known
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
@@ -21,6 +18,7 @@ from workbench.experiments.synthetic_cameras import SIZE, looking_in
 from workbench.experiments.synthetic_people import (
     MADE_OF_THE_MODEL,
     bent_person,
+    drawn_person,
     exact_answer,
     likely_person,
     random_start,
@@ -39,6 +37,7 @@ from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 
+BENT = 0.3  # rad about each axis of a joint, where no other sigma is given
 KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits each, m
     "squares": (quadratic, 0.005),
     "huber": (huber(), 0.005),
@@ -46,24 +45,16 @@ KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits eac
 }
 
 
-def _bent(
-    body: str, seed: int, pose_sigma: float = 0.3
-) -> tuple[SkinnedBody | TriangleBody, np.random.Generator, Values]:
-    """A body, the source of its noise, and a `bent_person` of it."""
-    model, rng = load_body(body), np.random.default_rng(seed)
-    return model, rng, bent_person(model, rng, pose_sigma)
-
-
 def body_vertices(
     body: str = "small",
     seed: int = 0,
     start: int = 0,
-    pose_sigma: float = 0.3,
+    pose_sigma: float = BENT,
     noise: float = 0.0,
     start_sigma: float = 0.3,
 ) -> Setup:
     """Fit a body whose vertices are all known; pose_sigma and start_sigma in rad, noise in m."""
-    model, rng, truth = _bent(body, seed, pose_sigma)
+    model, rng, truth = drawn_person(body, seed, bent_person, pose_sigma)
     surface = model.vertices(**truth)
     observed = surface + noise * rng.standard_normal(surface.shape)
     setup = mesh_fit(
@@ -94,7 +85,7 @@ def body_outliers(
     """
     check_known("kernel", kernel, KERNELS)
     robust, sigma = KERNELS[kernel]
-    model, rng, truth = _bent(body, seed)
+    model, rng, truth = drawn_person(body, seed, bent_person, BENT)
     surface = model.vertices(**truth)
     off = np.where(rng.random(len(surface)) < share, 0.3, 0.005)  # m
     setup = mesh_fit(
@@ -118,7 +109,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 
     Many of the true values lie outside of these bounds.
     """
-    model, _, truth = _bent(body, seed)
+    model, _, truth = drawn_person(body, seed, bent_person, BENT)
     pose, betas, _ = (block.name for block in model.blocks())
     bounds = {pose: (-limit, limit), betas: (-1.0, 1.0)}
 
@@ -144,9 +135,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
     """Fit all joints, known to `noise` m, with priors on pose and shape."""
-    model = load_body(body)
-    rng = np.random.default_rng(seed)
-    truth = likely_person(model, rng)
+    model, rng, truth = drawn_person(body, seed, likely_person)
     joints = model.joints(**truth)
     setup = joint_fit(
         model,
@@ -163,10 +152,10 @@ def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float
 
 
 def body_joints_alone(
-    body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = 0.3
+    body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = BENT
 ) -> Setup:
     """Fit exact joints without priors: the Jacobian is rank-deficient, and many bodies fit."""
-    model, _, truth = _bent(body, seed, pose_sigma)
+    model, _, truth = drawn_person(body, seed, bent_person, pose_sigma)
     setup = joint_fit(
         model,
         model.joints(**truth),
@@ -186,9 +175,7 @@ def body_cameras(
     body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
 ) -> Setup:
     """Fit keypoints in images of 1000 px from cameras around the body, with priors; noise in px."""
-    model = load_body(body)
-    rng = np.random.default_rng(seed)
-    truth = likely_person(model, rng)
+    model, rng, truth = drawn_person(body, seed, likely_person)
     kind = landmark_set(model)
     names, points = model.landmark_names(kind), model.landmark(kind, **truth)
     photographs = []

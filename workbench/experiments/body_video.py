@@ -7,10 +7,10 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.bodies.body import Body
-from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
 from workbench.experiments.synthetic_cameras import looking_in
 from workbench.experiments.synthetic_people import (
+    drawn_person,
     likely_person,
     random_start,
     start_text,
@@ -63,9 +63,7 @@ def body_video(
         raise BadArgument(f"a video has two frames or more, not {frames}")
     if cameras < 1:
         raise BadArgument(f"a video is seen by one camera or more, not by {cameras}")
-    model = load_body(body)
-    rng = np.random.default_rng(seed)
-    truth = walk(model, rng, frames)
+    model, rng, truth = drawn_person(body, seed, walk, frames)
     pose, betas, trans = model.blocks()
     kind = landmark_set(model)
     names = model.landmark_names(kind)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_body
-from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, check_known
-from workbench.experiments.synthetic_people import MADE_OF_THE_MODEL, exact_answer, person_at_origin
+from workbench.experiments.synthetic_people import (
+    MADE_OF_THE_MODEL,
+    drawn_person,
+    exact_answer,
+    person_at_origin,
+)
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
 from workbench.fitting.landmarks import joint_fit
@@ -32,7 +33,7 @@ def known_correspondences(
     `start` names one of STARTS: `zero`, `placed` or `procrustes`. Raises UnknownName.
     """
     check_known("start", start, STARTS)
-    model, rng, truth = _person(body, seed, pose_sigma)
+    model, rng, truth = drawn_person(body, seed, person_at_origin, pose_sigma)
     surface = model.vertices(*truth.values())
     observed = _with_noise(surface, noise, rng)
     setup = mesh_fit(
@@ -60,7 +61,7 @@ def shape_from_landmarks(
     """
     if not noise > 0:
         raise BadArgument(f"noise must be above zero metres, not {noise}; it is the sigma as well")
-    model, rng, truth = _person(body, seed, pose_sigma)
+    model, rng, truth = drawn_person(body, seed, person_at_origin, pose_sigma)
     return joint_fit(
         model,
         _with_noise(model.joints(*truth.values()), noise, rng),
@@ -73,14 +74,6 @@ def shape_from_landmarks(
         compared=SECOND_ORDER,
         synthetic=MADE_OF_THE_MODEL,
     )
-
-
-def _person(
-    body: str, seed: int, pose_sigma: float
-) -> tuple[SkinnedBody | TriangleBody, np.random.Generator, Values]:
-    """A body, a generator of random numbers, and a `person_at_origin` drawn with it."""
-    model, rng = load_body(body), np.random.default_rng(seed)
-    return model, rng, person_at_origin(model, rng, pose_sigma)
 
 
 def _with_noise(points: Array, noise: float, rng: np.random.Generator) -> Array:

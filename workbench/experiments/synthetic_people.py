@@ -3,13 +3,17 @@
 All of them are synthetic: nobody was measured.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Setup
@@ -39,6 +43,14 @@ def bent_person(body: Body, rng: np.random.Generator, pose_sigma: float) -> Valu
     """A `person_at_origin`, moved by 0.2 m per axis."""
     trans = body.blocks()[2].name
     return person_at_origin(body, rng, pose_sigma) | {trans: TRANS_SIGMA * rng.standard_normal(3)}
+
+
+def drawn_person(
+    body: str, seed: int, drawn: Callable[..., Values], *others: float
+) -> tuple[SkinnedBody | TriangleBody, np.random.Generator, Values]:
+    """A body by its name, the source of its noise, and a person that `drawn` makes with these."""
+    model, rng = load_body(body), np.random.default_rng(seed)
+    return model, rng, drawn(model, rng, *others)
 
 
 def likely_person(body: Body, rng: np.random.Generator) -> Values:

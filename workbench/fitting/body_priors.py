@@ -1,5 +1,7 @@
 """The priors on a body's pose and shape that decide what observations leave open."""
 
+from collections.abc import Sequence
+
 import casadi as cs
 import numpy as np
 
@@ -48,11 +50,11 @@ def pose_gaussian(body: Body) -> tuple[Array, Array]:
     if not {*recorded} <= {*names}:
         return body.bind_pose[1:], np.array(OTHERS**2)
     mean, covariance = body.bind_pose[1:].copy(), OTHERS**2 * np.eye(3 * len(names))
-    _place(mean, covariance, names, recorded, learned.mean, learned.covariance)
+    _place((mean, covariance), names, recorded, (learned.mean, learned.covariance))
     if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
         space = pose_space(body)
-        theirs = _covariance(space, BESIDE_ON_A_BODY)
-        _place(mean, covariance, names, space.joints, space.mean, theirs)
+        theirs = space.mean, _covariance(space, BESIDE_ON_A_BODY)
+        _place((mean, covariance), names, space.joints, theirs)
     return mean, covariance
 
 
@@ -62,19 +64,15 @@ def _covariance(space: PoseSpace, beside: float) -> Array:
 
 
 def _place(
-    mean: Array,
-    covariance: Array,
-    names: tuple[str, ...],
-    some: tuple[str, ...],
-    their_mean: Array,
-    theirs: Array,
+    into: tuple[Array, Array], names: Sequence[str], some: Sequence[str], own: tuple[Array, Array]
 ) -> None:
     """Write the Gaussian of some of the joints, the first in their own, to where they stand."""
+    mean, covariance = into
     joints = np.array([names.index(name) for name in some])
     numbers = (3 * joints[:, None] + np.arange(3)).ravel()
     n = len(numbers)
-    mean[joints] = their_mean.reshape(-1, 3)[: len(joints)]
-    covariance[np.ix_(numbers, numbers)] = theirs[:n, :n]
+    mean[joints] = own[0].reshape(-1, 3)[: len(joints)]
+    covariance[np.ix_(numbers, numbers)] = own[1][:n, :n]
 
 
 def shape_prior(body: Body) -> Residual:

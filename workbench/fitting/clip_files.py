@@ -13,8 +13,7 @@ from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.clips import Clip, Film
 from workbench.fitting.detected_person import DetectedPerson
 from workbench.fitting.image_lists import by_image, number_in
-from workbench.fitting.keypoint_files import people_of, person_of
-from workbench.fitting.observations import pinhole
+from workbench.fitting.keypoint_files import calibration_of, people_of, person_of
 from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
@@ -108,10 +107,8 @@ def read_clip(
                 points[t, [first.index(n) for n in one.names]] = one.points
         image = seen[0].size
         assert image is not None
-        K = camera.get("K")
-        K = pinhole(focal, *image) if K is None and focal is not None else K
-        rest = (camera.get(key) for key in ("R", "t", "distortion"))
-        films.append(Film(name, image, points[..., :2], points[..., 2], K, *rest))
+        calibrated = calibration_of(camera, focal, image)
+        films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
     assert first is not None
     return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
 

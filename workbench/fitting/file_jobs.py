@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from workbench.errors import BadArgument, WorkbenchError, cut
@@ -9,6 +10,22 @@ from workbench.interrupts import caused_by
 
 LOG = logging.getLogger(__name__)
 LONGEST = 500  # letters of the reason of a failure
+
+
+@dataclass(frozen=True)
+class FileJob:
+    """A file to be worked on, and a name for it."""
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class FailedFile:
+    """A file with which the work failed, and why, in a sentence."""
+
+    job: FileJob
+    reason: str
 
 
 def check_names_differ(files: Sequence[Path], names: Sequence[str], work: str) -> None:

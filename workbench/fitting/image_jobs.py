@@ -11,11 +11,12 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.depth_interval import FOUND, DepthInterval, depth_interval
-from workbench.fitting.file_jobs import check_names_differ, reason_of
+from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import reprojection_errors
+from workbench.fitting.observations import Observations
 from workbench.solvers import Status
 
 AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
@@ -37,13 +38,15 @@ class ImageReading:
     calibration: Path | None = None
     person: int | None = None
 
-
-@dataclass(frozen=True)
-class ImageJob:
-    """One image to be fitted: a name for it, and its file of keypoints."""
-
-    name: str
-    path: Path
+    def observations(self, files: Sequence[Path]) -> Observations:
+        """The keypoints in files of one moment; see `read_observations`."""
+        return read_observations(
+            files,
+            calibration=self.calibration,
+            size=self.size,
+            focal=self.focal,
+            person=self.person,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +82,7 @@ class FittedImage:
         notes: sentences on what the file holds and was not read.
     """
 
-    job: ImageJob
+    job: FileJob
     values: Values
     others: tuple[Values, ...]
     costs: tuple[float, ...]
@@ -92,15 +95,7 @@ class FittedImage:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class FailedImage:
-    """An image to which no body could be fitted, and why, in a sentence."""
-
-    job: ImageJob
-    reason: str
-
-
-Fitted = FittedImage | FailedImage
+Fitted = FittedImage | FailedFile
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,30 +114,23 @@ class ImageWork:
     reading: ImageReading = field(default_factory=ImageReading)
     hypotheses: int = 1
 
-    def __call__(self, jobs: Sequence[ImageJob]) -> list[Fitted]:
+    def __call__(self, jobs: Sequence[FileJob]) -> list[Fitted]:
         """What was found of each image, in their order. Only Ctrl-C is raised."""
         fits = ImageFits(self.body, self.recipe)
         return [self._one(fits, job) for job in jobs]
 
-    def _one(self, fits: ImageFits, job: ImageJob) -> Fitted:
-        reading = self.reading
+    def _one(self, fits: ImageFits, job: FileJob) -> Fitted:
         try:
-            observed = read_observations(
-                [job.path],
-                calibration=reading.calibration,
-                size=reading.size,
-                focal=reading.focal,
-                person=reading.person,
-            )
+            observed = self.reading.observations([job.path])
             setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)
             assert setup.strategy is not None
             solution = setup.strategy(None).solve(setup.problem, setup.start)
         except Exception as error:
-            return FailedImage(job, reason_of(error, job.path, "fit"))
+            return FailedFile(job, reason_of(error, job.path, "fit"))
         if solution.status is Status.STOPPED:
             raise KeyboardInterrupt  # the solver kept it for its own end
         if not np.isfinite(solution.cost):
-            return FailedImage(job, f"the fit has no finite cost: {solution.message}")
+            return FailedFile(job, f"the fit has no finite cost: {solution.message}")
         whole = setup.start | solution.values
         body, view = self.body, setup.views[0]
         pose, betas, trans = (whole[block.name] for block in body.blocks())
@@ -166,13 +154,13 @@ class ImageWork:
         )
 
 
-def image_jobs(files: Sequence[Path]) -> tuple[ImageJob, ...]:
+def image_jobs(files: Sequence[Path]) -> tuple[FileJob, ...]:
     """A job for each file, by its name without the suffix. Raises BadArgument for two alike."""
     names = [path.stem for path in files]
     check_names_differ(files, names, "fit them")
-    return tuple(ImageJob(name, path) for name, path in zip(names, files, strict=True))
+    return tuple(FileJob(name, path) for name, path in zip(names, files, strict=True))
 
 
-def in_parts(jobs: Sequence[ImageJob], count: int = AT_ONCE) -> list[tuple[ImageJob, ...]]:
+def in_parts(jobs: Sequence[FileJob], count: int = AT_ONCE) -> list[tuple[FileJob, ...]]:
     """The jobs, so many at a time."""
     return [tuple(jobs[i : i + count]) for i in range(0, len(jobs), count)]

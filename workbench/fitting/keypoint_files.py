@@ -1,6 +1,6 @@
 """Reading keypoints from files of detectors, and the cameras that saw them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +205,15 @@ def _image_size(path: str | Path, data: Any, wanted: Any) -> tuple[int, int] | N
     return None
 
 
+def calibration_of(
+    camera: Mapping[str, Any], focal: float | None, size: tuple[int, int]
+) -> tuple[Array | None, ...]:
+    """K, R, t and distortion of a calibrated camera, each None if unknown; K from a given focal."""
+    K = camera.get("K")
+    K = pinhole(focal, *size) if K is None and focal is not None else K
+    return K, *(camera.get(key) for key in ("R", "t", "distortion"))
+
+
 def read_observations(
     paths: Sequence[str | Path],
     *,
@@ -243,15 +252,10 @@ def read_observations(
     names = tuple(dict.fromkeys(name for one in read for name in one.names))
     for found, (name, camera) in zip(read, named, strict=True):
         assert found.size is not None
-        K = camera.get("K")
-        if K is None and focal is not None:
-            K = pinhole(focal, *found.size)
         points = np.zeros((len(names), 3))  # hands that one file lacks have confidence 0 there
         points[[names.index(known) for known in found.names]] = found.points
-        calibrated = {key: camera.get(key) for key in ("R", "t", "distortion")}
-        photographs.append(
-            Photograph(name, found.size, points[:, :2], points[:, 2], K, **calibrated)
-        )
+        calibrated = calibration_of(camera, focal, found.size)
+        photographs.append(Photograph(name, found.size, points[:, :2], points[:, 2], *calibrated))
     unread = [
         f"{Path(calibration).name}: of camera {shown(name)}, not read are {some(camera['unread'])}"
         for name, camera in cameras.items()

@@ -20,7 +20,7 @@ from workbench.motions.trc_files import read_trc, write_trc
 from workbench.reading.archive import opened
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import any_reals, optional, read_expected, texts
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays
 
 FASTEST = 1e6  # frames a second
 RECORDED = {
@@ -131,8 +131,7 @@ def write_markers(path: str | Path, recording: MarkerRecording) -> None:
             arrays = {"markers": recording.markers, "labels": np.array(recording.labels)}
             if recording.fps is not None:
                 arrays["fps"] = np.array(recording.fps)
-            with replacing(path) as temporary:
-                write_arrays(temporary, arrays)
+            write_arrays(path, arrays)
         case _:
             raise BadFile(f"markers are written as .trc or .npz, and {path} ends otherwise")
 

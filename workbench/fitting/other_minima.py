@@ -142,7 +142,12 @@ def other_minima(
             _add(ends, end, solution.cost, sizes)
         if progress is not None:
             progress(done, len(starts))
-    found = [_told(problem, x, end, fixed, cost - first, count, sizes) for end, cost, count in ends]
+    found = []
+    for end, cost, count in ends:
+        away = np.abs((end - x) / sizes)
+        k = int(np.argmax(away))
+        there, entry = problem.values(end, fixed), problem.free.label(k)
+        found.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
     level = LEVEL * (1 + first)
     return OtherMinima(
         len(starts),
@@ -167,18 +172,3 @@ def _add(ends: list[tuple[Array, float, int]], end: Array, cost: float, sizes: A
             ends[i] = (there, least, count + 1)
             return
     ends.append((end, cost, 1))
-
-
-def _told(
-    problem: Problem,
-    x: Array,
-    end: Array,
-    fixed: Array,
-    excess: float,
-    count: int,
-    sizes: Array,
-) -> OtherMinimum:
-    away = np.abs((end - x) / sizes)
-    k = int(np.argmax(away))
-    entry, values = problem.free.label(k), problem.values(end, fixed)
-    return OtherMinimum(values, excess, float(away[k]), entry, count)

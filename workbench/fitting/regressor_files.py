@@ -11,7 +11,7 @@ from workbench.errors import BadFile
 from workbench.fitting.pose_regressor import PoseRegressor
 from workbench.reading.archive import opened
 from workbench.reading.expected import read_expected, reals, texts, wholes
-from workbench.writing import replacing
+from workbench.writing import write_arrays
 
 FOLDER = files("workbench") / "data" / "poses"
 REGRESSOR_FILE = "regressor.npz"
@@ -35,8 +35,7 @@ def save_regressor(regressor: PoseRegressor, path: str | Path) -> None:
         arrays[f"weights_{i}"] = np.rint(W / step).astype(np.int16)
         arrays[f"step_{i}"] = np.array(step)
         arrays[f"biases_{i}"] = b.astype(np.float32)
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+    write_arrays(path, arrays)
 
 
 def read_regressor(path: str | Path) -> PoseRegressor:

@@ -20,7 +20,7 @@ from workbench.geometry.off import parse_off
 from workbench.geometry.ply import parse_ply
 from workbench.geometry.polygons import text_lines
 from workbench.geometry.stl import parse_stl
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 T = TypeVar("T")
 
@@ -137,8 +137,7 @@ def write_mesh(path: str | Path, vertices: ArrayLike, faces: ArrayLike) -> None:
     if not len(triangles) and path.suffix.lower() in (".glb", ".stl"):
         raise BadFile(f"{path}: a {path.suffix} holds triangles; write points as .ply")
     content = write(mesh)
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    write_file(path, content)
 
 
 def _known(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:

@@ -6,6 +6,7 @@ has `mocap_frame_rate`, and the parts of a pose beside the whole.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from workbench.reading.expected import (
     texts,
     wholes,
 )
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays
 
 number = Kind("a number", frozenset({"f4", "f8", "i", "u"}), reals.read)
 word = Kind("text", frozenset({"U", "S"}), lambda array: array.astype(np.str_))
@@ -237,17 +238,7 @@ def _upright(
             few = motion.betas[: body.n_betas]
             root = body.joints(np.zeros((body.n_joints, 3)), few)[0]
     found = motion if axis == "y" else motion.turned(TURNS[axis], root)
-    return Motion(
-        found.pose,
-        found.trans,
-        found.fps,
-        found.joint_names,
-        found.betas,
-        found.expression,
-        found.bones,
-        found.origin,
-        (*notes, *found.notes),
-    )
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def save_motion(path: str | Path, motion: Motion) -> None:
@@ -277,5 +268,4 @@ def save_motion(path: str | Path, motion: Motion) -> None:
         arrays["bone_offsets"] = motion.bones.offsets
         arrays["end_parents"] = np.array(motion.bones.end_parents, dtype=np.int64)
         arrays["end_offsets"] = motion.bones.end_offsets
-    with replacing(path) as temporary:
-        write_arrays(temporary, arrays)
+    write_arrays(path, arrays)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.errors import BadFile, some
+from workbench.errors import some
 from workbench.motions.c3d_parameters import (
     BLOCK,
     Header,
@@ -22,7 +22,7 @@ from workbench.motions.trajectories import (
     different_labels,
     unit_named,
 )
-from workbench.reading.damage import taken_for
+from workbench.reading.damage import damage, taken_for
 from workbench.reading.facts import bounded
 
 MOST_BYTES = 2**29
@@ -37,11 +37,8 @@ def read_c3d(path: str | Path) -> Trajectories:
     and measurements of other devices are not read; `notes` say so. Raises BadFile for a file that
     is damaged, or whose header and parameters disagree on what its frames hold.
     """
-    with taken_for(path, "C3D file of markers", "export it again"):
-        try:
-            return parse_c3d(bytes(bounded(path, MOST_BYTES)))
-        except (ValueError, OSError) as error:
-            raise BadFile(str(getattr(error, "strerror", None) or error)) from error
+    with taken_for(path, "C3D file of markers", "export it again"), damage():
+        return parse_c3d(bytes(bounded(path, MOST_BYTES)))
 
 
 def parse_c3d(content: bytes) -> Trajectories:

@@ -11,7 +11,7 @@ from workbench.homes import expanded
 from workbench.motions.soft_tissue import SoftTissue
 from workbench.reading.archive import opened
 from workbench.reading.expected import read_expected, reals, texts, wholes
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays
 
 EMBEDDED = ("default",)
 EXPECTED = {
@@ -38,8 +38,7 @@ def save_tissue(path: str | Path, tissue: SoftTissue) -> None:
         "joint_names": np.array(tissue.joint_names),
         "card": np.array(json.dumps(dict(tissue.card))),
     }
-    with replacing(path) as temporary:
-        write_arrays(temporary, {**arrays, **others})
+    write_arrays(path, {**arrays, **others})
 
 
 def load_tissue(name_or_path: str | Path = "default") -> SoftTissue:

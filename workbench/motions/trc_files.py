@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.errors import BadArgument, BadFile, shown
+from workbench.errors import BadArgument, shown
 from workbench.geometry.polygons import text_lines
 from workbench.motions.trajectories import (
     MOST_NUMBERS,
@@ -14,9 +14,9 @@ from workbench.motions.trajectories import (
     different_labels,
     unit_named,
 )
-from workbench.reading.damage import taken_for
+from workbench.reading.damage import damage, taken_for
 from workbench.reading.facts import bounded
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 MOST_BYTES = 2**29
 OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
@@ -27,11 +27,8 @@ def read_trc(path: str | Path) -> Trajectories:
 
     Raises BadFile for a file whose header and rows do not fit together.
     """
-    with taken_for(path, "TRC file of markers", "export it again"):
-        try:
-            return parse_trc(bytes(bounded(path, MOST_BYTES)))
-        except (ValueError, OSError) as error:
-            raise BadFile(str(getattr(error, "strerror", None) or error)) from error
+    with taken_for(path, "TRC file of markers", "export it again"), damage():
+        return parse_trc(bytes(bounded(path, MOST_BYTES)))
 
 
 def parse_trc(content: bytes) -> Trajectories:
@@ -133,5 +130,4 @@ def write_trc(path: str | Path, markers: Trajectories) -> None:
     for t, frame in enumerate(markers.places):
         cells = [f"{x:.9g}" if np.isfinite(x) else "" for x in frame.ravel()]
         lines.append("\t".join([str(t + 1), f"{t / markers.fps:.6f}", *cells]))
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_file(path, "\n".join(lines) + "\n")

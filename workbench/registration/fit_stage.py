@@ -97,7 +97,8 @@ class StageRuns:
         def done(iterate: Iterate) -> bool:
             costs.append(iterate.cost)
             now = replace(at, iteration=len(costs) - 1, cost=iterate.cost)
-            self._told(now)
+            if self.stopped or (self.progress is not None and self.progress(now) is True):
+                self.stopped = "stopped"
             slow = (
                 len(costs) > OVER + 1 and costs[-1 - OVER] - iterate.cost < settled * iterate.cost
             )
@@ -108,7 +109,3 @@ class StageRuns:
         if self.stopped or self.interrupted():
             self.stopped = end.message
         return end
-
-    def _told(self, now: Progress) -> None:
-        if self.stopped or (self.progress is not None and self.progress(now) is True):
-            self.stopped = "stopped"

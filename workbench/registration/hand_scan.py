@@ -1,6 +1,7 @@
 """A hand fitted to points of its surface, to its skeleton as well if there is one."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -14,7 +15,7 @@ from workbench.fitting.hand_fit import (
 )
 from workbench.fitting.scan import Scan
 from workbench.registration.fit_stage import Progress
-from workbench.registration.model_fit import ModelFit, fit_model
+from workbench.registration.model_fit import ModelFit
 from workbench.registration.recipe import HAND_RECIPE, Recipe
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers import TrustRegion
@@ -43,21 +44,11 @@ def fit_hand(
     body that is no hand, BadObservation for other points, and what `fit_model` raises.
     """
     checked_hand(body)
-    starts, others = recipe.starts, []
+    others = []
     if points is not None:
         skeleton = hand_problem(body, sigma=sigma, kernel=kernel)
         end = TrustRegion().solve(skeleton, hand_start(body, points)).values
         own = {block.name: end[block.name] for block in body.blocks()}
-        starts = lambda body, scan: (own,)  # noqa: E731
+        recipe = replace(recipe, starts=lambda body, scan: (own,))
         others = [hand_landmarks(body, points, sigma=sigma, kernel=kernel)]
-    return fit_model(
-        body,
-        scan,
-        starts=starts,
-        stages=recipe.fit_stages,
-        within=recipe.within,
-        same=recipe.same,
-        others=others,
-        seed=recipe.seed,
-        progress=progress,
-    )
+    return recipe.fit(body, scan, others=others, progress=progress)

@@ -12,7 +12,7 @@ from workbench.bodies.hand_axes import is_hand
 from workbench.errors import BadArgument
 from workbench.fitting.scan import Scan
 from workbench.registration.doubts import Doubts
-from workbench.registration.fit_stage import FitStage
+from workbench.registration.fit_stage import FitStage, Progress
 from workbench.registration.free_vertices import (
     BODY,
     MODEL_STAGES,
@@ -23,10 +23,11 @@ from workbench.registration.free_vertices import (
     VertexStage,
 )
 from workbench.registration.hand_starts import hand_starts
-from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN
+from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN, ModelFit, fit_model
 from workbench.registration.scan_starts import scan_starts
 from workbench.registration.scan_term import ScanTerm
 from workbench.registration.support import NEAR
+from workbench.residuals import Residual
 
 PERSON = Doubts()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
@@ -88,6 +89,27 @@ class Recipe:
                 "`within`, `same` and `near` of a recipe are lengths above 0 m, not "
                 f"{self.within:g}, {self.same:g} and {self.near:g}"
             )
+
+    def fit(
+        self,
+        body: Body,
+        scan: Scan,
+        *,
+        others: Sequence[Residual] = (),
+        progress: Callable[[Progress], object] | None = None,
+    ) -> ModelFit:
+        """The body fitted to a scan by this recipe; see `fit_model`, also for what it raises."""
+        return fit_model(
+            body,
+            scan,
+            starts=self.starts,
+            stages=self.fit_stages,
+            within=self.within,
+            same=self.same,
+            others=others,
+            seed=self.seed,
+            progress=progress,
+        )
 
 
 HAND_FIT_STAGES = (

@@ -21,7 +21,7 @@ from workbench.registration.doubts import doubts
 from workbench.registration.facing import facing
 from workbench.registration.fit_stage import Progress
 from workbench.registration.free_vertices import FreeVertices
-from workbench.registration.model_fit import ModelFit, fit_model
+from workbench.registration.model_fit import ModelFit
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.support import FACING, NEAR, support
 
@@ -153,26 +153,17 @@ def register(
     """
     recipe = usual_recipe(body) if recipe is None else recipe
     used, left_out = _without_boundary(scan, recipe.boundary)
-    took = _Clock()
+    began = time.perf_counter()
     with Interrupts() as interrupts:
-        fit = fit_model(
-            body,
-            used,
-            starts=recipe.starts,
-            stages=recipe.fit_stages,
-            within=recipe.within,
-            same=recipe.same,
-            seed=recipe.seed,
-            progress=progress,
-        )
+        fit = recipe.fit(body, used, progress=progress)
         interrupts.check()
         known = support(fit, near=recipe.near)
         place = None if camera is None else np.asarray(camera)
         findings = doubts(fit, known, camera=place, limits=recipe.doubts)
         vertices, values, seen = fit.vertices(), fit.values, known.seen
         unknowns = fit.problem.free.size
-        surfaces = _surfaces(fit, recipe)
-        stages = [_outcome("model", unknowns, fit.iterations, fit.cost, fit, vertices, took)]
+        surfaces, told = _surfaces(fit, recipe), _Stages(fit, began)
+        stages = [told.ended("model", unknowns, fit.iterations, fit.cost, vertices)]
         for stage in recipe.vertex_stages(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
@@ -182,9 +173,8 @@ def register(
             surfaces[_called(stage.name)] = np.asarray(vertices)
             solution = done.stages[-1].solution
             free = sum(np.size(solution.values[name]) for name in stage.free)
-            stages.append(
-                _outcome(stage.name, free, solution.iterations, solution.cost, fit, vertices, took)
-            )
+            count, cost = solution.iterations, solution.cost
+            stages.append(told.ended(stage.name, free, count, cost, vertices))
         interrupts.check()
     names = [block.name for block in body.blocks()]
     kept = {name: np.asarray(values[name]) for name in names}
@@ -238,31 +228,22 @@ def _surfaces(fit: ModelFit, recipe: Recipe) -> dict[str, Array]:
 
 
 @dataclass
-class _Clock:
-    """Seconds since it was asked last."""
+class _Stages:
+    """How one stage after the other ended; the first began at `since`, in s."""
 
-    since: float = field(default_factory=time.perf_counter)
+    fit: ModelFit
+    since: float
 
-    def __call__(self) -> float:
-        now = time.perf_counter()
-        took, self.since = now - self.since, now
-        return took
-
-
-def _outcome(
-    name: str,
-    unknowns: int,
-    iterations: int,
-    cost: float,
-    fit: ModelFit,
-    vertices: Array,
-    took: Callable[[], float],
-) -> StageOutcome:
-    seconds = took()
-    away = np.abs(_distances(fit.scan, vertices, fit.body.faces))
-    touching = away < fit.reach
-    median = float(np.median(away[touching])) if touching.any() else float("nan")
-    return StageOutcome(name, unknowns, iterations, cost, median, float(touching.mean()), seconds)
+    def ended(
+        self, name: str, unknowns: int, iterations: int, cost: float, vertices: Array
+    ) -> StageOutcome:
+        now, fit = time.perf_counter(), self.fit
+        seconds, self.since = now - self.since, now
+        away = np.abs(_distances(fit.scan, vertices, fit.body.faces))
+        touching = away < fit.reach
+        median = float(np.median(away[touching])) if touching.any() else float("nan")
+        share = float(touching.mean())
+        return StageOutcome(name, unknowns, iterations, cost, median, share, seconds)
 
 
 def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:

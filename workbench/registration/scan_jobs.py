@@ -8,7 +8,7 @@ from pathlib import Path
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, check_known
-from workbench.fitting.file_jobs import check_names_differ, reason_of
+from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
 from workbench.geometry.upright import TURNS
@@ -18,6 +18,8 @@ from workbench.registration.registering import Registration, register
 
 MOST = 40_000  # points of a scan that are registered
 RESERVED = ("index.html", "registrations.csv", "start.npz", "summary.json")  # beside the folders
+ScanJob = FileJob  # of a scan to be registered
+FailedScan = FailedFile  # a scan that could not be registered
 
 
 @dataclass(frozen=True)
@@ -49,14 +51,6 @@ class Reading:
             raise BadArgument(f"at least {FEWEST:,} points of a scan are read, not {self.most}")
 
 
-@dataclass(frozen=True)
-class ScanJob:
-    """One scan to be registered: a name for it, and its file."""
-
-    name: str
-    path: Path
-
-
 @dataclass(frozen=True, eq=False)
 class RegisteredScan:
     """A scan that was registered.
@@ -72,14 +66,6 @@ class RegisteredScan:
     registration: Registration
     camera: Array | None
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class FailedScan:
-    """A scan that could not be registered, and why, in a sentence."""
-
-    job: ScanJob
-    reason: str
 
 
 def registered(

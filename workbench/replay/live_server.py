@@ -34,7 +34,8 @@ from workbench.solvers import Iterate, Solution, Solver
 
 ADDRESS = "127.0.0.1"  # of this machine alone
 LONGEST_NAME = 64  # letters of the name that a page gives to a run
-Stream = Callable[[BaseHTTPRequestHandler, Solver, Sequence[Values], threading.Event], None]
+Ended = dict[str, str] | None  # how it ended; None if nobody listens any more
+Stream = Callable[[BaseHTTPRequestHandler, Solver, Sequence[Values], threading.Event], Ended]
 
 
 class LiveServer:
@@ -181,7 +182,11 @@ class LiveServer:
         try:
             stop = self._stops[run] = threading.Event()
             begin_events(request)
-            stream(request, self.solvers[name], starts, stop)
+            ended = stream(request, self.solvers[name], starts, stop)
+            if ended is not None:
+                sent(request, "ended", ended)
+        except WorkbenchError as error:
+            sent(request, "ended", {"status": "refused", "message": str(error)})
         finally:
             del self._stops[run]
             self._solving.release()
@@ -204,8 +209,8 @@ class LiveServer:
         solver: Solver,
         starts: Sequence[Values],
         stop: threading.Event,
-    ) -> None:
-        """Send every iterate as an event, and how it ended."""
+    ) -> Ended:
+        """Send every iterate as an event, and return how it ended."""
         told, (start,) = [0], starts[:1]
 
         def tell(iterate: Iterate) -> bool:
@@ -214,12 +219,8 @@ class LiveServer:
             told[0] += 1
             return not sent(request, "iterate", one) or stop.is_set()
 
-        try:
-            solution: Solution = solver.solve(self.setup.problem, start, callback=tell)
-            ended = {"status": _status(solution), "message": solution.message}
-        except WorkbenchError as error:
-            ended = {"status": "refused", "message": str(error)}
-        sent(request, "ended", ended)
+        solution = solver.solve(self.setup.problem, start, callback=tell)
+        return {"status": _status(solution), "message": solution.message}
 
     def _stream_ends(
         self,
@@ -227,27 +228,22 @@ class LiveServer:
         solver: Solver,
         starts: Sequence[Values],
         stop: threading.Event,
-    ) -> None:
-        """Send the end of each start with the basins that are known by then, and a summary."""
-        problem, ends, gone = self.setup.problem, list[Solution](), False
+    ) -> Ended:
+        """Send the end of each start with the basins known by then, and return a summary."""
+        problem, ends = self.setup.problem, list[Solution]()
         found: list[dict[str, Any]] = []
-        try:
-            for k, start in enumerate(starts):
-                end = solver.solve(problem, start, callback=lambda _: stop.is_set())
-                if stop.is_set():
-                    break
-                ends.append(end)
-                found = basins(problem, starts[0], ends)
-                x = as_numbers(self.row(dict(start) | dict(end.values)))
-                one = {"start": k, "of": len(starts), "x": x, "cost": as_numbers(end.cost)}
-                gone = not sent(request, "end", {**one, "status": _status(end), "basins": found})
-                if gone:
-                    return
-            status = "stopped" if stop.is_set() else "done"
-            ended = {"status": status, "message": in_words(found, len(ends))}
-        except WorkbenchError as error:
-            ended = {"status": "refused", "message": str(error)}
-        sent(request, "ended", ended)
+        for k, start in enumerate(starts):
+            end = solver.solve(problem, start, callback=lambda _: stop.is_set())
+            if stop.is_set():
+                break
+            ends.append(end)
+            found = basins(problem, starts[0], ends)
+            x = as_numbers(self.row(dict(start) | dict(end.values)))
+            one = {"start": k, "of": len(starts), "x": x, "cost": as_numbers(end.cost)}
+            if not sent(request, "end", {**one, "status": _status(end), "basins": found}):
+                return None
+        status = "stopped" if stop.is_set() else "done"
+        return {"status": status, "message": in_words(found, len(ends))}
 
 
 def moved_by_hand(setup: Setup) -> tuple[Body, Row]:

@@ -1,6 +1,6 @@
 """The replays of runs, of starts, of diagnoses and of posteriors."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,24 +48,19 @@ def recorded_run(outcome: Outcome) -> Recording | None:
     None if no body is fitted, or one that a page cannot pose.
     """
     setup, values = outcome.setup, outcome.values
-    found = shown_with_row(setup.body, setup.problem, values)
-    if found is None:
-        return recorded_frames(setup, values)
-    shown, row = found
-    known = outcome.data_alone or outcome.diagnosis
-    draws = gaussian_draws(outcome.diagnosis, row)
-    return _recording(
-        shown,
-        row,
-        setup.problem,
-        values,
-        OF_RUN,
-        setup.views,
-        runs=tracks(outcome.compared, setup.problem, row, setup.start, _data_alone(outcome)),
-        directions=moves(known, row, shown.surface),
-        draws=(GAUSSIAN, draws),
-        series=[*_stages(outcome.solution, row), *_ends(outcome.solution, row)],
-    )
+    solution = outcome.solution
+
+    def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
+        known, alone = outcome.data_alone or outcome.diagnosis, _data_alone(outcome)
+        return {
+            "runs": tracks(outcome.compared, setup.problem, row, setup.start, alone),
+            "directions": moves(known, row, shown.surface),
+            "draws": (GAUSSIAN, gaussian_draws(outcome.diagnosis, row)),
+            "series": [*_stages(solution, row), *_ends(solution, row)],
+        }
+
+    found = _recording(setup.body, setup.problem, values, OF_RUN, setup.views, parts)
+    return recorded_frames(setup, values) if found is None else found
 
 
 def _data_alone(outcome: Outcome) -> Problem | None:
@@ -81,13 +76,12 @@ def recorded_solution(
     None if the values do not determine the body, and for one that a page cannot pose.
     """
     values = dict(start) | dict(solution.values)
-    found = shown_with_row(body, problem, values)
-    if found is None:
-        return None
-    shown, row = found
-    runs = tracks({solution.solver: solution}, problem, row, start)
-    series = [*_stages(solution, row), *_ends(solution, row)]
-    return _recording(shown, row, problem, values, OF_RUN, (), runs=runs, series=series)
+
+    def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
+        runs = tracks({solution.solver: solution}, problem, row, start)
+        return {"runs": runs, "series": [*_stages(solution, row), *_ends(solution, row)]}
+
+    return _recording(body, problem, values, OF_RUN, (), parts)
 
 
 def recorded_start(setup: Setup) -> Recording | None:
@@ -95,10 +89,9 @@ def recorded_start(setup: Setup) -> Recording | None:
 
     None if no body is fitted, or one that a page cannot pose.
     """
-    found = shown_with_row(setup.body, setup.problem, setup.start)
-    if found is None:
-        return None
-    return _recording(*found, setup.problem, setup.start, OF_LIVE, setup.views, live=True)
+    live = {"live": True}
+    views = setup.views
+    return _recording(setup.body, setup.problem, setup.start, OF_LIVE, views, lambda *_: live)
 
 
 def recorded_diagnosis(
@@ -108,14 +101,12 @@ def recorded_diagnosis(
 
     None if no body moves along them, or one that a page cannot pose.
     """
-    found = shown_with_row(body, d.problem, d.values)
-    if found is None:
-        return None
-    shown, row = found
-    directions = moves(d, row, shown.surface)
-    if not directions:
-        return None
-    return _recording(shown, row, d.problem, d.values, OF_MOVES, views, directions=directions)
+
+    def parts(shown: ShownBody, row: Row) -> dict[str, Any] | None:
+        directions = moves(d, row, shown.surface)
+        return {"directions": directions} if directions else None
+
+    return _recording(body, d.problem, d.values, OF_MOVES, views, parts)
 
 
 def recorded_posterior(
@@ -131,24 +122,31 @@ def recorded_posterior(
     if no body is sampled, or one that a page cannot pose.
     """
     problem, at = posterior.problem, dict(cameras or {}) | dict(posterior.given)
-    found = shown_with_row(body, problem, at)
-    if found is None:
-        return None
-    shown, row = found
-    draws = f"the posterior of {name}", [row(values) for values in posterior.values(DRAWS)]
-    return _recording(shown, row, problem, at, OF_DRAWS, views, draws=draws)
+
+    def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
+        drawn = [row(values) for values in posterior.values(DRAWS)]
+        return {"draws": (f"the posterior of {name}", drawn)}
+
+    return _recording(body, problem, at, OF_DRAWS, views, parts)
 
 
 def _recording(
-    shown: ShownBody,
-    row: Row,
+    body: Body | None,
     problem: Problem,
     at: Values,
     caption: str,
     views: Sequence[View],
-    **parts: Any,
-) -> Recording:
-    """The replay with the cameras, and with the points in space that were observed."""
+    parts: Callable[[ShownBody, Row], dict[str, Any] | None],
+) -> Recording | None:
+    """The replay of `parts` with the cameras, and with the points in space that were observed.
+
+    None where a page cannot pose the body, or the parts are None.
+    """
+    found = shown_with_row(body, problem, at)
+    content = None if found is None else parts(*found)
+    if found is None or content is None:
+        return None
+    shown, row = found
     landmarks = landmarks_of_views(shown.body, views)
     seen = [view_data(view, at) for view in views] if landmarks["names"] else []
     observed = observed_data(problem, problem.read(at), shown.body)
@@ -160,7 +158,7 @@ def _recording(
         landmarks=landmarks,
         views=seen,
         observed=observed,
-        **parts,
+        **content,
     )
 
 

@@ -26,7 +26,7 @@ from workbench.reports import end_tables as ends
 from workbench.reports.figures import Shown, drawn, shown
 from workbench.reports.folder import MAKER
 from workbench.reports.page import as_json, page, versions
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 RESULTS = "results.csv"
 FILES = {
@@ -50,8 +50,7 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
         "index.html": comparison_page(comparison, (folder / RUNS).is_dir()),
     }
     for name, text in texts.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(folder / name, text)
     return folder / "index.html"
 
 

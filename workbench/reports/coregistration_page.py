@@ -19,12 +19,12 @@ from workbench.registration.coregistration import Coregistration, State
 from workbench.registration.coregistration.folder import BODY, RegisteredScans
 from workbench.registration.coregistration.measures import beyond_betas, distances
 from workbench.reports.figures import Shown, plotted, shown
-from workbench.reports.folder import MAKER, SUMMARY
-from workbench.reports.page import as_json, page, versions
+from workbench.reports.folder import SUMMARY, summary_text
+from workbench.reports.page import page
 from workbench.reports.registration_folder import table_of
 from workbench.reports.tables import Table, number
 from workbench.training.folder import TABLE, Row
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays, write_file
 
 REGISTRATIONS, LEARNED = "registrations", "body.npz"
 FILES = {
@@ -70,28 +70,23 @@ def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
         Row(f"{name}.npz", row.subject, row.gender, row.set)
         for name, row in zip(names, found.scans.rows, strict=True)
     ]
-    with replacing(registrations / TABLE) as temporary:
-        temporary.write_text(table_of(rows), encoding="utf-8")
+    write_file(registrations / TABLE, table_of(rows))
     for path, body in ((registrations / BODY, start), (place / LEARNED, found.body)):
-        with replacing(path) as temporary:
-            save_body(body, temporary)
+        save_body(body, path)
     scans, state = found.scans, found.state
     measured = distances(scans, start, state.vertices)
     away = beyond_betas(start, state.estimate.templates)
     for name, text in (
         ("index.html", coregistration_page(found, measured, away, str(place))),
-        (SUMMARY, as_json(summary(found, measured, away, source))),
+        (SUMMARY, summary_text(source, summary(found, measured, away), list(FILES))),
     ):
-        with replacing(place / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(place / name, text)
     return place / "index.html"
 
 
 def begin_folder(place: Path, source: str) -> None:
     """Mark a folder as that of a coregistration of `source`, before there is a result."""
-    about = {"made_by": MAKER, "source": source, "kind": "coregistration"}
-    with replacing(place / SUMMARY) as temporary:
-        temporary.write_text(as_json({**about, "versions": versions(), "files": list(FILES)}))
+    write_file(place / SUMMARY, summary_text(source, {"kind": "coregistration"}, list(FILES)))
 
 
 def coregistration_page(
@@ -150,14 +145,10 @@ def _templates(found: Coregistered, away: Array) -> Shown:
     return shown(figure_of(draw, 2.0 + 1.6 * len(coloured), 3.2), caption)
 
 
-def summary(
-    found: Coregistered, measured: Mapping[str, Array], beyond: Array, source: str
-) -> dict[str, Any]:
+def summary(found: Coregistered, measured: Mapping[str, Array], beyond: Array) -> dict[str, Any]:
     """The numbers of the page, for programs: lengths in m, times in s."""
     log = found.state.log
     return {
-        "made_by": MAKER,
-        "source": source,
         "kind": "coregistration",
         "scans": list(found.scans.names),
         "subjects": list(found.scans.subjects),
@@ -166,6 +157,4 @@ def summary(
         "seconds": sum(entry.seconds for entry in log),
         "median_m": {name: each.tolist() for name, each in measured.items()},
         "beyond_betas_m": beyond.mean(axis=1).tolist(),
-        "versions": versions(),
-        "files": list(FILES),
     }

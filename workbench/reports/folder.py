@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -77,10 +77,15 @@ def write_folder(
                 (fresh / name).write_text(content, encoding="utf-8")
             else:
                 content(fresh / name)
-        made = {"made_by": MAKER, "source": source or ""}
-        written = {"versions": versions(), "files": sorted([*contents, SUMMARY])}
-        (fresh / SUMMARY).write_text(as_json({**made, **summary, **written}), encoding="utf-8")
+        text = summary_text(source or "", summary, sorted([*contents, SUMMARY]))
+        (fresh / SUMMARY).write_text(text, encoding="utf-8")
     return target / "index.html"
+
+
+def summary_text(source: str, summary: Mapping[str, Any], files: Sequence[str]) -> str:
+    """What is written into SUMMARY: the summary, the versions, and the names of our files."""
+    made = {"made_by": MAKER, "source": source}
+    return as_json({**made, **summary, "versions": versions(), "files": files})
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """Fits to many images in one folder: what is done is kept, and a page and a table show all."""
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,19 +11,19 @@ import numpy as np
 
 from workbench.bodies import SkinnedBody
 from workbench.comparison.identity import code_version, digest, file_digest
-from workbench.errors import BadFile
 from workbench.fitting.depth_interval import FOUND, DepthInterval
-from workbench.fitting.image_jobs import FailedImage, FittedImage, ImageJob, ImageWork
+from workbench.fitting.file_jobs import FailedFile, FileJob
+from workbench.fitting.image_jobs import FittedImage, ImageWork
 from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
 from workbench.reading.archive import opened
 from workbench.reading.expected import read_expected, reals
-from workbench.reading.facts import json_in
-from workbench.reports.folder import MAKER, SUMMARY, own_folder
-from workbench.reports.page import as_json, page, versions
+from workbench.reports.entries import Entry, csv_text, kept_entry
+from workbench.reports.folder import SUMMARY, own_folder, summary_text
+from workbench.reports.page import as_json, page
 from workbench.reports.tables import number
 from workbench.reports.thumbnail import thumbnail
-from workbench.writing import replacing, write_arrays
+from workbench.writing import write_arrays, write_file
 
 FORMAT = 2  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
@@ -43,14 +41,6 @@ COLUMNS = (
     "height (m)",
     "seconds",
 )
-
-
-@dataclass(frozen=True)
-class ImageEntry:
-    """A fitted image in the table: its name, and the facts of its file."""
-
-    name: str
-    facts: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,21 +75,16 @@ class ImageFolder:
         about = (FORMAT, work.body, work.recipe, work.reading, work.hypotheses, shipped_regressor())
         return digest([digest(about), lens, code_version()])
 
-    def key(self, job: ImageJob, of_work: str) -> str:
+    def key(self, job: FileJob, of_work: str) -> str:
         """16 letters that differ when anything does on which the fit of an image depends."""
         return digest([of_work, file_digest(str(job.path))])
 
-    def kept(self, job: ImageJob, key: str) -> ImageEntry | None:
+    def kept(self, job: FileJob, key: str) -> Entry | None:
         """The entry of an image that is fitted already under this key; None if it is not."""
-        try:
-            found = json_in(self._path(job, "json"))
-        except BadFile:
-            return None
-        files = [self._path(job, kind) for kind in ("npz", "svg")]
-        whole = isinstance(found, dict) and all(file.is_file() for file in files)
-        return ImageEntry(job.name, found) if whole and found.get("key") == key else None
+        facts, *others = (self._path(job, kind) for kind in ("json", "npz", "svg"))
+        return kept_entry(job.name, key, facts, others)
 
-    def keep(self, found: FittedImage, key: str) -> ImageEntry:
+    def keep(self, found: FittedImage, key: str) -> Entry:
         """Write the fit of an image, its arrays first, and return its entry.
 
         What was there before counts no longer as soon as its facts, which hold its key, are gone.
@@ -111,8 +96,7 @@ class ImageFolder:
             arrays |= {f"hypothesis {i + 2}:{name}": np.asarray(v) for name, v in other.items()}
         write_arrays(self._path(found.job, "npz"), arrays)
         body = self.work.body
-        with replacing(self._path(found.job, "svg")) as temporary:
-            temporary.write_text(thumbnail(found.picture, body.parents), encoding="utf-8")
+        write_file(self._path(found.job, "svg"), thumbnail(found.picture, body.parents))
         betas = values[body.blocks()[1].name]
         height = float(stature(body, betas)) if isinstance(body, SkinnedBody) else None
         facts = {
@@ -127,13 +111,12 @@ class ImageFolder:
             "notes": found.notes,
         }
         text = as_json(facts)
-        with replacing(self._path(found.job, "json")) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-        return ImageEntry(found.job.name, json.loads(text))
+        write_file(self._path(found.job, "json"), text)
+        return Entry(found.job.name, json.loads(text))
 
-    def finish(self, entries: Sequence[ImageEntry], failed: Sequence[FailedImage]) -> Path:
+    def finish(self, entries: Sequence[Entry], failed: Sequence[FailedFile]) -> Path:
         """Write the page, the table and `poses.npz` of all images; returns the page."""
-        self._write(TABLE, table_of(entries))
+        write_file(self.place / TABLE, table_of(entries))
         self._write_poses(entries)
         text = page(
             "images.html",
@@ -144,11 +127,11 @@ class ImageFolder:
             hypotheses=self.work.hypotheses,
             found=FOUND,
         )
-        self._write("index.html", text)
+        write_file(self.place / "index.html", text)
         self._write_summary(entries, failed)
         return self.place / "index.html"
 
-    def _write_poses(self, entries: Sequence[ImageEntry]) -> None:
+    def _write_poses(self, entries: Sequence[Entry]) -> None:
         """Pose, betas and trans of all images in one file, in the order of the table."""
         blocks = self.work.body.blocks()
         expected = {block.name: reals(*block.shape) for block in blocks}
@@ -162,51 +145,31 @@ class ImageFolder:
             stacked = {name: np.array(found) for name, found in rows.items()}
             write_arrays(self.place / "poses.npz", {**stacked, "file": files})
 
-    def _path(self, job: ImageJob, kind: str) -> Path:
+    def _path(self, job: FileJob, kind: str) -> Path:
         return self.place / FITS / f"{job.name}.{kind}"
 
-    def _write(self, name: str, text: str) -> None:
-        with replacing(self.place / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-
-    def _write_summary(self, entries: Sequence[ImageEntry], failed: Sequence[FailedImage]) -> None:
+    def _write_summary(self, entries: Sequence[Entry], failed: Sequence[FailedFile]) -> None:
         about = {
-            "made_by": MAKER,
-            "source": self.source,
             "kind": "images",
             "body": self.body_name,
             "recipe": {"sigma": self.work.recipe.sigma, "outlier": self.work.recipe.outlier},
             "hypotheses": self.work.hypotheses,
             "images": [entry.name for entry in entries],
             "failed": {one.job.name: one.reason for one in failed},
-            "versions": versions(),
-            "files": ["index.html", TABLE, "poses.npz", SUMMARY],
         }
-        self._write(SUMMARY, as_json(about))
+        files = ["index.html", TABLE, "poses.npz", SUMMARY]
+        write_file(self.place / SUMMARY, summary_text(self.source, about, files))
 
 
-def table_of(entries: Sequence[ImageEntry]) -> str:
+def table_of(entries: Sequence[Entry]) -> str:
     """The table of all images (.csv)."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    rows = []
     for entry in entries:
         told = entry.facts
-        costs = [*told["costs"], None, None]
-        writer.writerow(
-            (
-                entry.name,
-                told["status"],
-                costs[0],
-                costs[1],
-                told["error_px"],
-                told["depth_m"],
-                *(told["depth_90_m"] or (None, None)),
-                told["height_m"],
-                told["seconds"],
-            )
-        )
-    return text.getvalue()
+        costs, ends = [*told["costs"], None], told["depth_90_m"] or (None, None)
+        row = (entry.name, told["status"], *costs[:2], told["error_px"], told["depth_m"], *ends)
+        rows.append((*row, told["height_m"], told["seconds"]))
+    return csv_text(COLUMNS, rows)
 
 
 def ends_of(interval: DepthInterval) -> tuple[float, float]:
@@ -214,12 +177,12 @@ def ends_of(interval: DepthInterval) -> tuple[float, float]:
     return interval.low, interval.high
 
 
-def _ambiguous(entry: ImageEntry) -> bool:
+def _ambiguous(entry: Entry) -> bool:
     costs = entry.facts["costs"]
     return len(costs) > 1 and costs[1] - costs[0] < CLOSE
 
 
-def _row(entry: ImageEntry) -> dict[str, Any]:
+def _row(entry: Entry) -> dict[str, Any]:
     told = entry.facts
     costs, ends = told["costs"], told["depth_90_m"]
     return {

@@ -1,7 +1,5 @@
 """Registrations of many scans in one folder: what is done is kept, and training reads the table."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,32 +9,18 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
 from workbench.comparison.identity import code_version, digest, file_digest
-from workbench.errors import BadFile
-from workbench.reading.facts import json_in
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
 from workbench.registration.body_size import HEIGHT, LENGTH
-from workbench.reports.folder import MAKER, SUMMARY, own_folder
-from workbench.reports.page import as_json, page, versions
+from workbench.reports.entries import Entry, csv_text, kept_entry
+from workbench.reports.folder import SUMMARY, own_folder, summary_text
+from workbench.reports.page import page
 from workbench.reports.registration_page import ARRAYS, FORMAT, write_registration
 from workbench.reports.tables import number
 from workbench.training.folder import COLUMNS, TABLE, Row
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 START = "start.npz"  # the body, from which training starts
 MM = 1e3
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A registered scan in the table of scans.
-
-    Attributes:
-        name: the name of the scan.
-        summary: the numbers of its page.
-    """
-
-    name: str
-    summary: dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +58,8 @@ class RegistrationFolder:
 
     def kept(self, job: ScanJob, key: str) -> Entry | None:
         """The entry of a scan that is registered already under this key; None if it is not."""
-        try:
-            found = json_in(self.place / job.name / SUMMARY)
-        except BadFile:
-            return None
-        whole = isinstance(found, dict) and (self.place / job.name / ARRAYS).is_file()
-        return Entry(job.name, found) if whole and found.get("key") == key else None
+        folder = self.place / job.name
+        return kept_entry(job.name, key, folder / SUMMARY, [folder / ARRAYS])
 
     def keep(self, found: RegisteredScan, key: str) -> Entry:
         """Write the folder of a scan, and return its entry."""
@@ -97,12 +77,11 @@ class RegistrationFolder:
         `rows` has for each entry its subject, its gender and its set. Returns the page. Without
         entries there is no table.
         """
-        self._write("index.html", self._page(entries, failed))
+        write_file(self.place / "index.html", self._page(entries, failed))
         if entries:
-            self._write(TABLE, table_of(rows))
+            write_file(self.place / TABLE, table_of(rows))
         if isinstance(self.body, SkinnedBody):
-            with replacing(self.place / START) as temporary:
-                save_body(self.body, temporary)
+            save_body(self.body, self.place / START)
         else:
             (self.place / START).unlink(missing_ok=True)  # of a body that was used before
         self._write_summary(entries, failed)
@@ -113,37 +92,26 @@ class RegistrationFolder:
             "registrations.html",
             title=f"{self.body_name} on {len(entries)} scans",
             rows=[_row(entry) for entry in entries],
-            size=next((_size(entry.summary) for entry in entries), HEIGHT),
+            size=next((_size(entry.facts) for entry in entries), HEIGHT),
             failed=failed,
-            doubted=sum(bool(entry.summary["warnings"]) for entry in entries),
+            doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
             trains=bool(entries) and isinstance(self.body, SkinnedBody),
         )
 
-    def _write(self, name: str, text: str) -> None:
-        with replacing(self.place / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-
     def _write_summary(self, entries: Sequence[Entry], failed: Sequence[FailedScan] = ()) -> None:
         about = {
-            "made_by": MAKER,
-            "source": self.source,
             "kind": "registrations",
             "body": self.body_name,
             "scans": [entry.name for entry in entries],
             "failed": {one.job.name: one.reason for one in failed},
-            "versions": versions(),
-            "files": ["index.html", TABLE, START, SUMMARY],
         }
-        self._write(SUMMARY, as_json(about))
+        files = ["index.html", TABLE, START, SUMMARY]
+        write_file(self.place / SUMMARY, summary_text(self.source, about, files))
 
 
 def table_of(rows: Sequence[Row]) -> str:
     """The table of subjects (.csv) of registered scans, as `open_folder` reads it."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows((row.file, row.subject, row.gender, row.set) for row in rows)
-    return text.getvalue()
+    return csv_text(COLUMNS, ((row.file, row.subject, row.gender, row.set) for row in rows))
 
 
 def _size(told: Mapping[str, Any]) -> str:
@@ -152,7 +120,7 @@ def _size(told: Mapping[str, Any]) -> str:
 
 
 def _row(entry: Entry) -> dict[str, Any]:
-    told = entry.summary
+    told = entry.facts
     return {
         "name": entry.name,
         "median": "–" if told["median_m"] is None else number(MM * told["median_m"], 3),

@@ -27,7 +27,7 @@ from workbench.replay import (
 from workbench.reports.page import page
 from workbench.sampling import Posterior
 from workbench.solvers import Solution
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 HEIGHT = 680  # px of the frame in a notebook
 DEFAULT = "default"  # the body that a motion is shown on
@@ -59,8 +59,7 @@ class ReplayPage:
 
     def save(self, path: str | Path) -> Path:
         """Write the page to a file, whole or not at all, and return its path. Raises BadFile."""
-        with replacing(Path(path)) as temporary:
-            temporary.write_text(self.html, encoding="utf-8")
+        write_file(Path(path), self.html)
         return Path(path)
 
 

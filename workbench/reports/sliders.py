@@ -9,7 +9,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.replay.browser_bodies import skinned_data, triangle_data
 from workbench.reports.page import page
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 NOTE = (
     "This page computes what the workbench computes, in double precision; only {single} stored in "
@@ -59,8 +59,7 @@ def write_sliders(
     See `sliders_page` for `start` and `origin`.
     """
     text, path = sliders_page(body, start, origin), Path(path)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(path, text)
     return path
 
 

@@ -23,7 +23,8 @@ def vertices(
     `observed` is the symbol of a block (N, 3), whose numbers may change, or an array (N, 3).
     `kernel=of_norms(...)` takes the distance |v_i - v^_i| instead of each coordinate.
     """
-    return _compared("vertices", points, observed, sigma, kernel, name)
+    name = name or named_after("vertices", observed, points)
+    return landmarks(points, observed, sigma=sigma, kernel=kernel, name=name)
 
 
 def landmarks(
@@ -39,19 +40,8 @@ def landmarks(
     `observed` is the symbol of a block (M, 3), whose numbers may change, or an array (M, 3).
     `kernel=of_norms(...)` takes the distance |p_k - p^_k| instead of each coordinate.
     """
-    return _compared("landmarks", points, observed, sigma, kernel, name)
-
-
-def _compared(
-    function: str,
-    points: Points | cs.MX,
-    observed: cs.MX | ArrayLike,
-    sigma: float | Array,
-    kernel: Kernel,
-    name: str | None,
-) -> Residual:
     predicted, reads = expressed(points)
-    name = name or named_after(function, observed, points)
+    name = name or named_after("landmarks", observed, points)
     target = given(name, "what was observed", observed, predicted.shape[::-1])
     same_shape(name, predicted, target)
     difference = cs.vec(predicted - target)  # (3 N, 1) m

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.sampling.emcee_interface import emcee
-from workbench.writing import Keeping, replacing
+from workbench.writing import Keeping, write_file
 
 SETTINGS = "workbench"  # the attribute that says what was sampled, and how
 SEAL = b"\nworkbench sha256 "  # after the end of the HDF5 file, with the digest of all before it
@@ -78,8 +78,7 @@ def save(path: Path, ensembles: Sequence[SavedEnsemble], settings: Mapping[str, 
     The file is made in memory: if HDF5 itself cannot write, it ends the process later.
     """
     content = image(ensembles, settings)
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    write_file(path, content)
 
 
 def image(ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> bytes:

@@ -85,24 +85,9 @@ def sample(
     """
     x, given = problem.split(at)
     wanted = None if callable(names) or rest is not integrated else named(problem, names)
+    shown = None
     if wanted is not None and (all_of := jointly(problem, at, wanted)):
-        drawn_whole = sample(
-            problem,
-            at,
-            all_of,
-            rest=fixed,
-            walkers=walkers,
-            steps=steps,
-            ensembles=ensembles,
-            seed=seed,
-            moves=moves,
-            stop_when_usable=stop_when_usable,
-            thin=thin,
-            checkpoint=checkpoint,
-            every=every,
-            callback=callback,
-        )
-        return drawn_whole.marginal(wanted)
+        shown, wanted, names, rest = wanted, None, all_of, fixed
     with limited_threads():
         subspace = subspace_of(problem, x, given, wanted or names, rest)
         refuse_flat(problem, given, subspace)
@@ -130,6 +115,8 @@ def sample(
         if not drawn.chain.shape[1]:
             raise KeyboardInterrupt  # before there was anything to keep
         along = _along_the_ridge(target, problem.read(at), drawn, plan)
+        if shown is not None:
+            return along.marginal(shown)
         told = along.importance
         if told is None or told.surely or drawn.interrupted:
             return along

@@ -27,7 +27,7 @@ from workbench.course.picture import Source
 from workbench.errors import BadFile
 from workbench.installation import pip_install
 from workbench.site.building import OTHERS
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 WIDTH, HEIGHT = 1280, 720  # px of a slide
 LINES, WORDS = 12.0, 14  # that a slide of prose has room for, and words in a line
@@ -227,8 +227,7 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
         shutil.copytree(OTHERS, folder / "licences", dirs_exist_ok=True)
     except OSError as error:
         raise BadFile(f"cannot write {folder}: {error.strerror or error}") from error
-    with replacing(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(page, text)
     return page
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array
 from workbench.problem import Linearization
 from workbench.problem.steps import LinearAlgebra, Step
 
@@ -29,7 +29,11 @@ def box_step(
     by = ""
     for _ in range(ROUNDS):
         if not held.all():
-            step = _in_the_rest(here, held, p, damping, D, solve)
+            if here.by_frames:  # frames stay alike; what is held stays
+                whole = solve(here.holding(held, p), damping, D)
+                step = None if whole is None else Step(whole.p[~held], whole.by)
+            else:
+                step = solve(here.without(held, p), damping, D[~held])
             if step is None:
                 return None
             p[~held], by = step.p, step.by
@@ -44,18 +48,3 @@ def box_step(
             break
         held &= ~released
     return Step(np.clip(p, low, high), by)
-
-
-def _in_the_rest(
-    here: Linearization,
-    held: Mask,
-    p: Array,
-    damping: float,
-    D: Array,
-    solve: LinearAlgebra,
-) -> Step | None:
-    """The step in the entries that are not held, after the held ones have moved by p."""
-    if not here.by_frames:
-        return solve(here.without(held, p), damping, D[~held])
-    whole = solve(here.holding(held, p), damping, D)  # frames stay alike; what is held stays
-    return None if whole is None else Step(whole.p[~held], whole.by)

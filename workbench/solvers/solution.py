@@ -26,7 +26,7 @@ from workbench.reading.facts import (
 )
 from workbench.reading.facts import facts as facts_of
 from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.writing import replacing
+from workbench.writing import write_arrays
 
 FACTS, VALUE, TRACE = "solution", "value:", "trace:"  # in a file
 HYPOTHESES, LOWER = "hypotheses:", "lower:"
@@ -178,8 +178,7 @@ class Solution:
             if self.hypotheses:
                 arrays[HYPOTHESES + name] = np.array([h.values[name] for h in self.hypotheses])
         arrays |= {LOWER + name: value for name, value in (self.lower or {}).items()}
-        with replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # its bool has another name
+        write_arrays(path, arrays)
 
     @staticmethod
     def load(path: str | Path) -> "Solution":

@@ -4,13 +4,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
 from workbench.reading.archive import opened
 from workbench.reading.expected import check_numbers, read_expected, reals, wholes
-from workbench.writing import replacing
+from workbench.writing import write_arrays
 
 FILE = "truth.npz"
 CARD = "made.json"  # beside it: how the registrations were made
@@ -47,8 +45,7 @@ class GroundTruth:
     def save(self, folder: Path) -> None:
         """Write it as `truth.npz` into a folder."""
         arrays: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+        write_arrays(folder / FILE, arrays)
 
 
 def read_ground_truth(folder: Path) -> GroundTruth:

@@ -105,24 +105,12 @@ def scanners(
             f"scanners at a distance of {distance:g} m and a height of {height:g} m would look "
             "straight down or up, and have no upright image; move them away"
         )
-    return tuple(
-        _looking(middle, distance, height, turn + 2 * np.pi * i / n, focal, size, window)
-        for i in range(n)
-    )
-
-
-def _looking(
-    target: Array,
-    distance: float,
-    height: float,
-    angle: float,
-    focal: float,
-    size: tuple[int, int],
-    window: int,
-) -> Scanner:
-    away = np.array([distance * np.sin(angle), height, distance * np.cos(angle)])
-    forward = -away / np.linalg.norm(away)
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    right /= np.linalg.norm(right)
-    R = np.stack([right, np.cross(forward, right), forward])
-    return Scanner(R, -R @ (target + away), focal, size, window)
+    found = []
+    for angle in turn + 2 * np.pi * np.arange(n) / n:
+        away = np.array([distance * np.sin(angle), height, distance * np.cos(angle)])
+        forward = -away / np.linalg.norm(away)
+        right = np.cross(forward, [0.0, 1.0, 0.0])
+        right /= np.linalg.norm(right)
+        R = np.stack([right, np.cross(forward, right), forward])
+        found.append(Scanner(R, -R @ (middle + away), focal, size, window))
+    return tuple(found)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -20,7 +20,7 @@ from workbench.reading.archive import opened
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import read_expected, reals, texts, wholes
 from workbench.training.registrations import FARTHEST
-from workbench.writing import replacing
+from workbench.writing import write_arrays
 
 MOST_WEIGHTS = 4  # joints that move one vertex
 BORDER = 0.03  # m: the width of the blurred border between two segments
@@ -196,6 +196,4 @@ def read_start(name: str | Path) -> Start:
 
 def write_start(start: Start, path: Path) -> None:
     """Write a start as an .npz that `read_start` reads."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        arrays: dict[str, Any] = {name: np.asarray(getattr(start, name)) for name in EXPECTED}
-        np.savez_compressed(file, **arrays)
+    write_arrays(path, {name: np.asarray(getattr(start, name)) for name in EXPECTED})

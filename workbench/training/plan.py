@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
 
+Names = tuple[str, ...]  # of blocks, in order
 NO_LIMIT = 10**6
 # For registrations with noise: digits that the next block changes are not worth their passes.
 QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
@@ -63,19 +64,9 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
     will have, and no longer with their rings. A vertex is bent by the joints within `reach`
     bones; None allows all joints, as in the paper.
     """
-    held = Sigmas() if sigmas is None else sigmas
-    rough = replace(held, data=ROUGH * held.data)
-    tied = replace(held, rings=TIED * held.rings)
     last = ("together", "weights", "regressor", "surfaces", "poses", "regressor", "surfaces")
-    return Plan(
-        (
-            Stage(rough, ("rest", "poses"), 1, QUICK),
-            Stage(held, ("surfaces", "poses"), 1, QUICK),
-            Stage(tied, ROUND, rounds, QUICK),
-            Stage(tied, last, 1, QUICK),
-        ),
-        reach,
-    )
+    stages = _alternating(sigmas, ("surfaces", "poses"), ROUND, rounds, last)
+    return Plan(stages, reach)
 
 
 def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
@@ -85,15 +76,23 @@ def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
     directions for every vertex: from registrations that linear blending explains, joints and
     weights are found that blend shapes would hide.
     """
+    last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
+    first, each = ("rest", "poses", "weights"), ("regressor", "rest", "poses")
+    return Plan(_alternating(sigmas, first, each, rounds, last))
+
+
+def _alternating(
+    sigmas: Sigmas | None, first: Names, each: Names, rounds: int, last: Names
+) -> tuple[Stage, ...]:
+    """Templates and poses with a larger sigma of the data, `first`, and then, with joints tied to
+    the regressor, rounds of `each`, and `last`.
+    """
     held = Sigmas() if sigmas is None else sigmas
     rough = replace(held, data=ROUGH * held.data)
     tied = replace(held, rings=TIED * held.rings)
-    last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
-    return Plan(
-        (
-            Stage(rough, ("rest", "poses"), 1, QUICK),
-            Stage(held, ("rest", "poses", "weights"), 1, QUICK),
-            Stage(tied, ("regressor", "rest", "poses"), rounds, QUICK),
-            Stage(tied, last, 1, QUICK),
-        )
+    return (
+        Stage(rough, ("rest", "poses"), 1, QUICK),
+        Stage(held, first, 1, QUICK),
+        Stage(tied, each, rounds, QUICK),
+        Stage(tied, last, 1, QUICK),
     )

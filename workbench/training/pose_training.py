@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.errors import BadFile, WorkbenchError
+from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.rigid import segment_motions
 from workbench.threads import limited_threads
@@ -28,22 +28,17 @@ from workbench.training.locality import local_features
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan, Stage
 from workbench.training.poses import DataTerm, EdgeTerm, fitted_poses, poses_of_segments
-from workbench.training.progress import LogEntry, Progress
+from workbench.training.progress import LogEntry, NotLowered, Progress
 from workbench.training.registrations import Registrations, batches, in_memory
 from workbench.training.simplex import shares
 from workbench.training.subsampling import subsample
 from workbench.writing import Keeping
 
-ROUNDING = 1e-9  # of the cost: what a block may add by rounding
 KKT = 1e-8  # the conditions of the weights hold to this
 FIRST_STEPS = 5  # of the first fit of a pose
 FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
 FIT, RING = 0.01, 0.05  # m: how far a segment is from rigid, and a ring's middle from the joint
 NEAREST = 80  # vertices that a joint is a mean of
-
-
-class NotLowered(WorkbenchError):
-    """A block of training raised the cost, or did not solve what it claims to solve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +117,8 @@ def train_poses(
             at = _after_block(objective, at, block, start, stage, execution)
             if folder:
                 keep(partial(at.save, folder))
-            each = (time.perf_counter() - began) / (number + 1 - already)
-            left = each * (len(steps) - number - 1)
-            execution.report.block(Progress(number + 1, len(steps), at.log[-1], left))
+            ended = Progress.since(began, already, number + 1, len(steps), at.log[-1])
+            execution.report.block(ended)
     return PoseModel(at.estimate, replace(objective, sigmas=steps[-1][0].sigmas), at.log)
 
 
@@ -141,16 +135,14 @@ def _after_block(
     given = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
     found = BLOCKS[block](given, at.estimate)
     after = objective.costs(found.estimate)
-    total, was = sum(after.values()), sum(before.values())
-    lowered = total <= was + ROUNDING * (1 + was) or block in MAY_RISE
-    if not (isfinite(total) and lowered):
-        raise NotLowered(f"block {block!r} raised the cost from {was:.9g} to {total:.9g}")
+    entry = LogEntry(block, before, after, found.facts, time.perf_counter() - began)
+    if block not in MAY_RISE or not isfinite(sum(after.values())):
+        entry.check_lowered()
     if found.facts.get("kkt", 0.0) > KKT:
         raise NotLowered(
             f"block {block!r} left weights with a KKT residual of {found.facts['kkt']:.1e}, "
             f"above {KKT:g}"
         )
-    entry = LogEntry(block, before, after, found.facts, time.perf_counter() - began)
     return replace(at, estimate=found.estimate, log=(*at.log, entry))
 
 

@@ -1,8 +1,17 @@
 """What a training reports while it runs."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
+
+from workbench.errors import WorkbenchError
+
+ROUNDING = 1e-9  # of the cost: what a block may add by rounding
+
+
+class NotLowered(WorkbenchError):
+    """A block of training raised the cost, or did not solve what it claims to solve."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +32,12 @@ class LogEntry:
     facts: dict[str, float]
     seconds: float
 
+    def check_lowered(self) -> None:
+        """Raise NotLowered if the block raised the cost by more than rounding does."""
+        was, total = sum(self.before.values()), sum(self.after.values())
+        if not total <= was + ROUNDING * (1 + was):
+            raise NotLowered(f"block {self.block!r} raised the cost from {was:.9g} to {total:.9g}")
+
 
 @dataclass(frozen=True, eq=False)
 class Progress:
@@ -39,6 +54,12 @@ class Progress:
     of: int
     entry: LogEntry
     seconds_left: float
+
+    @staticmethod
+    def since(began: float, already: int, number: int, of: int, entry: LogEntry) -> "Progress":
+        """Where a run is that began after `already` blocks, `began` by `time.perf_counter`."""
+        each = (time.perf_counter() - began) / (number - already)
+        return Progress(number, of, entry, each * (of - number))
 
 
 class Report(Protocol):

@@ -16,8 +16,9 @@ from workbench.geometry.solids import volume
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor, fit_joint_regressor
-from workbench.training.pose_training import FIRST_SIGMA, KKT, NotLowered, PoseModel
+from workbench.training.pose_training import FIRST_SIGMA, KKT, PoseModel
 from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, ShapePrior, poses_of_segments
+from workbench.training.progress import NotLowered
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 from workbench.training.subsampling import subsample
 

@@ -78,8 +78,8 @@ def check_body_file(path: str | Path, other_hand: str | Path | None = None) -> F
     findings = []
     if other_hand is not None:
         other = expanded(other_hand)
-        pair = model_arrays(_body_in(raw, str(file)), str(file)), _arrays_in(other)
-        findings = list(about_pair(*pair))
+        both = (raw, str(file)), (contents_of(other), str(other))
+        findings = list(about_pair(*(model_arrays(_body_in(*one), one[1]) for one in both)))
     return check_contents(raw, str(file), file.stat().st_size, findings)
 
 
@@ -116,10 +116,6 @@ def _checked(model: ModelArrays) -> Iterator[FileFinding]:
     with np.errstate(all="ignore"):  # what is made of absurd numbers passes no comparison
         for check in CHECKS:
             yield from check(model)
-
-
-def _arrays_in(path: Path) -> ModelArrays:
-    return model_arrays(_body_in(contents_of(path), str(path)), str(path))
 
 
 def _body_in(raw: Contents, where: str) -> Contents:

@@ -32,7 +32,7 @@ from workbench.errors import BadArgument, BadBody
 from workbench.geometry.glb_writing import ATTRIBUTES, ELEMENTS, Chunk
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 STILL = 1e-9  # m: a joint that betas move by less stays where it is
 SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
@@ -91,18 +91,8 @@ def write_gltf(
     else:
         skinned, surfaces = blended(body, theta), body.vertices(theta, np.tile(beta, (P, 1)))
         found = correctives_of_surfaces(skinned, theta, beta, surfaces, correctives)
-    content = _glb(
-        skinned,
-        theta,
-        beta,
-        None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3),
-        added,
-        seconds,
-        found,
-        shapes,
-    )
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+    moved = None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3)
+    write_file(path, _glb(skinned, theta, beta, moved, added, seconds, found, shapes))
     return found
 
 

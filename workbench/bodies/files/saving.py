@@ -74,8 +74,7 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
         )
     arrays = arrays_of(body)
     if isinstance(body, TriangleBody) or path.suffix == ".npz":
-        with replacing(path) as temporary:
-            write_arrays(temporary, arrays)
+        write_arrays(path, arrays)
         return
     if body.bind_pose.any():
         raise BadFile(

@@ -8,7 +8,7 @@ from typing import Protocol
 from workbench.arrays import Array
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
 from workbench.bodies.forward.kernels import CompiledArithmetic
-from workbench.bodies.forward.motion import Motion, Slopes
+from workbench.bodies.forward.motion import Slopes
 from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.rows import Target
 
@@ -32,11 +32,22 @@ class AtOrigin(Protocol):
         """Gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
 
 
+class Displaced(Protocol):
+    """What AtOrigin of landmarks with offsets provides in addition."""
+
+    def pulled_by_offsets(self, pull: Array) -> Array:
+        """The gradient of sum(pull * points), pull (N, 3), by the offsets, (N, 3)."""
+
+
 class Arithmetic(Protocol):
     """How points of a body are computed: its surface, its joints, or landmarks on it."""
 
-    def evaluate(self, motion: Motion, betas: Array) -> AtOrigin:
-        """The points moved by a motion, of the person with these betas (B,)."""
+    @property
+    def evaluate(self) -> Callable[..., AtOrigin]:
+        """The points moved by a motion, of the person with these betas (B,).
+
+        Landmarks take offsets (N, 3) m that displace them at rest as well; see `Displaced`.
+        """
 
 
 def arithmetic_of(

@@ -51,7 +51,7 @@ def displaced(
     parts = {**_parts(body, *given), "offsets": (moved, 2)}
     batch, (theta, beta, move, moved) = _broadcast(parts)
     if body.is_smpl:
-        found = of.displaced(landmarks).evaluate_batch(theta, beta, move, moved)
+        found = of.landmarks(landmarks).evaluate_batch(theta, beta, move, moved)
     else:
         function, each = of.displaced_rest(landmarks), zip(theta, beta, moved, strict=True)
         alone = [np.asarray(function(t.T, b, o.T)).T for t, b, o in each]

@@ -13,7 +13,6 @@ from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
-from workbench.bodies.forward.displaced_numbers import DisplacedPoints
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
 from workbench.bodies.forward.joint_batch import JointBatch
 from workbench.bodies.forward.joint_numbers import JointArithmetic
@@ -92,12 +91,8 @@ class NumericBody:
         """The arithmetic of weighted means of an SMPL body's vertices."""
         return LandmarkArithmetic(self.rest_points(landmarks), self.kinematics.ancestors)
 
-    def displaced(self, landmarks: Landmarks) -> DisplacedPoints:
-        """Weighted means of an SMPL body's vertices with offsets."""
-        return DisplacedPoints(self.kinematics, self.landmark_arithmetic(landmarks))
-
     def landmarks(self, landmarks: Landmarks) -> PosedPoints:
-        """Weighted means of an SMPL body's vertices."""
+        """Weighted means of an SMPL body's vertices, with offsets or without."""
         return self._at_rest_points(self.landmark_arithmetic(landmarks))
 
     def capsules(self, capsules: Capsules) -> PosedPoints:
@@ -106,8 +101,9 @@ class NumericBody:
         return self._at_rest_points(LandmarkArithmetic(points, self.kinematics.ancestors))
 
     def _at_rest_points(self, arithmetic: LandmarkArithmetic) -> PosedPoints:
-        def many(poses: Array, betas: Array) -> Array:
-            return arithmetic.evaluate_batch(self.joint_batch.motions(poses, betas), betas)
+        def many(poses: Array, betas: Array, *offsets: Array) -> Array:
+            motions = self.joint_batch.motions(poses, betas)
+            return arithmetic.evaluate_batch(motions, betas, *offsets)
 
         return PosedPoints(self.kinematics, arithmetic, many)
 

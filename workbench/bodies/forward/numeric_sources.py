@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import PointsAt
-from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin
+from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
 from workbench.bodies.forward.rows import Target
@@ -162,45 +162,54 @@ class PosedPoints:
 
     Attributes:
         kinematics: of the body.
-        arithmetic: of the points at one motion and shape.
-        at_origin: the points (M, N, 3) m of poses (M, K, 3) rad and betas (M, B), untranslated.
+        arithmetic: of the points at one motion and shape, and offsets if any.
+        at_origin: the points (M, N, 3) m of poses (M, K, 3) rad and betas (M, B), and offsets
+            (M, N, 3) m if any, untranslated.
     """
 
     kinematics: Kinematics
     arithmetic: Arithmetic
-    at_origin: Callable[[Array, Array], Array]
+    at_origin: Callable[..., Array]
 
-    def evaluate(self, pose: Array, betas: Array, trans: Array) -> PosedPointsAt:
-        """The points at one pose, betas and translation."""
-        return PosedPointsAt(self.arithmetic, self.kinematics.evaluate(pose, betas), trans)
+    def evaluate(self, pose: Array, betas: Array, trans: Array, *offsets: Array) -> PosedPointsAt:
+        """The points at one pose, betas, translation, and offsets (N, 3) m of landmarks."""
+        posed = self.kinematics.evaluate(pose, betas)
+        return PosedPointsAt(self.arithmetic, posed, trans, offsets)
 
-    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[PosedPointsAt]:
+    def evaluate_each(
+        self, poses: Array, betas: Array, trans: Array, *offsets: Array
+    ) -> list[PosedPointsAt]:
         """The points at each of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m.
 
         The kinematics of all of them are computed together.
         """
         posed = self.kinematics.evaluate_each(poses, betas)
-        return [PosedPointsAt(self.arithmetic, p, t) for p, t in zip(posed, trans, strict=True)]
+        each = zip(posed, trans, *offsets, strict=True)
+        return [PosedPointsAt(self.arithmetic, p, t, tuple(more)) for p, t, *more in each]
 
-    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *offsets: Array) -> Array:
         """The points (M, N, 3) m of M poses, betas and translations, all at once."""
-        found = self.at_origin(poses, betas)
+        found = self.at_origin(poses, betas, *offsets)
         found += trans[:, None]
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class PosedPointsAt:
-    """The points at one pose (K, 3) rad, betas (B,) and trans (3,) m; see BodyPointsAt."""
+    """The points at one pose (K, 3) rad, betas (B,) and trans (3,) m; see BodyPointsAt.
+
+    `offsets` is empty, or holds the offsets (N, 3) m that displace landmarks at rest.
+    """
 
     arithmetic: Arithmetic
     posed: Posed
     trans: Array
+    offsets: tuple[Array, ...] = ()
 
     @cached_property
     def here(self) -> AtOrigin:
         """The points before translation."""
-        return self.arithmetic.evaluate(self.posed.motion, self.posed.betas)
+        return self.arithmetic.evaluate(self.posed.motion, self.posed.betas, *self.offsets)
 
     @cached_property
     def points(self) -> Array:
@@ -208,16 +217,15 @@ class PosedPointsAt:
         return self.here.points + self.trans
 
     def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
-        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
+        """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
         self.here.tangent(self.posed.slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and `trans`, flat."""
-        return pulled_back(self.posed, self.here, pull.reshape(-1, 3))
-
-
-def pulled_back(posed: Posed, here: AtOrigin, pull: Array) -> dict[str, Array]:
-    """The gradients of sum(pull * points), pull (N, 3), by `pose`, `betas` and `trans`, flat."""
-    on_G, on_features, on_betas = here.adjoint(pull)
-    on_pose, by_joints = posed.kinematics.adjoint(posed.pose, posed.betas, on_G, on_features)
-    return {"pose": on_pose.ravel(), "betas": on_betas + by_joints, "trans": pull.sum(axis=0)}
+        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
+        posed, pulled = self.posed, pull.reshape(-1, 3)
+        on_G, on_features, on_betas = self.here.adjoint(pulled)
+        on_pose, by_joints = posed.kinematics.adjoint(posed.pose, posed.betas, on_G, on_features)
+        found = {"pose": on_pose.ravel(), "betas": on_betas + by_joints}
+        if self.offsets:
+            found["offsets"] = cast(Displaced, self.here).pulled_by_offsets(pulled).ravel()
+        return {**found, "trans": pulled.sum(axis=0)}

@@ -162,9 +162,7 @@ def landmark_points(
     def compute(maps: Maps) -> NumericPoints | None:
         if body.free or not body.is_smpl:
             return None
-        if at.offsets is None:
-            return Named(numeric.landmarks(landmarks), maps)
-        return Named(numeric.displaced(landmarks), maps)
+        return Named(numeric.landmarks(landmarks), maps)
 
     names, free = landmarks.names, tuple(body.free.values())
     return BodySource(at, len(names), names, free, express, compute, body.posedirs)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.course.packs.keys import KEYS
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 MARKED = "marked"  # the folder in the keys that holds what is marked already
 CHANGED = (
@@ -43,8 +43,7 @@ def kept(folder: Path) -> Iterator[Kept]:
         for path, data in before.items():
             if after.get(path) != data:
                 path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                with replacing(path) as temporary:
-                    temporary.write_bytes(data)
+                write_file(path, data)
         paths = before.keys() | after.keys()
         found.changed = sorted(one.name for one in paths if before.get(one) != after.get(one))
 

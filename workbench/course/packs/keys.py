@@ -17,7 +17,7 @@ from workbench.course.packs.seeds import generator
 from workbench.course.packs.variants import Arguments, Numbers, Variant
 from workbench.course.plain import Malformed, opened, sealed
 from workbench.errors import BadFile
-from workbench.writing import replacing
+from workbench.writing import write_file
 
 KEYS = "keys.json"
 HIDDEN, SHOWN = 6, 2  # sets of arguments that only the key has, and that the student sees
@@ -166,10 +166,8 @@ def write_keys(key: ClassKey, folder: Path) -> None:
     for number, sources in key.sources.items():
         name = next(one.exercise for one in key.exercises if one.number == number)
         text = "\n\n".join(f"# {title}\n\n{text}" for title, text in sources.items())
-        with replacing(folder / f"answer-{number}-{name}.py") as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    with replacing(folder / KEYS) as temporary:
-        temporary.write_text(json.dumps(data, indent=1, ensure_ascii=False), encoding="utf-8")
+        write_file(folder / f"answer-{number}-{name}.py", text)
+    write_file(folder / KEYS, json.dumps(data, indent=1, ensure_ascii=False))
 
 
 def read_keys(folder: Path) -> ClassKey:

@@ -30,22 +30,25 @@ class Shape:
 
 def shapes(source: str) -> dict[str, Shape]:
     """The shape of each function of a file, with what it calls there; none if it is no code."""
-    try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return {}
     functions = {
-        node.name: node for node in tree.body if isinstance(node, ast.FunctionDef) and node.body
+        node.name: node
+        for node in _parsed(source).body
+        if isinstance(node, ast.FunctionDef) and node.body
     }
     return {name: _shape(name, functions) for name in functions}
 
 
+def _parsed(source: str) -> ast.Module:
+    """The code of a file; empty if it is none."""
+    try:
+        return ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return ast.Module([], [])
+
+
 def attempted(source: str, exercises: Iterable[str]) -> bool:
     """Whether a file holds more than these functions as they were handed out."""
-    try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return True
+    tree = _parsed(source)
     for node in tree.body:
         if isinstance(node, ast.FunctionDef) and node.name in exercises:
             rest = _without_docstring(node).body
@@ -78,13 +81,9 @@ def compared(a: Shape, b: Shape) -> str:
 
 def constants(source: str) -> set[float]:
     """The numbers with three or more digits that stand in a file."""
-    try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return set()
     found = {
         float(node.value)
-        for node in ast.walk(tree)
+        for node in ast.walk(_parsed(source))
         if isinstance(node, ast.Constant)
         and isinstance(node.value, int | float)
         and abs(node.value) < 1e300
@@ -94,12 +93,8 @@ def constants(source: str) -> set[float]:
 
 def words_of(source: str) -> set[str]:
     """All names that a file uses, imports or has as text, without comments."""
-    try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return set()
     found: set[str] = set()
-    for node in ast.walk(tree):
+    for node in ast.walk(_parsed(source)):
         match node:
             case ast.Name(id=name) | ast.Attribute(attr=name) | ast.Constant(value=str(name)):
                 found.add(name)

@@ -16,7 +16,7 @@ from workbench.course.packs.marking import ExerciseMark, Limits, mark_sheet
 from workbench.course.packs.remarks import alike, remarks_of
 from workbench.errors import BadFile
 from workbench.installation import VERSION
-from workbench.writing import replacing
+from workbench.writing import replacing, write_file
 
 NOT_YET = "not marked yet: the same command goes on"
 MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
@@ -113,9 +113,8 @@ def _marked(
         place.parent.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
         raise BadFile(f"cannot write {place.parent}: {error.strerror}") from error
-    with replacing(place) as temporary:
-        data = {"digest": digest, "exercises": [asdict(one) for one in found]}
-        temporary.write_text(json.dumps(data, indent=1, ensure_ascii=False), encoding="utf-8")
+    data = {"digest": digest, "exercises": [asdict(one) for one in found]}
+    write_file(place, json.dumps(data, indent=1, ensure_ascii=False))
     return found, False
 
 

@@ -6,7 +6,6 @@ from contextlib import suppress
 from workbench.course.packs.handed_in import EXPECTED, LONGEST_MINUTES, HandedIn, Sheet
 from workbench.course.packs.keys import ClassKey, ExerciseKey
 from workbench.course.packs.likeness import (
-    Shape,
     compared,
     constants,
     distinctive,
@@ -111,7 +110,7 @@ def alike(found: HandedIn, key: ClassKey, right: dict[str, set[str]]) -> dict[st
         published = {
             what: shape
             for what, source in key.sources[one.number].items()
-            for shape in list(_published(source))[:1]
+            for shape in list(shapes(source).values())[:1]
         }
         for student, shape in answers.items():
             for what, theirs in published.items():
@@ -135,7 +134,3 @@ def alike(found: HandedIn, key: ClassKey, right: dict[str, set[str]]) -> dict[st
                 "may be chance, all of them hardly"
             )
     return said
-
-
-def _published(source: str) -> Iterable[Shape]:
-    return shapes(source).values()

@@ -43,11 +43,11 @@ from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective, centred, trusted
 from workbench.training.pose_prior import PosePrior
-from workbench.training.pose_training import ROUNDING, NotLowered, PoseModel
+from workbench.training.pose_training import PoseModel
 from workbench.training.progress import LogEntry, Progress
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
-from workbench.training.template_prior import TemplatePrior, smooth_prior
+from workbench.training.template_prior import smooth_prior
 from workbench.writing import Keeping
 
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
@@ -105,21 +105,21 @@ class Coregistration:
 
     def objective(self, registrations: InMemory) -> Objective:
         """The objective of training for these registrations, with templates held by edges."""
-        body, edges = self.body, self.plan.edges
+        body, plan = self.body, self.plan
+        freedom = None
+        if plan.edges is not None:
+            freedom = smooth_prior(body.faces, body.shapedirs, plan.edges, plan.bends)
         return Objective(
             registrations,
             body.J_regressor,
             body.weights,
             None,
-            self.plan.sigmas,
+            plan.sigmas,
             body.template,
-            freedom=None if edges is None else self._smooth(edges),
+            freedom=freedom,
             first_posedirs=body.posedirs,
             pose_prior=PosePrior.of(*pose_gaussian(body)),
         )
-
-    def _smooth(self, edges: float) -> TemplatePrior:
-        return smooth_prior(self.body.faces, self.body.shapedirs, edges, self.plan.bends)
 
     def costs(self, state: State) -> dict[str, float]:
         """The joint cost of a state, by term."""
@@ -194,9 +194,8 @@ class Coregistration:
                 state = self._after(state, steps[number], execution)
                 if folder is not None:
                     keep(partial(state.save, folder, identity))
-                each = (time.perf_counter() - began) / (number + 1 - already)
-                left = each * (len(steps) - number - 1)
-                execution.report.block(Progress(number + 1, len(steps), state.log[-1], left))
+                ended = Progress.since(began, already, number + 1, len(steps), state.log[-1])
+                execution.report.block(ended)
         return state
 
     def _after(self, state: State, block: str, execution: Execution) -> State:
@@ -207,11 +206,8 @@ class Coregistration:
             found = self._with(state, self._on_scans(registered, state, execution))
         else:
             found, facts = self._model(state, sum(before.values()), execution)
-        after = self.costs(found)
-        was, total = sum(before.values()), sum(after.values())
-        if not total <= was + ROUNDING * (1 + was):
-            raise NotLowered(f"block {block!r} raised the cost from {was:.9g} to {total:.9g}")
-        entry = LogEntry(block, before, after, facts, time.perf_counter() - began)
+        entry = LogEntry(block, before, self.costs(found), facts, time.perf_counter() - began)
+        entry.check_lowered()
         return replace(found, log=(*state.log, entry))
 
     def _model(

@@ -51,7 +51,6 @@ from workbench.registration.coregistration.triangle_steps import (
 from workbench.registration.free_vertices import VERTICES, Settled
 from workbench.residuals import stitching
 from workbench.training.executor import SERIAL, Execution
-from workbench.training.pose_training import ROUNDING, NotLowered
 from workbench.training.progress import LogEntry, Progress
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cost falls
@@ -130,12 +129,10 @@ class TriangleCoregistration:
             else:
                 found = self._stepped(found, first.body, block, sum(before.values()))
             after, seconds = self.costs(found, first.body), time.perf_counter() - start
-            was, total = sum(before.values()), sum(after.values())
-            if not total <= was + ROUNDING * (1 + was):
-                raise NotLowered(f"block {block!r} raised the cost from {was:.9g} to {total:.9g}")
-            found = replace(found, log=(*found.log, LogEntry(block, before, after, {}, seconds)))
-            left = (time.perf_counter() - began) / number * (len(steps) - number)
-            execution.report.block(Progress(number, len(steps), found.log[-1], left))
+            entry = LogEntry(block, before, after, {}, seconds)
+            entry.check_lowered()
+            found = replace(found, log=(*found.log, entry))
+            execution.report.block(Progress.since(began, 0, number, len(steps), entry))
         return found
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:

@@ -128,7 +128,12 @@ def loop_study(plan: LoopPlan, mocap: Path | None, report: Report) -> LoopStudy:
     shots, others = drawn_shots(fitting.body, counts, plan.noise, mocap, rng)
     report(f"fitting {plan.images} images from rest")
     kept = [fitting.fit(shot) for shot in shots]
-    rounds = [_round(0, fitting, shots, kept, 0, None, None)]
+
+    def measured(number: int, replaced: int, *of_held_out: Errors | None) -> Round:
+        errors = _errors(fitting, shots, [values for values, _ in kept])
+        return Round(number, errors, float(np.mean([c for _, c in kept])), replaced, *of_held_out)
+
+    rounds = [measured(0, 0, None, None)]
     for number in range(1, plan.rounds + 1):
         report(f"round {number}: learning from the kept fits")
         regressor = _taught(plan, fitting.body, np.array([v["pose"] for v, _ in kept]), rng)
@@ -138,8 +143,7 @@ def loop_study(plan: LoopPlan, mocap: Path | None, report: Report) -> LoopStudy:
             found = fitting.fit(shot, fitting.regressed(shot, regressor))
             if found[1] < kept[i][1]:
                 kept[i], replaced = found, replaced + 1
-        alone, begun = _held_out(fitting, others, regressor)
-        rounds.append(_round(number, fitting, shots, kept, replaced, alone, begun))
+        rounds.append(measured(number, replaced, *_held_out(fitting, others, regressor)))
     report("fitting held-out images from other starts")
     alone, begun = _held_out(fitting, others, shipped_regressor())
     ways = {
@@ -160,19 +164,6 @@ def _taught(
     people = people_in(body, np.repeat(upright, plan.views, axis=0), rng)
     hidden = (plan.hidden, plan.hidden)
     return trained(body, people, plan.passes, hidden, rng, lambda done, loss: None)
-
-
-def _round(
-    number: int,
-    fitting: Fitting,
-    shots: list[Shot],
-    kept: list[tuple[Values, float]],
-    replaced: int,
-    alone: Errors | None,
-    begun: Errors | None,
-) -> Round:
-    errors = _errors(fitting, shots, [values for values, _ in kept])
-    return Round(number, errors, float(np.mean([c for _, c in kept])), replaced, alone, begun)
 
 
 def _held_out(
