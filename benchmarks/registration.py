@@ -25,7 +25,7 @@ from workbench.comparison.statistics import rate
 from workbench.fitting import Scan, pose_prior, shape_prior
 from workbench.priors.mocap import held_out_poses
 from workbench.problem import Problem
-from workbench.registration import ModelFit, doubts, fit_model, support
+from workbench.registration import FIT_STAGES, SEEN_STAGES, ModelFit, doubts, fit_model, support
 from workbench.residuals.contact_forms import Form, distance, offset
 from workbench.residuals.scans import scan_to_model
 from workbench.solvers import TrustRegion
@@ -66,11 +66,12 @@ def judged(body: SkinnedBody, poses: Array, seed: int, views: int, normals: bool
     given = simulated.scan
     if not normals:
         given = Scan(given.points, weights=given.weights)
+    camera = simulated.scanners[0].place if views == 1 else None
     begin = time.process_time()
-    fit = fit_model(body, given, seed=seed)
+    stages = FIT_STAGES if camera is None else SEEN_STAGES
+    fit = fit_model(body, given, camera=camera, stages=stages, seed=seed)
     took = time.process_time() - begin
     known = support(fit)
-    camera = simulated.scanners[0].place if views == 1 else None
     found = doubts(fit, known, camera=camera)
     error = 1e3 * np.linalg.norm(fit.vertices() - simulated.skin, axis=1)
     there = simulated.seen

@@ -12,6 +12,7 @@ from workbench.bodies.hand_axes import is_hand
 from workbench.errors import BadArgument
 from workbench.fitting.scan import Scan
 from workbench.registration.doubts import Doubts
+from workbench.registration.empty_space import EmptySpace
 from workbench.registration.fit_stage import FitStage
 from workbench.registration.free_vertices import (
     BODY,
@@ -23,12 +24,13 @@ from workbench.registration.free_vertices import (
     VertexStage,
 )
 from workbench.registration.hand_starts import hand_starts
-from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN
+from workbench.registration.model_fit import FIT_STAGES, SAME, SEEN_STAGES, WITHIN
 from workbench.registration.scan_starts import scan_starts
 from workbench.registration.scan_term import ScanTerm
 from workbench.registration.support import NEAR
 
 PERSON = Doubts()
+EMPTY = EmptySpace()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
@@ -66,6 +68,10 @@ class Recipe:
         same: in m, the mean distance of joints below which two ends are one.
         near: in m; a vertex without a touching point as near as this was not seen.
         doubts: from where on a fit is doubted.
+        empty: how the body is kept out of space that the camera of a scan saw to be empty; None if
+            only the doubts are to look at it.
+        seen_stages: the stages of the fit of the body where the camera is known; None for those of
+            every fit.
     """
 
     fit_stages: tuple[FitStage, ...] = FIT_STAGES
@@ -77,6 +83,12 @@ class Recipe:
     same: float = SAME
     near: float = NEAR
     doubts: Doubts = PERSON
+    empty: EmptySpace | None = EMPTY
+    seen_stages: tuple[FitStage, ...] | None = None
+
+    def stages(self, seen: bool) -> tuple[FitStage, ...]:
+        """The stages of the fit of the body; `seen` says whether the camera is known to it."""
+        return self.seen_stages if seen and self.seen_stages is not None else self.fit_stages
 
     def __post_init__(self) -> None:
         if not 0 <= self.boundary < np.inf:
@@ -89,6 +101,9 @@ class Recipe:
                 f"{self.within:g}, {self.same:g} and {self.near:g}"
             )
 
+
+PERSON_RECIPE = Recipe(seen_stages=SEEN_STAGES)
+"""For a whole person."""
 
 HAND_FIT_STAGES = (
     FitStage(200, 0.012, 0.030, 48, 15, 0.01),
@@ -112,10 +127,11 @@ HAND_RECIPE = Recipe(
     same=0.004,
     near=0.006,
     doubts=Doubts(apart=0.006, rough=0.004, open=0.003),
+    empty=None,
 )
 """For a hand alone, in metres as a person: a hand has no side that is usually up."""
 
 
 def usual_recipe(body: Body) -> Recipe:
     """The recipe for scans of what a body is: a hand alone, or a whole person."""
-    return HAND_RECIPE if is_hand(body) else Recipe()
+    return HAND_RECIPE if is_hand(body) else PERSON_RECIPE
