@@ -52,6 +52,12 @@ def test_holes_of_the_scan_are_bridged() -> None:
     assert wide.distances(np.array([[0.0, 0, 0]])).numbers.item() == pytest.approx(0.07, abs=0.01)
 
 
+def test_what_is_out_of_view_may_be_anywhere() -> None:
+    places = [[0.7, 0, 0.2], [0, 0, 0.5], [0, 3, 1.0]]
+    assert off(places).min() > 0.1
+    np.testing.assert_array_equal(off(places, within=0.05) > 0, [False, True, False])
+
+
 def test_the_derivative_is_that_of_the_distance() -> None:
     rng = np.random.default_rng(0)
     residual = residuals.free_space(PLACED.symbol, SCAN, CAMERA, sigma=0.1)

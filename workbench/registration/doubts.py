@@ -11,10 +11,11 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array
 from workbench.diagnostics.wording import Finding
+from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.support import Support, support
-from workbench.residuals.free_space import Shadow
+from workbench.residuals.free_space import BESIDE, Shadow
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,8 @@ def _missed(points: Array, known: Support, limits: Doubts) -> Iterator[Finding]:
 
 
 def _before(fit: ModelFit, camera: Array, limits: Doubts) -> Iterator[Finding]:
-    off = Shadow.of(fit.scan.points, camera).distances(fit.vertices()).numbers
+    within = np.inf if shows_all(fit.body, fit.scan) else BESIDE
+    off = Shadow.of(fit.scan.points, camera, within=within).distances(fit.vertices()).numbers
     share = float(np.mean(off > CLEAR))
     if share > limits.before:
         yield Finding(

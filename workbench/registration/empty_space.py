@@ -10,6 +10,7 @@ from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.scan import Scan
 from workbench.registration.fit_stage import FitStage
+from workbench.registration.scan_starts import STRAY, WHOLE
 from workbench.residuals import Residual, free_space, geman_mcclure, scaled
 from workbench.residuals.free_space import BEFORE, BESIDE
 
@@ -48,8 +49,13 @@ class EmptySpace:
             raise BadArgument(f"the numbers of an empty space are above zero, not {self}")
 
     def residual(self, body: Body, scan: Scan, camera: ArrayLike, stage: FitStage) -> Residual:
-        """How far vertices stand in space that a camera at `camera` (3,) m saw to be empty."""
+        """How far vertices stand in space that a camera at `camera` (3,) m saw to be empty.
+
+        Of a scan that shows only a part of the body (see `shows_all`), what is beside counts as
+        out of view.
+        """
         order = np.random.default_rng(0).permutation(body.n_vertices)
+        shown = np.inf if shows_all(body, scan) else self.beside
         sigma = max(self.widths * stage.sigma, self.sigma)
         symbols = (block.symbol for block in body.blocks())
         return free_space(
@@ -60,8 +66,18 @@ class EmptySpace:
             kernel=scaled(geman_mcclure, self.reach / sigma),
             beside=self.beside,
             before=self.before,
+            within=shown,
             name="empty space",
         )
+
+
+def shows_all(body: Body, scan: Scan) -> bool:
+    """Whether a scan is at least 0.6 times as high as the body, as `scan_starts` asks for too.
+
+    A lower one may have been cut off, so that nothing is known of what is beyond its points.
+    """
+    low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
+    return bool(high - low > WHOLE * np.ptp(body.template[:, 1]))
 
 
 def sees(camera: ArrayLike, points: Array) -> bool:

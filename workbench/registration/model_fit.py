@@ -12,6 +12,7 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
+from workbench.fitting.loose_points import loose_points
 from workbench.fitting.scan import Scan
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
@@ -133,7 +134,9 @@ def fit_model(
     `camera` (3,) m is where the whole scan was taken from, if that was one place. Then the body is
     kept out of the space that was seen to be empty (`empty` says how; see `residuals.free_space`),
     and the first stage begins at those of many more starts that are most like the scan (see
-    `seen_starts`). `SEEN_STAGES` are stages for that. Points that `keep` leaves out count as seen.
+    `seen_starts`). Loose points are left out (see `fitting.loose_points`), because a limb that was
+    not seen would be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` are
+    stages for all this.
 
     `progress` is told of every iterate, and stops the fit by
     returning True; Ctrl-C does so too. Either way, what was found is returned.
@@ -143,6 +146,9 @@ def fit_model(
     """
     if not stages:
         raise BadArgument("a fit has at least one stage, such as those of FIT_STAGES")
+    if camera is not None:
+        firm = ~loose_points(scan)
+        scan, keep = scan.some(firm), None if keep is None else keep[firm]
     seen = scan if keep is None else scan.some(keep)
     ends: list[Values] = [dict(start) for start in starts(body, seen)]
     if not ends:

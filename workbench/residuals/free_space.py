@@ -31,6 +31,7 @@ def free_space(
     kernel: Kernel = quadratic,
     beside: float = BESIDE,
     before: float = BEFORE,
+    within: float = np.inf,
     name: str | None = None,
 ) -> Residual:
     """How far, in metres, each of N points of a model stands in space that was seen to be empty.
@@ -48,25 +49,29 @@ def free_space(
         min over rays of sqrt(max(|v - (u . v) u| - beside, 0)^2 + max(d - before - |v|, 0)^2).
 
     `beside` (m) bridges the gaps between rays, and holes of the scan as wide as twice that;
-    `before` (m) is what noise and clothes may stand in front. Its derivative with the ray held is
-    that of the distance, as in `scan_to_model`. Rays are put together in bundles of 0.4 `beside`, a
-    bundle's shadow begins at the nearest of its points, and eight bundles beside a point are
-    compared. Free space is used like this to track people by Ganapathi, Plagemann, Koller and Thrun
-    (Real-time human pose tracking from range data, ECCV 2012).
+    `before` (m) is what noise and clothes may stand in front. A point that is farther than `within`
+    (m) from all rays is out of view, and its residual 0: say so for a scan that was cut off, by the
+    edge of an image or by hand, for what is beyond the cut is not empty.
+
+    The derivative with the ray held is that of the distance, as in `scan_to_model`. Rays are put
+    together in bundles of 0.4 `beside`; a bundle's shadow begins at the nearest of its points, and
+    the eight bundles nearest to a point are compared. Free space is used like this to track people
+    by Ganapathi, Plagemann, Koller and Thrun (Real-time human pose tracking from range data, ECCV
+    2012).
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
     source, name = surface_of("free_space", points, name)
     seen = vectors(name, "the scan", scan)
     place = vectors(name, "the camera's place", np.reshape(camera, (1, -1)))[0]
-    if not min(beside, before) > 0:
+    if not min(beside, before, within) > 0:
         raise BadResidual(
-            f"residual {name!r} needs margins above 0 m, not {beside:g} m beside the rays and "
-            f"{before:g} m before the points"
+            f"residual {name!r} needs margins above 0 m, not {beside:g} m beside the rays, "
+            f"{before:g} m before the points and {within:g} m of view"
         )
     if not (np.linalg.norm(seen - place, axis=1) > 0).all():
         raise BadResidual(f"residual {name!r} has a point of the scan at the camera; leave it out")
-    search = Shadow.of(seen, place, beside, before).distances
+    search = Shadow.of(seen, place, beside, before, within).distances
     return surface_residual(name, source, search, source.count, 1, sigma, kernel, None)
 
 
@@ -79,6 +84,7 @@ class Shadow:
         directions: (R, 3) unit vectors along bundles of rays.
         begins: (R,) m from the camera, where the shadow of each bundle begins.
         beside, before: in m, the margins.
+        within: in m from the rays, what was in view.
         tree: finds directions.
     """
 
@@ -87,10 +93,17 @@ class Shadow:
     begins: Array
     beside: float
     before: float
+    within: float
     tree: cKDTree
 
     @staticmethod
-    def of(scan: Array, camera: Array, beside: float = BESIDE, before: float = BEFORE) -> "Shadow":
+    def of(
+        scan: Array,
+        camera: Array,
+        beside: float = BESIDE,
+        before: float = BEFORE,
+        within: float = np.inf,
+    ) -> "Shadow":
         """The shadow of points (M, 3) m, none of them at the camera."""
         rays = scan - camera
         depth = np.linalg.norm(rays, axis=1)
@@ -101,7 +114,7 @@ class Shadow:
         np.add.at(sums, bundle.ravel(), unit)
         np.minimum.at(begins, bundle.ravel(), depth)
         directions = sums / np.linalg.norm(sums, axis=1)[:, None]
-        return Shadow(camera, directions, begins, beside, before, cKDTree(directions))
+        return Shadow(camera, directions, begins, beside, before, within, cKDTree(directions))
 
     def distances(self, vertices: Array) -> ContactNumbers:
         """How far vertices (N, 3) m are from the shadow, and its derivative; a `Search`."""
@@ -116,7 +129,7 @@ class Shadow:
         ahead = np.maximum(self.begins[at] - self.before - far[:, None], 0)
         each = np.hypot(aside, ahead)
         best = np.arange(len(v)), np.argmin(each, axis=1)
-        distance = each[best]
+        distance = np.where(off[:, 0] <= self.within, each[best], 0.0)
         there = np.flatnonzero(distance > 0)
         a, b = aside[best][there], ahead[best][there]
         slope = (a / np.maximum(off[best][there], self.beside))[:, None] * across[best][there]
