@@ -52,6 +52,15 @@ def test_holes_of_the_scan_are_bridged() -> None:
     assert wide.distances(np.array([[0.0, 0, 0]])).numbers.item() == pytest.approx(0.07, abs=0.01)
 
 
+def test_a_thin_scan_has_wide_rays() -> None:
+    some = np.random.default_rng(0).permutation(len(SCAN))[:200]  # 7 cm apart
+    wide = Shadow.of(SCAN[some], CAMERA)
+    assert 0.1 < wide.beside < 0.2
+    inside = np.column_stack([0.8 * WALL, np.full(len(WALL), -0.1)])
+    assert np.mean(wide.distances(inside).numbers > 0) < 0.001
+    assert Shadow.of(SCAN, CAMERA).beside == Shadow.of(SCAN[:3], CAMERA).beside == 0.03
+
+
 def test_what_is_out_of_view_may_be_anywhere() -> None:
     places = [[0.7, 0, 0.2], [0, 0, 0.5], [0, 3, 1.0]]
     assert off(places).min() > 0.1

@@ -19,6 +19,8 @@ from workbench.residuals.scans import surface_of, surface_residual, vectors
 BESIDE = 0.03  # m, from the ray of a point of the scan: as near as this, space may not be empty
 BEFORE = 0.03  # m, the same along the ray, before the point
 CELL = 0.4  # of `beside`: the width of the bundles into which rays are put together
+GAPS = 2.0  # times the spacing of the rays: the least `beside`
+NEIGHBOUR, SOME = 4, 1_000  # the neighbour of a ray, in the median over some, that is its spacing
 CANDIDATES = 8  # bundles near a vertex, of which the least distance is taken
 
 
@@ -48,7 +50,8 @@ def free_space(
 
         min over rays of sqrt(max(|v - (u . v) u| - beside, 0)^2 + max(d - before - |v|, 0)^2).
 
-    `beside` (m) bridges the gaps between rays, and holes of the scan as wide as twice that;
+    `beside` (m) bridges the gaps between rays, and holes of the scan as wide as twice that; of a
+    thin scan it is at least twice the spacing of the rays at the scan's median distance.
     `before` (m) is what noise and clothes may stand in front. A point that is farther than `within`
     (m) from all rays is out of view, and its residual 0: say so for a scan that was cut off, by the
     edge of an image or by hand, for what is beyond the cut is not empty.
@@ -108,6 +111,7 @@ class Shadow:
         rays = scan - camera
         depth = np.linalg.norm(rays, axis=1)
         unit = rays / depth[:, None]
+        beside = max(beside, GAPS * _spacing(unit) * float(np.median(depth)))
         width = CELL * beside / float(np.median(depth))
         cells, bundle = np.unique(np.floor(unit / width), axis=0, return_inverse=True)
         sums, begins = np.zeros((len(cells), 3)), np.full(len(cells), np.inf)
@@ -140,3 +144,11 @@ class Shadow:
         columns = (3 * there[:, None] + np.arange(3)).ravel()
         slopes = csr_array((slope.ravel(), columns, starts), shape=(len(v), vertices.size))
         return ContactNumbers(distance[:, None], slopes, distance > 0)
+
+
+def _spacing(unit: Array) -> float:
+    """How far rays are apart, in rad, by unit vectors (M, 3); 0 for less than five."""
+    if len(unit) <= NEIGHBOUR:
+        return 0.0
+    some = unit[:: -(-len(unit) // SOME)]
+    return float(np.median(cKDTree(unit).query(some, k=[NEIGHBOUR + 1])[0]))
