@@ -29,8 +29,8 @@ def loose_points(scan: Scan) -> Mask:
     """
     if scan.n_points <= NEIGHBOURS:
         return np.zeros(scan.n_points, dtype=bool)
-    off, at = cKDTree(scan.points).query(scan.points, k=NEIGHBOURS + 1)
-    off, at = off[:, 1:], at[:, 1:]  # the first is the point itself
+    found = cKDTree(scan.points).query(scan.points, k=NEIGHBOURS + 1)
+    off, at = np.asarray(found[0])[:, 1:], np.asarray(found[1])[:, 1:]  # without the point itself
     together = off <= AROUND * np.median(off[:, SPACING - 1])
     if scan.normals is not None:
         together &= np.einsum("nki,ni->nk", scan.normals[at], scan.normals) > ALIKE
