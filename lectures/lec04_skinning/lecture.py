@@ -224,8 +224,8 @@ Picture(
 # How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length
 # $l$, from $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. The volume of the bent
 # zone is the volume at rest, with each small piece $ds\, dy$ of the plane multiplied by the factor by which the
-# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. A small step along the tube is taken to
-# $u = c + \frac{dc}{ds} (s + i y)$ times the step, and one across it to $v = i c$ times the step. The area between two
+# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. A small step along the tube is taken to the step times
+# $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area between two
 # complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite sign of
 # $i$. The imaginary part of $i$ times a number is its real part, so the area is
 #
@@ -508,7 +508,8 @@ Picture(
 # %% [markdown]
 # Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. Rings are turned
 # about the joint. On the tube the joint lies in the middle of the rings, and what the bend gains on the outside it loses
-# on the inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of
+# on the inside. (The 20 cm³ that it lost at half a turn are the mesh's, whose straight edges cut the corner: with twice
+# as many rings it loses 5.) In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of
 # the arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body
 # it does. On the coarse one it loses volume both ways, because only a few long edges lead around the elbow, and they
 # cut the corner.

@@ -357,6 +357,16 @@ def without_the_sum(people, joints):
 
 @mistake(
     "regressor",
+    "these are the weights of least squares, divided by their sum afterwards: the sum is right, but weights of both signs "
+    "still meet the noise; ask for weights that are not negative",
+)
+def of_least_squares_with_the_sum(people, joints):
+    w = of_least_squares(people, joints)
+    return w / w.sum()
+
+
+@mistake(
+    "regressor",
     "these are equal weights, which give the middle of all vertices and not the joint: solve for the weights with "
     "which the mean is the joint of each of these people",
 )
@@ -420,7 +430,10 @@ def without_the_difference(mean_1, C_1, mean_2, C_2, share):
     return pooled(mean_1, C_1, mean_2, C_2, share)
 
 
-@mistake("mixed", "one fourth is right for groups of one size alone: the factor is p (1 - p)")
+@mistake(
+    "mixed",
+    "one fourth is right for groups of one size alone: the factor is q (1 - q), where q is the share",
+)
 def always_a_fourth(mean_1, C_1, mean_2, C_2, share):
     mean, C = pooled(mean_1, C_1, mean_2, C_2, share)
     return mean, C + np.outer(mean_2 - mean_1, mean_2 - mean_1) / 4

@@ -38,7 +38,7 @@ def exact(x: Array, examples: Array, width: float) -> Array:
 def features(R: Array) -> Array:
     """SMPL's features of a pose: elements of R_k - I, row by row, of every joint but the root.
 
-    R (K, 3, 3), the root first -> (9 (K - 1),)
+    R (K, 3, 3) for K joints, the root first and counted in K -> (9 (K - 1),)
     """
     raise Unsolved("features")
 

@@ -38,12 +38,12 @@ from workbench.training.locality import MaskedCholesky, local_features
 # ## What an artist would do
 #
 # The arm is the tube of lecture 4, blended linearly. We need to know how it ought to look, so we call the truth what
-# dual quaternions make of it. In the pose $\theta$ linear blending moves each vertex by a matrix $M$ and an offset
-# $m$, which belong to this vertex: from $v$ to $M v + m$. We want the vertex to end at its true place $v^*$. If it
-# starts at rest from its place $t$ in the template, it does not. Suppose that it starts from $t + p$ instead. Then it
-# ends at $M (t + p) + m$. This is $v^*$ if
+# dual quaternions make of it. In a pose $\theta$ linear blending moves each vertex by a matrix $H$ and an offset
+# $h$, which belong to this vertex and this pose: from $v$ to $H v + h$. We want the vertex to end at its true place
+# $v^*$. If it starts at rest from its place $t$ in the template, it does not. Suppose that it starts from $t + p$
+# instead. Then it ends at $H (t + p) + h$. This is $v^*$ if
 #
-# $$ M (t + p) = v^* - m , \qquad \text{so that} \qquad p = M^{-1} (v^* - m) - t . $$
+# $$ H (t + p) = v^* - h , \qquad \text{so that} \qquad p = H^{-1} (v^* - h) - t . $$
 #
 # The displacements $p$ of all $N$ vertices together are a **blend shape** $P$: a displacement of the *rest* surface,
 # $3 N$ numbers. Here is one for an elbow bent by 90 degrees:
@@ -64,9 +64,9 @@ def bent(angle):
 def needed(angle):
     """The blend shape (N, 3) m that makes linear blending right at this angle."""
     G = arm.kinematics.motion(bent(angle), np.zeros(1)).G  # (2, 3, 4)
-    M = np.einsum("nk,kij->nij", arm.weights, G)
-    away = truth.vertices(bent(angle)) - M[:, :, 3]
-    return np.linalg.solve(M[:, :, :3], away[:, :, None])[:, :, 0] - arm.template
+    Hh = np.einsum("nk,kij->nij", arm.weights, G)  # (N, 3, 4): H beside h, for each vertex
+    away = truth.vertices(bent(angle)) - Hh[:, :, 3]
+    return np.linalg.solve(Hh[:, :, :3], away[:, :, None])[:, :, 0] - arm.template
 
 
 def errors(body, angles):
@@ -98,23 +98,32 @@ print(
 # ## Between the examples
 #
 # We make several examples. Example $i$ has a pose $\theta^i$ and a blend shape $P_i$ of the whole surface. In another
-# pose $\theta$ we let each of them contribute the more, the nearer its pose is. This is called *scattered data interpolation* (Lewis, Cordner and
-# Fong, *Pose Space Deformation*, 2000):
+# pose $\theta$ we let each of them contribute the more, the nearer its pose is. This is called *scattered data
+# interpolation* (Lewis, Cordner and Fong, *Pose Space Deformation*, 2000). How near it is, a **kernel** $\kappa_i$
+# says, a bump that is one in the pose of the example:
 #
 # $$
 # B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
-# \lambda_i = \frac{K_i}{\sum_j K_j}, \qquad K_i = \exp\left( - \|\theta - \theta^i\|^2 / \tau \right) .
+# \lambda_i = \frac{\kappa_i}{\sum_j \kappa_j}, \qquad
+# \kappa_i(\theta) = \exp\left( - \|\theta - \theta^i\|^2 / \tau \right) .
 # $$
 #
 # Here $\tau$, in rad², says how far from its pose an example contributes. The library and the exercises
 # ask for its root instead, the **width** $\sqrt \tau$ in radians: at that distance from its example a
-# kernel has fallen to $1/e$. *Body Models II* (Pons-Moll and Swoboda, 2018) has $\lambda_i \propto K_i$
-# and leaves the sum out, so we try both. A third way does not divide the kernels. It takes
-# $B_P(\theta) = \sum_i K_i(\theta)\, A_i$ with shapes $A_i$ that are not those of the examples, but are solved for so
+# kernel has fallen to $1/e$. *Body Models II* (Pons-Moll and Swoboda, 2018) has $\lambda_i \propto \kappa_i$
+# and leaves the sum out, so we try both: "divided by the sum", and "not divided", with $\lambda_i = \kappa_i$.
+#
+# A third way, "exact" in the output below, does not divide the kernels either. It takes
+# $B_P(\theta) = \sum_i \kappa_i(\theta)\, A_i$ with shapes $A_i$ that are not those of the examples, but are solved for so
 # that every example is met: in the pose of example $j$ the sum has to be $P_j$. With the matrix of the kernels
-# between examples, $\mathcal K_{j i} = K_i(\theta^j)$, these are the equations $\sum_i \mathcal K_{j i} A_i = P_j$, one for
-# each example. Put into the sum, their solution says that $P_j$ counts in the pose $\theta$ by entry $j$ of
-# $\mathcal K^{-1} K(\theta)$, where $K(\theta)$ is the column of the kernels. ($\mathcal K$ is symmetric.)
+# between examples, $\mathcal K_{j i} = \kappa_i(\theta^j)$, these are the equations
+# $\sum_i \mathcal K_{j i} A_i = P_j$, one for each example. Their solution is
+# $A_i = \sum_j (\mathcal K^{-1})_{i j} P_j$. Put into the sum it gives
+#
+# $$ B_P(\theta) = \sum_j \bigl( \sum_i \kappa_i(\theta)\, (\mathcal K^{-1})_{i j} \bigr) P_j , $$
+#
+# so the shape $P_j$ counts by entry $j$ of $\mathcal K^{-1} \kappa(\theta)$, where $\kappa(\theta)$ is the column of all
+# kernels. (The distance from $i$ to $j$ is that from $j$ to $i$, so $\mathcal K$ is symmetric, and so is its inverse.)
 
 # %%
 at = np.radians([-120, -80, -40, 0, 40, 80, 120])
@@ -153,11 +162,13 @@ Picture(
     figure,
     "The error by angle. Grey lines are the examples. Kernels that are divided by their sum reproduce no "
     "example, because its neighbours contribute as well; kernels that are not divided add up to too much; "
-    "with coefficients that are solved for, kernels are exact at the examples and good between them.",
+    "with coefficients that are solved for, kernels are exact at the examples. Between inner examples these "
+    "are nearer to the truth than kernels divided by their sum; between the last two on either side it is the "
+    "other way round: at 105 degrees they leave 2.7 mm, and kernels divided by their sum 0.6 mm.",
 )
 
 # %% [markdown]
-# Far from all examples the kernels fade, and hardly anything is repaired. If they are divided by their sum, the
+# Far from all examples, at 170 degrees, the kernels have faded, and hardly anything is repaired. If they are divided by their sum, the
 # nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples will do
 # for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
 # that have to be kept and summed. Examples cannot fill 69 dimensions.
@@ -175,15 +186,16 @@ Picture(
 # blend shapes $P_n$ into the rows of a matrix $P$. Row $i$ of $F P$ is then what the blend shapes give in the pose of
 # example $i$, and all of it should be near $D$:
 #
-# $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2 . $$
+# $$ \min_P \; \|F P - D\|^2 + \rho \|P\|^2 , $$
 #
-# The second term keeps $P$ small where examples say little. Its factor $\lambda$ is called the **ridge**. The first
-# term has the gradient $2 F^\top (F P - D)$, and the second one $2 \lambda P$. Their sum is zero if
+# where $\|\cdot\|^2$ is the sum of the squares of all elements. The second term keeps $P$ small where examples say
+# little. Its factor $\rho$ is called the **ridge**. The first term has the gradient $2 F^\top (F P - D)$, and the second
+# one $2 \rho P$. Their sum is zero if
 #
-# $$ (F^\top F + \lambda I)\, P = F^\top D . $$
+# $$ (F^\top F + \rho I)\, P = F^\top D . $$
 #
 # Which features? The obvious ones are the angles themselves, $f(\theta) = \theta$. SMPL takes the
-# elements of the rotation matrices, less those at rest, $\operatorname{vec}(R_k - I)$.
+# elements of the rotation matrices, less those at rest: of each joint $k$ the nine numbers of $R_k - I$.
 
 
 # %%
@@ -244,10 +256,16 @@ Picture(
 # %% [markdown]
 # ## In SMPL
 #
-# $B_P(\theta) = \sum_{n=1}^{9K} \left( R_n(\theta) - R_n(\theta^*) \right) P_n$, with $K = 23$: the
-# root is left out, because a person who turns as a whole keeps their form. That is 207 features. Their
-# order is part of the file format: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of the matrix of joint
-# $k$. Rows, columns and joints are counted from zero, and the root comes first.
+# SMPL's body has 24 joints. The root is left out, because a person who turns as a whole keeps their form. The other
+# 23 have nine elements each, so there are $9 \cdot 23 = 207$ features:
+#
+# $$ B_P(\theta) = \sum_{n=1}^{207} \bigl( R_n(\theta) - R_n(\theta^*) \bigr) P_n . $$
+#
+# Here $R_n(\theta)$ is one element of the rotation matrix of one joint, and $\theta^*$ is the pose at rest, in which all
+# these matrices are $I$: so $R_n(\theta^*)$ is one on a diagonal, and zero elsewhere. The order of the features is part of the
+# file format. It is that of the matrices, joint by joint and row by row: joint $k$, row $r$, column $c$ is feature
+# $9 (k - 1) + 3 r + c$. In this rule everything is counted from zero: the root is joint zero, and the
+# first element of the matrix of the first joint after it is feature zero.
 
 # %%
 source(pose_features)
@@ -268,8 +286,8 @@ N = 6890
 print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
 # %% [markdown]
-# (*Body Models II* writes the product $9 \cdot 23 \cdot 6890$ beside the right number, which includes a factor 3
-# for the coordinates.)
+# (*Body Models II* has this number, and beside it the product $9 \cdot 23 \cdot 6890$, which is a third of it: the three
+# coordinates of a vertex are missing.)
 #
 # ## People
 #
@@ -277,21 +295,23 @@ print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 # template $\bar T$, and the directions in which they differ most are the principal components (a
 # singular value decomposition, once the mean is taken away):
 #
-# $$ B_S(\beta) = S \beta, \qquad S = V_k \operatorname{diag}(s) / \sqrt{n - 1} , $$
+# $$ B_S(\beta) = S \beta, \qquad S = V \operatorname{diag}(s_1, s_2, \dots) , \qquad s_k = \sigma_k / \sqrt{n - 1} . $$
 #
-# where $n$ is the number of people, the columns of $V_k$ are the first $k$ singular vectors, and $s$ are their
-# singular values. The scale is a convention that has to be stated: with it, $\beta$ is in standard deviations,
-# and along each direction one person in twenty is beyond $\pm 2$. We learn the directions from 60 people that
-# we draw from the body's own shape space:
+# The columns of $V$ are the first singular vectors, which have the length one; $\sigma_k$ are their singular values,
+# and $n$ is the number of people. A singular value is the root of a *sum* of squares over all people, so $s_k$ is the
+# standard deviation of people along direction $k$, in metres. The scale is a convention that has to be stated: with
+# it, $\beta$ is in standard deviations, and along each direction one person in twenty is beyond $\pm 2$. We learn the
+# directions from 60 people that we draw from the body's own shape space:
 
 # %%
 rng = np.random.default_rng(0)
 people = body.vertices(betas=rng.standard_normal((60, body.n_betas))).reshape(60, -1)
 mean = people.mean(axis=0)
-_, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
-share = np.cumsum(s**2) / np.sum(s**2)
+_, sigma, Vt = np.linalg.svd(people - mean, full_matrices=False)
+share = np.cumsum(sigma**2) / np.sum(sigma**2)
 print("variance explained by 1, 2, 5 and 10 directions:", share[[0, 1, 4, 9]].round(3))
-S = Vt[:3].T * s[:3] / np.sqrt(len(people) - 1)
+s = sigma / np.sqrt(len(people) - 1)  # m: the standard deviations
+S = Vt[:3].T * s[:3]
 betas = np.linalg.lstsq(S, (people - mean).T, rcond=None)[0]
 print("standard deviations of their first three betas:", betas.std(axis=1, ddof=1).round(3))
 
@@ -318,8 +338,8 @@ Picture(figure, caption_shape_gallery(gallery, "three"))
 def principal(people, k):
     """Mean (m,), unit directions (k, m) and standard deviations (k,) m of people (n, m) m."""
     mean = people.mean(axis=0)
-    _, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
-    return mean, Vt[:k], s[:k] / np.sqrt(len(people) - 1)
+    _, sigma, Vt = np.linalg.svd(people - mean, full_matrices=False)
+    return mean, Vt[:k], sigma[:k] / np.sqrt(len(people) - 1)
 
 
 rng = np.random.default_rng(1)
@@ -375,18 +395,18 @@ Picture(
 # %% [markdown]
 # The three are nearly parallel: within each group people differ most in stature, and the groups differ in
 # it too. So the common first direction mixes two reasons to be tall. One line of algebra shows that it has to.
-# If a share $p$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and
-# $C_2$, then everybody together has the mean $\mu = p\, \mu_1 + (1 - p)\, \mu_2$. With $d = \mu_2 - \mu_1$ the two groups
-# are off that mean by $\mu_1 - \mu = -(1 - p)\, d$ and $\mu_2 - \mu = p\, d$. In each group, the mean of the squares
+# If a share $q$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and
+# $C_2$, then everybody together has the mean $\mu = q\, \mu_1 + (1 - q)\, \mu_2$. With $d = \mu_2 - \mu_1$ the two groups
+# are off that mean by $\mu_1 - \mu = -(1 - q)\, d$ and $\mu_2 - \mu = q\, d$. In each group, the mean of the squares
 # about $\mu$ is its own covariance plus the square of that. So
 #
-# $$ C = p\, \bigl( C_1 + (1 - p)^2 d\, d^\top \bigr) + (1 - p) \bigl( C_2 + p^2 d\, d^\top \bigr)
-#    = p\, C_1 + (1 - p)\, C_2 + p (1 - p)\, d\, d^\top , $$
+# $$ C = q\, \bigl( C_1 + (1 - q)^2 d\, d^\top \bigr) + (1 - q) \bigl( C_2 + q^2 d\, d^\top \bigr)
+#    = q\, C_1 + (1 - q)\, C_2 + q (1 - q)\, d\, d^\top , $$
 #
-# because $p (1 - p)^2 + (1 - p)\, p^2 = p (1 - p)$. A difference between groups counts like one more direction of
+# because $q (1 - q)^2 + (1 - q)\, q^2 = q (1 - q)$. A difference between groups counts like one more direction of
 # shape. To see it alone, we **make up** two groups of the same size: both vary like the synthetic women, with the
 # standard deviations $s_1, s_2, \dots$ along the women's directions, and their means differ only along the *fourth*
-# direction. Let the length of this difference be $\delta$. With $p = \tfrac12$ the variance along the fourth direction
+# direction. Let the length of this difference be $\delta$. With $q = \tfrac12$ the variance along the fourth direction
 # is $s_4^2 + \delta^2 / 4$, and along the others it stays what it was. So the fourth direction becomes the first one as
 # soon as
 #
@@ -402,8 +422,8 @@ axes = within / lengths
 steps = np.linspace(0, 4, 41)  # m, over all coordinates together
 shares = []
 for step in steps:
-    everything = np.column_stack([within, step / 2 * axes[:, 3]])  # C = A A'
-    U, s, _ = np.linalg.svd(everything, full_matrices=False)
+    everything = np.column_stack([within, step / 2 * axes[:, 3]])  # C is this times its transpose
+    U, _, _ = np.linalg.svd(everything, full_matrices=False)
     shares.append(np.abs(U[:, :2].T @ axes[:, 3]))
 shares = np.array(shares)
 per_vertex = 1e3 * steps / np.sqrt(body.n_vertices)  # mm, rms of a vertex
@@ -563,8 +583,8 @@ f_bend = (matrix_from_vector(bend) - np.eye(3))[1:].ravel()
 shaped = body.vertices(betas=tall)
 prepared = shaped + body.posedirs @ f_bend
 G = body.kinematics.motion(bend, tall).G  # (24, 3, 4)
-M = np.einsum("nk,kij->nij", body.weights, G)
-skinned = np.einsum("nij,nj->ni", M[:, :, :3], prepared) + M[:, :, 3]
+Hh = np.einsum("nk,kij->nij", body.weights, G)  # (N, 3, 4): H beside h, for each vertex
+skinned = np.einsum("nij,nj->ni", Hh[:, :, :3], prepared) + Hh[:, :, 3]
 print(f"the steps end at the library's vertices, to {np.abs(skinned - right).max():.0e} m")
 print(
     f"pose blend shapes move the rest surface by up to "
@@ -587,7 +607,7 @@ Picture(
 
 # %% [markdown]
 # Shape and pose can be given one by one, or both. To turn the whole body by $R$, turn its root: the
-# vertices turn about the root joint $j_0$, and become $R\,(M - j_0) + j_0$.
+# vertices $M(\theta, \beta)$ turn about the root joint $j_0$, and become $R\,(M(\theta, \beta) - j_0) + j_0$.
 
 # %%
 about_y = np.array([0, np.pi / 2, 0])
@@ -601,7 +621,7 @@ panel = {
     "M(0, β)": shaped,
     "M(θ, 0)": body.vertices(bend),
     "M(θ, β)": right,
-    "R M(θ, β)": as_whole,
+    "the root turned": as_whole,
 }
 with house_style():
     figure, (ax,) = sheet(11, 4.4)
@@ -613,10 +633,13 @@ Picture(
 )
 
 # %% [markdown]
-# In the library these are two functions. In `rest`, `shaped` is $\bar T + B_S(\beta)$, `body.features(at)` is the
-# column of the features $f_n(\theta)$, and `directions(body, "posedirs", vertices)` is the matrix with $3 N$ rows whose
-# column $n$ is $P_n$, so that the product of the two is $B_P(\theta)$. In `posed`, `at` holds the rotation matrices of
-# this pose, `motions` gives the motion $G$ of each joint (lecture 3), and `body.skinning` is $\operatorname{skin}$:
+# In the library these are two functions, written in symbols (`cs` is CasADi; arrays there have a point in each column).
+# In `rest`, `shaped` is $\bar T + B_S(\beta)$, `body.features(at)` is the column of the features $f_n(\theta)$, and
+# `directions(body, "posedirs", vertices)` is the matrix with $3 N$ rows whose column $n$ is $P_n$, so that the product
+# of the two is $B_P(\theta)$. In `posed`, `posture` makes the rotation matrices of all joints from the pose, and keeps
+# them with the betas in `at`; `motions` gives the motion $G$ of each joint (lecture 3); `body.skinning` is
+# $\operatorname{skin}$, and `weights(body, vertices)` are its weights $w$. Two arguments come on top of $M(\theta, \beta)$:
+# `displaced` moves single vertices of the rest surface, for instance those of clothes, and `trans` moves the whole body.
 
 # %%
 source(surface.rest)
@@ -700,9 +723,9 @@ Picture(
 #
 # | problem | answer | whose | here |
 # | --- | --- | --- | --- |
-# | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | not yet: these bodies have one joint for all fingers |
-# | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lecture 13: a mirror changes the sign of $x$ and exchanges vertices |
-# | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 10: a Gaussian of poses; below, for bodies |
+# | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | lecture 18; the bodies of this lecture have one joint for all fingers of a hand |
+# | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lectures 13 and 18: a mirror changes the sign of $x$ and exchanges vertices |
+# | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 18; a Gaussian of poses in lecture 10, and for bodies below |
 # | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR*, 2020 | above; the embedded bodies are local |
 # | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL*, 2015 | above |
 # | the template is drawn in a pose of its own | binding matrices | the notes on MANO | lecture 3 |

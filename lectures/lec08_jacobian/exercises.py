@@ -62,7 +62,7 @@ def sigmas(J: Array) -> Array:
 
     Infinite for an unknown that takes part in a direction that no residual notices: for one whose
     row in an orthonormal basis of the null space, as columns, is longer than 1e-8. (That is far above
-    rounding; the limit of the library, on the squares, is higher, and any limit between would do.)
+    rounding, and far below what matters.)
 
     J (m, n) -> (n,), standard deviations
     """
@@ -80,7 +80,9 @@ def markers() -> list[int]:
     `import workbench as wb` and `body = wb.load_body("small")` have what you need: body.joints(pose)
     (24, 3) m and body.vertices(pose) (369, 3) m for a pose (24, 3) rad, vertices numbered 0 to 368;
     body.weights (369, 24) says on which joints each of them hangs. For derivatives, the numeric
-    Jacobian of lecture 6 will do: answer with flat arrays, so 72 numbers to 72 + 1107.
+    Jacobian of lecture 6 will do: answer with flat arrays, so 72 numbers to 72 + 1107. It is off by
+    some 1e-10, and `rank` of 8.1, whose tolerance is that of rounding, would count that as seen:
+    count the singular values above 1e-6 instead. Those of what is seen are far above it.
 
     -> a list of whole numbers
     """

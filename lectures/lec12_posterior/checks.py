@@ -333,10 +333,28 @@ def has_moments(draw, density, start, mean, sd, what, directions=None):
     came = draw(density, np.array(start), 1000)
     if directions is not None:
         came = came @ np.transpose(directions)
+    what = f"draws from {what}{how_they_moved(came, sd)}"
     off = np.abs(came.mean(axis=0) - mean) / sd
-    holds((off < 0.25).all(), f"means of draws from {what}", mean, came.mean(axis=0))
+    holds((off < 0.25).all(), f"means of {what}", mean, came.mean(axis=0))
     ratio = came.std(axis=0) / sd
-    holds((np.abs(ratio - 1) < 0.2).all(), f"deviations of draws from {what}", sd, came.std(axis=0))
+    holds((np.abs(ratio - 1) < 0.2).all(), f"deviations of {what}", sd, came.std(axis=0))
+
+
+def how_they_moved(came, sd):
+    """What is wrong with the steps between draws (n, 2), if it can be seen; sd (2,), of the density."""
+    steps = np.diff(came, axis=0)
+    new = np.any(steps != 0, axis=1)
+    if new.mean() < 0.1:
+        return (
+            f" (of {len(came)} draws only {1 + new.sum()} differ from the one before: most proposals are "
+            "refused, so the steps are too long for the width of this density)"
+        )
+    if (np.sqrt(np.mean(steps**2, axis=0)) < 0.2 * sd).any():
+        return (
+            " (each draw is close to the one before, by less than a fifth of a standard deviation along one "
+            "direction: the steps are too short for the length of this density)"
+        )
+    return ""
 
 
 @check("draw", points=1)
@@ -367,7 +385,14 @@ def finds_the_second_piece(draw):
     """means and deviations are right for two pieces, from whichever it begins"""
     mean, sd = np.array([1.6 / 3, 0.0]), np.array([np.sqrt(0.25 + 2.56 * 8 / 9), 0.5])
     for start in ([-1.6, 0.0], [1.6, 0.0]):
-        has_moments(draw, two_pieces, start, mean, sd, "two pieces")
+        has_moments(
+            draw,
+            two_pieces,
+            start,
+            mean,
+            sd,
+            "two pieces, of which one holds twice as many as the other",
+        )
 
 
 @mistake(

@@ -71,7 +71,8 @@ def draw(log_p, start: Array, count: int) -> Array:
     slant, and pieces are at most 4 apart. Along the directions of the density, the mean of your draws
     must be right to a quarter of a standard deviation, and the standard deviations to a fifth; with
     two pieces, that asks for the right share of draws in each. `count` is 1000. Calls of log_p are not
-    counted: ten for each draw are known to be enough, and more are allowed.
+    counted: ten for each draw are known to be enough, and more are allowed. An answer is stopped after 10
+    seconds, which are for all four densities together (`workbench lecture check --seconds` changes that).
 
     log_p takes (2,) and answers the logarithm of the density; start (2,); count -> (count, 2)
     """

@@ -64,7 +64,7 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 # detector's error. The probability density of the angle after the image was seen is called the **posterior**. Up to a
 # constant factor it is the product of the two:
 #
-# $$ p(\varphi \mid \hat u) \propto e^{-(u(\varphi) - \hat u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
+# $$ p(\varphi \mid \hat u) \propto e^{-(u(\varphi) - \hat u)^2 / (2 \sigma^2)}\; e^{-\varphi^2 / (2 \sigma_0^2)} = e^{-\text{cost}} . $$
 #
 # The product of two exponentials is the exponential of the sum of their exponents. This sum is minus half of the sum
 # of squares of the residuals $(u(\varphi) - \hat u) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides each residual by its sigma: the cost *is* minus the
@@ -156,7 +156,8 @@ Picture(
 # know the truth. Take an arm, whose upper arm of 0.30 m and forearm of 0.25 m are each turned out of the image
 # plane. Elbow and wrist are seen by one camera from the front, and later also by one from the side, which sees
 # depth. In the code, `one.costs(x, given, None)` is a function that answers the costs at many points at once, one in
-# each row; the first two arguments hold the numbers that stay the same at all points, and here there are none.
+# each row. A row replaces entries of the point `x`, and with None it replaces all of them, so that it does not matter
+# what `x` is. The second argument holds the numbers that are not free, and here there are none.
 
 # %%
 arm = wb.Block("angles", (2,), "rad", ("upper arm", "forearm"))
@@ -359,8 +360,9 @@ Picture(
 # for our two angles, 3000 steps each, and compare with the grid.
 # (With two angles that may both be turned towards the camera or away from it, there are four modes.) The first printed
 # line is the verdict on the draws; the next section says what its numbers mean. It also counts the
-# modes to which a few searches from elsewhere have led. They are a test and no census: they may miss a mode in which
-# the draws are. Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and
+# modes to which a few searches from elsewhere have led: least squares from points in ever wider shells around the mode
+# that is known, up to 1,000 of Laplace's standard deviations away. They are a test and no census: they may miss a mode
+# in which the draws are. Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and
 # its four thick places are the modes.
 
 # %%
@@ -455,7 +457,9 @@ Picture(
 # an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count:
 # they are a tenth of all steps, or $5 \tau$ if that is more, but never more than half. Of the 3000 steps 2700 are left.
 # Four ensembles of 32 walkers have $N = 4 \cdot 32 \cdot 2700 = 345600$ draws in them, and the printed number of
-# effective draws is $N / \tau$, with the $\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left.)
+# effective draws is $N / \tau$, with the $\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left.
+# The advice that is printed for them is generous: it asks for $1.3 \cdot 50\, \tau$ steps, because a short chain makes $\tau$
+# look short, and for as many again, because half of this chain was left out.)
 
 # %%
 source(integrated_time)

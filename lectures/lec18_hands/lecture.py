@@ -36,6 +36,12 @@ def above(vertices):
     return np.column_stack([z, x, y])
 
 
+def beside(vertices):
+    """The view from the side of the thumb; the back of the hand is on the left."""
+    x, y, z = vertices.T
+    return np.column_stack([-y, x, z])
+
+
 # %% [markdown]
 # ## Forty-five angles by themselves
 #
@@ -83,7 +89,8 @@ Picture(
 #
 # $$ \theta = \bar\theta + \sum_c z_c\, \theta_c , \qquad z_c \sim N(0, \sigma_c^2) . $$
 #
-# Rotation vectors do not add up, strictly speaking, but this is a *linear* map. So a problem may have $z$ as its
+# This is no composition of rotations, whose vectors do not add up; it is simply a *linear* map, and a good enough
+# one. So a problem may have $z$ as its
 # unknowns in place of $\theta$: a body takes the expression $\bar\theta + \sum_c z_c\, \theta_c$ of a block $z$ where
 # it takes the symbol of a pose, and solvers and the diagnosis then see $z$. In the library a pose space holds the
 # `mean` (15, 3) and the `components` (45, 15, 3), and `np.tensordot` with the axes $(-1, 0)$ is the sum over $c$:
@@ -107,7 +114,7 @@ with house_style():
             Figurine(
                 f"z{c + 1} = {s:+d} sd",
                 hand.vertices(space.poses(hand, s * space.deviations * (np.arange(45) == c))),
-                above,
+                above if c == 0 else beside,
             )
             for c, s in steps
         ],
@@ -117,8 +124,9 @@ with house_style():
     ax.set(xlabel="")
 Picture(
     figure,
-    "The first component of the hand's pose opens and closes the fingers, and the second one moves their "
-    "bases against their ends. Two standard deviations to either side of the mean pose.",
+    "The first component of the hand's pose, seen from above, opens and closes the fingers. The second one, "
+    "seen from the side of the thumb, bends their bases while their ends stretch, and the other way round. Two "
+    "standard deviations to either side of the mean pose.",
 )
 
 # %% [markdown]
@@ -161,20 +169,27 @@ Picture(figure, "The same hand at zero, in its mean pose, and with the mean pose
 # A left hand is a right one in a mirror, $x \to -x$. With $S = \operatorname{diag}(-1, 1, 1)$ a position $p$ becomes
 # $S p$: its $x$ changes sign. What becomes of a rotation? The mirror image of $R p$ is $S R p = (S R S)(S p)$, since
 # $S S = I$, so that the mirrored position is rotated by $S R S$. This is a rotation by the same angle, but
-# in the opposite sense about the mirrored axis. So the rotation vector $\theta$ becomes $-S \theta$: it *keeps* its
+# in the opposite sense about the mirrored axis, for a mirror turns the sense of a cross product round:
+# $S (a \times b) = - (S a) \times (S b)$. So the rotation vector $\theta$ becomes $-S \theta$: it *keeps* its
 # $x$, and $y$ and $z$ change sign. Two wheels show it: one whose axle points at the mirror spins as its image does,
-# and one that rolls towards the mirror is met by an image that rolls the other way. Template, shape and pose directions are positions, and all of their
-# $x$ change sign. A left hand whose shape directions were copied from the right one looks right until somebody has
-# another shape. In the cell, `REFLECTION` holds the signs of a position, $(-1, 1, 1)$, and `AXIAL` those of a rotation
+# and one that rolls towards the mirror is met by an image that rolls the other way.
+#
+# The arrays of the model follow. Template and shape directions are positions, and all of their $x$ change sign. A left
+# hand whose shape directions were copied from the right one looks right until somebody has another shape. Pose
+# directions are positions too, but they are multiplied by elements of $R - I$, and the mirror makes $S R S$ of $R$: the
+# four elements in which $x$ meets $y$ or $z$ change their sign. So the pose directions of these four elements change
+# sign once more. In the cell, `REFLECTION` holds the signs of a position, $(-1, 1, 1)$, and `AXIAL` those of a rotation
 # vector, $(1, -1, -1)$.
 
 # %%
 person = draw.standard_normal(hand.n_betas)
 forgotten = replace(left, shapedirs=hand.shapedirs)
+positions_alone = replace(left, posedirs=hand.posedirs * REFLECTION[:, None])
 seen = hand.vertices(mean, person) * REFLECTION
 errors = {
     "the rule": left.vertices(mean * AXIAL, person),
     "shape directions not mirrored": forgotten.vertices(mean * AXIAL, person),
+    "pose directions mirrored as positions alone": positions_alone.vertices(mean * AXIAL, person),
     "the pose of the right hand": left.vertices(mean, person),
     "all of the rotation vector with its sign changed": left.vertices(-mean, person),
 }
@@ -183,9 +198,9 @@ for name, far in wrong.items():
     print(f"{name}: the farthest vertex is off by {far:.1f} mm")
 
 # %% [markdown]
-# The rule is exact: template, shape and pose directions in the mirror, and rotation vectors that keep $x$ while the
-# signs of $y$ and $z$ change. With shape directions that were copied, the hand of this person is off by 16 mm; for the
-# mean person it would be right. A wrong pose is easier to notice: the fingers of a right hand on a left one
+# The rule is exact. With shape directions that were copied, the hand of this person is off by 16 mm; for the
+# mean person it would be right. With pose directions that were mirrored as positions alone, it is off by 3.4 mm, and at
+# rest it would be right. A wrong pose is easier to notice: the fingers of a right hand on a left one
 # are off by 130 mm, and with all three signs of the rotation vector changed by 37 mm.
 #
 # ## What points of a hand leave open
@@ -262,8 +277,9 @@ for name, each in median.items():
 # whole body shows fingers well. Then the body's mesh was cut along a loop around each wrist, and the hand's
 # joints, weights and blend shapes took over beyond it. What must hold afterwards?
 #
-# - A finger moves nothing but its hand. Pose blend shapes have a column for each element of each rotation
-#   matrix, now 459 instead of 207, and training would find use for all of them if nothing forbade it.
+# - A finger moves nothing but its hand, that is, the skin beyond the loop, which lies on the forearm behind the
+#   wrist. Pose blend shapes have a column for each element of each rotation matrix, now 459 instead of 207, and
+#   training would find use for all of them if nothing forbade it.
 # - The pose has an order: 22 joints of the body, 15 of the left hand, 15 of the right hand. The last two
 #   joints of SMPL's 24, the hands, are gone.
 
@@ -283,7 +299,13 @@ from_wrist = 1e3 * np.linalg.norm(
 moved = shift > 0.01  # mm
 wrist = joints[whole.joint_names.index("left_wrist"), 0]  # the arm points along x
 behind = 1e3 * (wrist - whole.template[moved, 0]).max()
+of_finger = [whole.joint_names.index(f"left_index{n}") for n in (1, 2, 3)]
+follows = (whole.weights[:, of_finger] > 0).any(axis=1)  # with a weight of the finger's joints
 print(f"a turn of left_index1 moves {moved.sum()} of {whole.n_vertices} vertices")
+print(
+    f"{(moved & follows).sum()} of them follow the finger by their weights; blend shapes move the other "
+    f"{(moved & ~follows).sum()}, by {shift[moved & ~follows].max():.1f} mm at most"
+)
 print(f"the farthest of them is {from_wrist[moved].max():.0f} mm away from the wrist")
 print(f"they reach {behind:.0f} mm behind the wrist")
 
@@ -329,7 +351,8 @@ Picture(
 )
 
 # %% [markdown]
-# One joint of a finger moves 622 of 10490 vertices. All of them are in the left hand or at most 38 mm
+# One joint of a finger moves 622 of 10490 vertices. Most of these, 475, are no part of the finger: pose blend shapes
+# move them, by less than a millimetre. All of the 622 are in the left hand or at most 38 mm
 # behind its wrist, and the farthest one is 175 mm away from the wrist, at the tip of the finger. The rest of
 # the body may be trained, fitted and diagnosed as before: nothing in the equations has changed.
 #
@@ -339,6 +362,6 @@ Picture(
 #   pose space, a linear map of a few coefficients.
 # - Ask of each file whether zero is flat or relaxed. Add the mean once.
 # - In a mirror the sign of $x$ changes in positions and in shape directions, and those of $y$ and $z$ in rotation
-#   vectors.
+#   vectors. Pose directions change with the elements of $R - I$ that they belong to as well.
 # - Joints of a finger do not show its twists, nor how its end turns. Tips help, and the rest is the prior's.
 # - Bodies and hands are trained apart and sewn together. Blend shapes of a finger belong to its hand.

@@ -26,7 +26,7 @@ from workbench.course.packs.marks import (
 from workbench.course.packs.owners import owner
 from workbench.course.packs.packing import write_pack
 from workbench.course.packs.passed_on import passed_on
-from workbench.course.packs.remarks import remarks_of
+from workbench.course.packs.remarks import alike, remarks_of
 from workbench.course.packs.students import read_students
 from workbench.course.packs.texts import EXAMPLES
 from workbench.course.plain import opened
@@ -381,3 +381,26 @@ def test_likeness_is_by_shape_and_not_by_names() -> None:
     assert not attempted('def f(x):\n    """Do."""\n    raise Unsolved("f")\n', ["f"])
     assert attempted("def f(x):\n    return 1\n", ["f"])
     assert attempted("def f(", ["f"])
+
+
+def test_one_likeness_may_be_chance_and_three_hardly(tmp_path: Path) -> None:
+    numbers, names = ["1.3", "4.2", "7.1"], {"ada": "Ada", "ben": "Ben"}
+    key = write_pack(numbers, "geometry", names, tmp_path / "out", tmp_path / "keys", seed=3)
+    for student in names:
+        for one in key.keys[student]:
+            path = tmp_path / "out" / student / f"{one.sheet}.py"
+            published = next(iter(key.sources[one.number].values()))
+            body = published.split('"""\n')[-1]  # without its docstring
+            stub = f'    raise Unsolved("{one.exercise}")\n'
+            copied = student == "ben" or one.number == "4.2"
+            own = f"    return sum(len(str(k)) ** 2 + {one.number} for k in range(3)) / 7.5\n"
+            path.write_text(path.read_text().replace(stub, body if copied else own))
+    found = collect(tmp_path / "out", key)
+    right = {student: set(numbers) for student in names}
+    said = alike(found, key, right)
+    assert said["ben"][-1] == (
+        "3 of 3 right answers are like published ones; each may be chance, all of them hardly"
+    )
+    assert not any("hardly" in one for one in said["ada"])
+    assert sum("published answer" in one for one in said["ada"]) == 1
+    assert not any("hardly" in one for one in alike(found, key, {"ben": {"1.3", "4.2"}})["ben"])

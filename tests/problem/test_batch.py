@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.blocks.operations import every_operation
 from workbench.blocks.batched import Mapped
 from workbench.blocks.simd import C_OF, simd_function
 from workbench.compiling import NoLibrary, find_compiler
 from workbench.problem.batch import Evaluation, compiled, interpreted
+from workbench.problem.parted import parted
 from workbench.residuals import geman_mcclure, huber
 
 
@@ -119,58 +121,7 @@ def test_a_body_whose_points_are_a_graph_alone() -> None:
 
 @pytest.mark.skipif(not compiler(), reason="cc")
 def test_every_instruction_is_casadis() -> None:
-    """Each operation that has C, on numbers of both signs, shared and not."""
-    x, y = cs.SX.sym("x", 3), cs.SX.sym("y", 2)
-    a, b, c = x[0], x[1], y[0]
-    p = cs.fabs(a) + 0.1
-    made = [
-        a + b,
-        a - c,
-        a * c,
-        a / p,
-        -a,
-        a**2,
-        a + a,
-        1 / p,
-        a < b,
-        a <= c,
-        a == a * 1,
-        cs.ne(a, b),
-        cs.logic_not(a < 0),
-        cs.logic_and(a > 0, b > 0),
-        cs.logic_or(a > 0, b > 0),
-        cs.if_else(a > 0, b, c),
-        p**b,
-        p**2.7,
-        cs.sqrt(p),
-        cs.sin(a),
-        cs.cos(a),
-        cs.tan(a),
-        cs.exp(a),
-        cs.log(p),
-        cs.asin(cs.tanh(a)),
-        cs.acos(cs.tanh(a)),
-        cs.atan(a),
-        cs.fabs(a),
-        cs.sinh(a),
-        cs.cosh(a),
-        cs.floor(a),
-        cs.ceil(a),
-        cs.log1p(p),
-        cs.expm1(a),
-        cs.erf(a),
-        cs.sign(a),
-        cs.atan2(a, b),
-        cs.fmin(a, b),
-        cs.fmax(a, c),
-        cs.hypot(a, b),
-        cs.copysign(p, b),
-        cs.fmod(a, p + 1),
-        0 * a + y[1],
-        cs.SX(np.inf) * p,
-        cs.SX(0.25),
-    ]
-    f = cs.Function("all", [x, y], [cs.densify(cs.vertcat(*made)), cs.densify(a * y)])
+    f = every_operation()
     used = {f.instruction_id(i) for i in range(f.n_instructions())}
     assert len(used & set(C_OF)) >= 38
     rng = np.random.default_rng(1)
@@ -199,3 +150,37 @@ def test_without_a_compiler_it_is_interpreted(monkeypatch: pytest.MonkeyPatch) -
     x, fixed = problem.split(start)
     costs = problem.costs(x, fixed, None, compiled)
     assert costs(x[None])[0] == pytest.approx(0.5 * np.sum(problem.residual(x, fixed) ** 2))
+
+
+def test_only_what_varies_is_multiplied() -> None:
+    """Products keep the columns that z changes, and there are none where it changes none."""
+    problem, start = problems()["keypoints"]
+    x, fixed = problem.split(start)
+    graph = problem._batch.whole
+    assert graph is not None
+    elbow = [k for k in range(len(x)) if problem.free.label(k).startswith("pose[left_elbow")]
+    trans = [k for k in range(len(x)) if problem.free.label(k).startswith("trans")]
+    rng, columns = np.random.default_rng(2), {}
+    for name, some in {"all": range(len(x)), "elbow": elbow, "trans": trans}.items():
+        places = np.array(some)
+        parts = parted(graph, places, products=True)
+        plain = parted(graph, places, products=False)
+        assert parts is not None
+        assert plain is not None
+        assert plain.before is None
+        z = x[places] + 0.1 * rng.standard_normal(len(places))
+        numbers = parts.numbers(x, fixed)
+        given = [z, numbers]
+        if parts.before is not None:
+            u = np.asarray(parts.before.function(z, numbers)).ravel()
+            given.append(parts.before.matrix @ u)
+        moved = x.copy()
+        moved[places] = z
+        cost = 0.5 * np.sum(problem.residual(moved, fixed) ** 2)
+        assert float(parts.cost(*given)) == pytest.approx(cost, rel=1e-12)
+        assert float(plain.cost(z, plain.numbers(x, fixed))) == pytest.approx(cost, rel=1e-12)
+        assert parts.instructions <= plain.instructions
+        columns[name] = 0 if parts.before is None else parts.before.matrix.shape[1]
+    assert columns["trans"] == 0  # no constant matrix multiplies it
+    assert columns["elbow"] == 9  # the elements of one rotation
+    assert columns["all"] > 100

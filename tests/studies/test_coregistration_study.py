@@ -122,3 +122,33 @@ def test_the_command_prints_the_table_and_writes_the_page(
     assert asked[0].holes == (3,)
     assert "together / apart" in " ".join(result.output.split())
     assert (tmp_path / "together" / "index.html").is_file()
+
+
+def test_the_readme_of_studies_tells_what_registering_together_is_worth() -> None:
+    top = Path(__file__).parents[2]
+    known = json.loads((top / "benchmarks" / "results" / "together.json").read_text())
+    cells = [Cell(**one) for one in known["sets"]]
+    text = " ".join((top / "workbench" / "studies" / "README.md").read_text().split())
+    for one in cells:
+        ratio_and_interval = "{:.2f} ({:.2f} to {:.2f})".format(*one.share("hidden"))
+        errors_told = " | ".join(
+            f"{one.mean(CONTROL, what):.2f} | {one.mean(TOGETHER, what):.2f}"
+            + (f" | {ratio_and_interval}" if what == "hidden" else "")
+            for what in ("hidden", "seen")
+        )
+        assert f"| {one.holes} | {one.scans} | {100 * one.unseen:.0f} % | {errors_told} |" in text
+    gains = {
+        scans: [100 * (1 - one.share("hidden")[0]) for one in cells if one.scans == scans]
+        for scans in (12, 48)
+    }
+    assert (
+        "With two scans of each person, hidden vertices are "
+        f"{min(gains[12]):.0f} to {max(gains[12]):.0f} % nearer the truth; with eight of each, "
+        f"{min(gains[48]):.0f} to {max(gains[48]):.0f} %."
+    ) in text
+    assert known["plan"]["people"] == 6
+    assert all(one.share(what)[2] < 1 for one in cells for what in ("hidden", "seen"))
+    for one in cells:  # "the holes hardly matter", "seen vertices gain as much"
+        clean = next(other for other in cells if other.scans == one.scans and not other.holes)
+        assert abs(one.share("hidden")[0] - clean.share("hidden")[0]) < 0.04
+        assert abs(one.share("hidden")[0] - one.share("seen")[0]) < 0.04

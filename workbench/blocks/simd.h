@@ -1,7 +1,7 @@
 /* LANES calls of the same function at a time. */
 
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("O1") /* straight code: more costs the compiler time and gains nothing */
+#if defined(LONG_CODE) && defined(__GNUC__) && !defined(__clang__)
+#pragma GCC optimize("O1") /* the compiler's time grows faster than the code */
 #endif
 
 #include <math.h>
@@ -25,7 +25,70 @@ typedef long long bits __attribute__((vector_size(8 * LANES)));
 #define TWO_NUMBERS(name, x) static PART v each_##name(v a, v b) \
     { for (int i = 0; i < LANES; ++i) { const double p = a[i], q = b[i]; a[i] = (x); } return a; }
 
-ONE_NUMBER(sqrt, sqrt(p)) ONE_NUMBER(sin, sin(p)) ONE_NUMBER(cos, cos(p)) ONE_NUMBER(tan, tan(p))
+/* sines and cosines of all lanes: x = r + quarter pi / 2 with |r| <= pi / 4, and Taylor's series of r.
+pi / 2 is written as three numbers, of which the first two have 33 digits, so that products with
+quarter are exact. What is larger, or no number, goes to the library. */
+#define SMALL 1e5
+#define MAGIC 6755399441055744.0 /* 1.5 * 2^52: adding it rounds to a whole number in the last digits */
+#define TURNED(name, shift) static PART v each_##name(v a) \
+{ \
+    int small = 1; \
+    for (int i = 0; i < LANES; ++i) small &= fabs(a[i]) < SMALL; \
+    if (!small) { for (int i = 0; i < LANES; ++i) a[i] = name(a[i]); return a; } \
+    const v rounded = a * 0x1.45f306dc9c883p-1 + MAGIC, quarter = rounded - MAGIC; \
+    const bits n = (bits)rounded + (shift); \
+    v r = a - quarter * 0x1.921fb544p+0; \
+    r = r - quarter * 0x1.0b4611a6p-34; \
+    r = r - quarter * 0x1.3198a2e037073p-69; \
+    const v q = r * r; \
+    v s = 1.0 / 355687428096000.0 + 0.0 * q, c = 1.0 / 20922789888000.0 + 0.0 * q; \
+    s = s * q - 1.0 / 1307674368000.0; \
+    c = c * q - 1.0 / 87178291200.0; \
+    s = s * q + 1.0 / 6227020800.0; \
+    c = c * q + 1.0 / 479001600.0; \
+    s = s * q - 1.0 / 39916800.0; \
+    c = c * q - 1.0 / 3628800.0; \
+    s = s * q + 1.0 / 362880.0; \
+    c = c * q + 1.0 / 40320.0; \
+    s = s * q - 1.0 / 5040.0; \
+    c = c * q - 1.0 / 720.0; \
+    s = s * q + 1.0 / 120.0; \
+    c = c * q + 1.0 / 24.0; \
+    s = s * q - 1.0 / 6.0; \
+    s = r + r * q * s; \
+    c = 1.0 - 0.5 * q + q * q * c; \
+    const bits odd = -(n & 1), minus = -((n >> 1) & 1); \
+    const bits found = ((bits)c & odd) | ((bits)s & ~odd); \
+    return (v)(found ^ (minus & (bits)BROADCAST(-0.0))); \
+}
+TURNED(sin, 0) TURNED(cos, 1)
+
+/* y = A u in groups of TOGETHER rows, which read the same columns; rows[] says where they go */
+#define TOGETHER 4
+static PART void product(integer groups, const short *columns_of, const short *rows, const short *columns,
+                         const double *element, const v *u, v *y)
+{
+    for (; groups > 0; --groups, rows += TOGETHER) {
+        v a = BROADCAST(0.0), b = a, c = a, d = a;
+        for (integer k = *columns_of++; k > 0; --k, element += TOGETHER) {
+            const v x = u[*columns++];
+            a += x * element[0];
+            b += x * element[1];
+            c += x * element[2];
+            d += x * element[3];
+        }
+        y[rows[0]] = a;
+        y[rows[1]] = b;
+        y[rows[2]] = c;
+        y[rows[3]] = d;
+    }
+}
+
+#if defined(__GNUC__) && !defined(__clang__)
+__attribute__((optimize("O3", "no-math-errno"))) /* one instruction for all lanes */
+#endif
+ONE_NUMBER(sqrt, sqrt(p))
+ONE_NUMBER(tan, tan(p))
 ONE_NUMBER(exp, exp(p)) ONE_NUMBER(log, log(p)) ONE_NUMBER(asin, asin(p))
 ONE_NUMBER(acos, acos(p)) ONE_NUMBER(atan, atan(p)) ONE_NUMBER(fabs, fabs(p))
 ONE_NUMBER(sinh, sinh(p)) ONE_NUMBER(cosh, cosh(p)) ONE_NUMBER(tanh, tanh(p))

@@ -3,6 +3,7 @@
 import ctypes
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 
 import casadi as cs
@@ -10,11 +11,13 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks.batched import Batched, Mapped, count
+from workbench.blocks.products import TOGETHER, rows_together
 from workbench.compiling import NoLibrary, library, vectors
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
 LINES = 500  # instructions in one piece of the source
+LONG = 20_000  # instructions, from which on the compiler is asked to try less
 TRIED = 11  # calls of the comparison: all lanes are used, and some calls are left over
 ONE = "sqrt sin cos tan exp log asin acos atan fabs sinh cosh tanh floor ceil log1p expm1 erf sign"
 TWO = "pow atan2 fmin fmax hypot copysign fmod"  # functions of C of one argument, and of two
@@ -42,14 +45,50 @@ C_OF: Mapping[int, str] = {
 }
 
 
-def simd_function(function: cs.Function, shared: Sequence[bool]) -> Batched:
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What a function's last argument is: a matrix times the result of another function.
+
+    Attributes:
+        function: of all other arguments, with one result u (n,).
+        matrix: A (m, n); the argument is A u.
+    """
+
+    function: cs.Function
+    matrix: Array
+
+    def argument(self, run: Batched, *arguments: Array) -> Array:
+        """A u (M, m) for many arguments, where `run` evaluates `function`."""
+        found: Array = run(*arguments)[0] @ self.matrix.T
+        return found
+
+
+class AfterProduct:
+    """A function of many arguments whose last one is a product; see `Before`."""
+
+    def __init__(self, function: Batched, before: Before, operand: Batched) -> None:
+        self._function, self._before, self._operand = function, before, operand
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """The other arguments, (M, .), or (.) where they are shared; a list of outputs (M, .)."""
+        return self._function(*arguments, self._before.argument(self._operand, *arguments))
+
+
+def simd_function(
+    function: cs.Function, shared: Sequence[bool], before: Before | None = None
+) -> Batched:
     """A function of scalar instructions as compiled code, which is kept in a library on disk.
+
+    `shared` says which arguments are the same for all calls. With `before` the last argument is
+    not given, but computed.
 
     Raises NoLibrary without a compiler, and NotSupported for an instruction that cannot be written
     as C here.
     """
-    source = simd_code(function, shared)
-    usual = Mapped(function, shared)
+    source = simd_code(function, shared, before)
+    usual: Batched = Mapped(function, shared if before is None else (*shared, False))
+    if before is not None:
+        usual = AfterProduct(usual, before, Mapped(before.function, shared))
 
     def agrees(loaded: ctypes.CDLL) -> bool:
         return _agree(SimdFunction(loaded, function, shared), usual, function, shared)
@@ -66,7 +105,7 @@ class SimdFunction:
 
     def __init__(self, loaded: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> None:
         self._shared = tuple(shared)
-        self._wide = [function.nnz_in(i) for i in range(function.n_in())]
+        self._wide = [function.nnz_in(i) for i in range(len(self._shared))]
         self._outputs = [function.nnz_out(i) for i in range(function.n_out())]
         self._run = loaded.run
 
@@ -81,41 +120,90 @@ class SimdFunction:
         return found
 
 
-def simd_code(function: cs.Function, shared: Sequence[bool]) -> str:
+def simd_code(function: cs.Function, shared: Sequence[bool], before: Before | None = None) -> str:
     """The C source of a function; raises NotSupported for an instruction that has no C here."""
     head = files(__package__).joinpath("simd.h").read_text(encoding="utf-8")
     inputs = [(k, function.nnz_in(k), same) for k, same in enumerate(shared)]
     outputs = [(k, function.nnz_out(k)) for k in range(function.n_out())]
-    parts, between = _parts(function, shared)
-    of_part = [f"const {'double' if same else 'v'} *i{k}" for k, _, same in inputs]
-    of_part += [*(f"v *o{k}" for k, _ in outputs), "v *t"]
     of_run = ["integer M", *(f"const double *x{k}" for k, _, _ in inputs)]
     of_run += [f"double *y{k}" for k, _ in outputs]
     given = [f"x{k}" if same else f"i{k}" for k, _, same in inputs]
-    given += [*(f"o{k}" for k, _ in outputs), "t"]
+    results = [f"o{k}" for k, _ in outputs]
+    kept = {f"i{k}": n for k, n, same in inputs if not same} | {f"o{k}": n for k, n in outputs}
+    if before is None:
+        parts, calls, between = _stage("part", function, shared, [*given, *results])
+    else:
+        u, y = "u", f"i{len(inputs)}"
+        kept |= {u: before.function.nnz_out(0), y: len(before.matrix) + 1}
+        first, before_calls, some = _stage("before", before.function, shared, [*given, u])
+        then = _stage("part", function, (*shared, False), [*given, y, *results])
+        table, product = _product(before.matrix, u, y)
+        parts, between = [*first, table, *then[0]], max(some, then[2])
+        calls = [*before_calls, product, *then[1]]
+    zero = [*results, *([] if before is None else [f"i{len(inputs)}"])]
     return "\n".join(
         [
             vectors(),
+            *(["#define LONG_CODE"] if len(parts) * LINES > LONG else []),
             head,
-            *(
-                "\n".join([f"static PART void part{n}({', '.join(of_part)})", "{", *lines, "}"])
-                for n, lines in enumerate(parts)
-            ),
+            *parts,
             f"EXPORT void run({', '.join(of_run)})",
             "{",
             f"v t[{max(1, between)}];",
-            *(f"v i{k}[{max(1, n)}];" for k, n, same in inputs if not same),
-            *(f"v o{k}[{max(1, n)}];" for k, n in outputs),
-            *(f"for (integer j = 0; j < {n}; ++j) o{k}[j] = BROADCAST(0.0);" for k, n in outputs),
+            *(f"v {name}[{max(1, n)}];" for name, n in kept.items()),
+            *(f"for (integer j = 0; j < {kept[k]}; ++j) {k}[j] = BROADCAST(0.0);" for k in zero),
             "for (integer first = 0; first < M; first += LANES) {",
             *(f"GATHER(i{k}, x{k}, {n})" for k, n, same in inputs if not same),
-            *(f"part{n}({', '.join(given)});" for n in range(len(parts))),
+            *calls,
             *(f"SCATTER(o{k}, y{k}, {n})" for k, n in outputs),
             "}",
             "}",
             "",
         ]
     )
+
+
+def _stage(
+    name: str, function: cs.Function, shared: Sequence[bool], given: Sequence[str]
+) -> tuple[list[str], list[str], int]:
+    """The C functions that a function is divided into, their calls, and the size of `t`."""
+    parts, between = _parts(function, shared)
+    takes = [f"const {'double' if same else 'v'} *i{k}" for k, same in enumerate(shared)]
+    takes += [*(f"v *o{k}" for k in range(function.n_out())), "v *t"]
+    written = [
+        "\n".join([f"static PART void {name}{n}({', '.join(takes)})", "{", *lines, "}"])
+        for n, lines in enumerate(parts)
+    ]
+    calls = [f"{name}{n}({', '.join(given)}, t);" for n in range(len(parts))]
+    return written, calls, between
+
+
+def _product(matrix: Array, u: str, y: str) -> tuple[str, str]:
+    """The tables of a matrix in C, and the call that multiplies by it; see `product` in simd.h.
+
+    Rows that fill up a group are written behind the last one.
+    """
+    columns_of, rows, columns = [], [], []
+    elements: list[float] = []
+    for group in rows_together(matrix):
+        used = np.flatnonzero(matrix[group].any(axis=0))
+        block = np.zeros((len(used), TOGETHER))
+        block[:, : len(group)] = matrix[np.ix_(group, used)].T
+        columns_of.append(len(used))
+        rows += [*group.tolist(), *(TOGETHER - len(group)) * [len(matrix)]]
+        columns += used.tolist()
+        elements += block.ravel().tolist()
+    tables = "\n".join(
+        f"static const {kind} {name}[] = {{{', '.join(map(str, numbers))}}};"
+        for kind, name, numbers in (
+            ("short", "columns_of", columns_of),
+            ("short", "rows", rows),
+            ("short", "columns", columns),
+            ("double", "element", [_number(x) for x in elements]),
+        )
+    )
+    call = f"product({len(columns_of)}, columns_of, rows, columns, element, {u}, {y});"
+    return tables, call
 
 
 def statements(
@@ -185,7 +273,7 @@ def _number(x: float) -> str:
 def _agree(found: Batched, usual: Batched, function: cs.Function, shared: Sequence[bool]) -> bool:
     """Whether two functions give the same numbers for a few random arguments; NaN equals NaN."""
     rng = np.random.default_rng(0)
-    sizes = [function.nnz_in(i) for i in range(function.n_in())]
+    sizes = [function.nnz_in(i) for i in range(len(shared))]
     arguments = [
         rng.uniform(0.1, 1.1, size if same else (TRIED, size))
         for size, same in zip(sizes, shared, strict=True)

@@ -129,9 +129,16 @@ def _nothing(cell: Cell) -> None:
 
 
 def _show_code(cell: Cell) -> None:
-    """Print a cell of code. It is called before the cell runs, whose output then stands below."""
-    if not cell.prose:
-        Console().print(Syntax(cell.text, "python", background_color="default", word_wrap=True))
+    """Print a cell of code. It is called before the cell runs, whose output then stands below.
+
+    In a terminal its colours tell it from results, and long lines are wrapped; in a file lines are
+    as they are written.
+    """
+    console = Console()
+    if not cell.prose and console.is_terminal:
+        console.print(Syntax(cell.text, "python", background_color="default", word_wrap=True))
+    elif not cell.prose:
+        print(cell.text)
 
 
 def _show_prose(console: Console, text: str) -> None:

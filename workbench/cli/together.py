@@ -35,7 +35,7 @@ def together(
 ) -> None:
     """Compare registering scans one by one with registering them together, on simulated scans.
 
-    The defaults take about an hour of one core. Ctrl-C ends it, and nothing is written.
+    The defaults take about half an hour of one core. Ctrl-C ends it, and nothing is written.
     """
     console = Console()
     if workers < 1:

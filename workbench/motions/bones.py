@@ -11,7 +11,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.forward.joint_numbers import JointBatch
+from workbench.bodies.forward.joint_batch import JointBatch
 from workbench.bodies.forward.posing import world_rotations
 from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.readonly import locked

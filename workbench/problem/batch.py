@@ -16,20 +16,23 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints
 from workbench.blocks.batched import LONGEST, Batched, Buffered, Mapped, OneByOne, scalar
+from workbench.blocks.columns import FewOrMany
+from workbench.blocks.products import taken_out
 from workbench.blocks.simd import simd_function
 from workbench.blocks.threaded import Threaded
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
 from workbench.problem.graph import Graph
+from workbench.problem.parted import Parted, parted
 
 T = TypeVar("T")
 Places = Index
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
 Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
-EXPANDED_UP_TO = 100_000  # instructions
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
+SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,23 +70,26 @@ Evaluation = Callable[[Batch, Array, Array, Places], Costs]
 def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that CasADi or NumPy evaluates, without a compiler."""
     graph = batch.once("parted", places, lambda: _parted(batch, places))
-    long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
+    long = graph is None or (batch.sources and graph.instructions > INTERPRETED_UP_TO)
     if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
-    shared = False, True
-    return _called(Threaded(lambda: Mapped(graph[0], shared), shared), graph[1], x, fixed)
+    return _called(FewOrMany(graph.cost, SHARED), graph, x, fixed)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that is compiled, where that is possible and worth it."""
-    graph = batch.once("parted", places, lambda: _parted(batch, places))
-    if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
+    graph = batch.once("products", places, lambda: _parted(batch, places, products=True))
+    if graph is None or graph.instructions > COMPILED_UP_TO:
         return interpreted(batch, x, fixed, places)
+
+    def make() -> Batched:
+        return simd_function(graph.cost, SHARED, graph.before)
+
     try:
-        run = batch.once("compiled", places, lambda: simd_function(graph[0], (False, True)))
+        run = batch.once("compiled", places, make)
     except (NoLibrary, NotSupported):
         return interpreted(batch, x, fixed, places)
-    return _called(run, graph[1], x, fixed)
+    return _called(run, graph, x, fixed)
 
 
 def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slope) -> Slopes:
@@ -92,7 +98,7 @@ def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slo
     Where the graph is too long, `one_by_one` is asked for the cost and its gradient (n,) at each x.
     """
     graph = batch.once("parted", places, lambda: _parted(batch, places))
-    if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
+    if graph is None or graph.instructions > COMPILED_UP_TO:
 
         def each(z: Array) -> tuple[Array, Array]:
             X = _filled(x, places, z)
@@ -100,8 +106,8 @@ def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slo
             return np.array([cost for cost, _ in found]), np.array([g[places] for _, g in found])
 
         return each
-    run = batch.once("slopes", places, lambda: _derived(graph[0]))
-    numbers = _numbers(graph[1], x, fixed)
+    run = batch.once("slopes", places, lambda: _derived(graph.cost))
+    numbers = graph.numbers(x, fixed)
 
     def together(z: Array) -> tuple[Array, Array]:
         cost, gradient = run(z, numbers)
@@ -115,64 +121,54 @@ def _derived(cost: cs.Function) -> Batched:
     c = cost(z, still)
     both = cs.Function("slope", [z, still], [c, cs.densify(cs.gradient(c, z))])
     try:
-        return simd_function(both, (False, True))
+        return simd_function(both, SHARED)
     except (NoLibrary, NotSupported):
-        return Mapped(both, (False, True))
+        return Mapped(both, SHARED)
 
 
-def _called(run: Batched, still: cs.Function, x: Array, fixed: Array) -> Costs:
-    numbers = _numbers(still, x, fixed)
+def _called(run: Batched, graph: Parted, x: Array, fixed: Array) -> Costs:
+    numbers = graph.numbers(x, fixed)
     return lambda z: run(z, numbers)[0][:, 0]
 
 
-def _numbers(still: cs.Function, x: Array, fixed: Array) -> Array:
-    return np.asarray(still(np.concatenate([x, fixed]))).ravel()
-
-
-def _parted(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
-    """(z, still) -> cost in scalar instructions, and (x, fixed) -> still, which z does not change.
-
-    None if there are too many instructions, or no such graph.
-    """
-    graph = batch.whole
-    if graph is None:
+def _parted(batch: Batch, places: Places, products: bool = False) -> Parted | None:
+    """The cost by what varies; None if there are too many instructions, or no such graph."""
+    if batch.whole is None:
         return None
-    r = cs.densify(graph.residual)
-    cost = cs.Function("cost", [graph.x, graph.fixed], [0.5 * cs.sumsqr(r)])
-    scalars = scalar(cost, EXPANDED_UP_TO)
-    if scalars is None:
-        return None
-    z, x = cs.SX.sym("z", len(places)), cs.SX.sym("x", batch.free.size)
-    fixed, put = cs.SX.sym("fixed", batch.fixed.size), cs.SX(x)
-    put[places.tolist()] = z
-    known = cs.vertcat(x, fixed)
-    left, symbols, parts = cs.extract_parametric(
-        scalars(put, fixed), known, {"extract_trivial": True}
-    )
-    still = cs.Function("still", [known], [cs.densify(cs.vertcat(*parts))])
-    return cs.Function("cost", [z, cs.vertcat(*symbols)], [cs.densify(left)]), still
+    return parted(batch.whole, places, products)
 
 
 def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
-    """Costs whose points come from matrix products, and whose residual is a graph."""
+    """Costs whose points come from matrix products, and whose residual is a graph.
+
+    Products of constant matrices with what the points have no part in, such as Gaussian priors of a
+    pose, are made for all rows at once too.
+    """
     graph = batch.split
-    r = cs.densify(graph.residual)
-    cost = cs.Function("cost", [graph.x, graph.fixed, *graph.points], [0.5 * cs.sumsqr(r)])
-    shared = (False, True, *(False for _ in graph.points))
-    scalars = scalar(cost, LONGEST)
-
-    def make() -> Batched:
-        return OneByOne(Buffered(cost), shared) if scalars is None else Mapped(scalars, shared)
-
-    run = Threaded(make, shared)
+    cost = 0.5 * cs.sumsqr(cs.densify(graph.residual))
+    given = [graph.x, graph.fixed]
+    products, left = taken_out(cost, [*given, *graph.points], operands_of=given)
+    operands = [cs.Function("operand", given, [one.operand]) for one in products]
+    results = [one.result for one in products]
+    rest = cs.Function("cost", [*given, *graph.points, *results], [left])
+    run = _many(rest, (False, True, *(False for _ in (*graph.points, *results))))
+    made = [_many(one, SHARED) for one in operands]
 
     def costs(z: Array) -> Array:
         X = _filled(x, places, z)
         values = _values(batch, X, fixed)
         points = (source.evaluate_batch(values).reshape(len(z), -1) for source in batch.sources)
-        return run(X, fixed, *points)[0][:, 0]
+        y = (p.of(u(X, fixed)[0]) for p, u in zip(products, made, strict=True))
+        return run(X, fixed, *points, *y)[0][:, 0]
 
     return costs
+
+
+def _many(function: cs.Function, shared: tuple[bool, ...]) -> Batched:
+    scalars = scalar(function, LONGEST)
+    if scalars is None:
+        return Threaded(lambda: OneByOne(Buffered(function), shared), shared)
+    return FewOrMany(scalars, shared)
 
 
 def _filled(x: Array, places: Places, z: Array) -> Array:

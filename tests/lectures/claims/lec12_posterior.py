@@ -6,7 +6,8 @@ import scipy.special
 from tests.lectures.prose import Run
 from workbench.sampling.autocorrelation import WINDOW
 from workbench.sampling.ensemble_settings import BURNT, BURNT_TIMES
-from workbench.sampling.mixing import LEAST, TIMES
+from workbench.sampling.mixing import LEAST, MARGIN, TIMES
+from workbench.sampling.modes import REACH
 
 
 def posterior(run: Run, truth: float) -> tuple[int, float, float]:
@@ -52,6 +53,13 @@ def tall(run: Run, beta: float) -> float:
 
 
 SAYS = {
+    "up to 1,000 of Laplace's standard deviations away": lambda run: round(REACH[1]),
+    "it asks for $1.3 \\cdot 50\\, \\tau$ steps, because a short chain makes $\\tau$ look short, and for as many "
+    "again, because half of this chain was left out": lambda run: (
+        (MARGIN, TIMES) == (1.3, 50),
+        abs(2 * MARGIN * TIMES * run["short"].mixing.times.max() / run.line("100 steps: ")[-1] - 1)
+        < 0.03,
+    ),
     "A forearm of the length $l = 0.25$ m hangs on an elbow whose place is known, $D = 5$ m in front of a camera "
     "with a focal length of $F = 1000$ px.": lambda run: (run["LENGTH"], run["D"], run["F"]),
     "with an error of $\\sigma = 3$ px. Before we see the image, we know that $\\varphi$ is 0 on average, with a "

@@ -15,7 +15,8 @@ from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.forward.displaced_numbers import DisplacedPoints
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
-from workbench.bodies.forward.joint_numbers import JointArithmetic, JointBatch
+from workbench.bodies.forward.joint_batch import JointBatch
+from workbench.bodies.forward.joint_numbers import JointArithmetic
 from workbench.bodies.forward.landmark_numbers import LandmarkArithmetic
 from workbench.bodies.forward.landmark_symbols import posed_landmarks
 from workbench.bodies.forward.motion import Kinematics
@@ -44,6 +45,11 @@ class NumericBody:
         return Kinematics(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
 
     @cached_property
+    def joint_batch(self) -> JointBatch:
+        """The joints' motions for many poses at once."""
+        return JointBatch.of(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
+
+    @cached_property
     def chunks(self) -> list[Chunk]:
         """The arrays of all vertices, in chunks of vertices."""
         return chunks_of(self.arrays, ALL)
@@ -51,22 +57,18 @@ class NumericBody:
     @cached_property
     def joints(self) -> PosedPoints:
         """The posed joints in numbers."""
-        many = JointBatch.of(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
         arithmetic = JointArithmetic(self.skeleton, self.kinematics.ancestors)
-        return PosedPoints(self.kinematics, arithmetic, many)
+        return PosedPoints(self.kinematics, arithmetic, self.joint_batch)
 
     def surface(self, vertices: Vertices) -> PosedPoints:
         """All vertices of an SMPL body, or some."""
-        some, kinematics = (
-            vertices if isinstance(vertices, slice) else list(vertices),
-            self.kinematics,
-        )
+        some = vertices if isinstance(vertices, slice) else list(vertices)
         chunks = cache(lambda: self.chunks if some == ALL else chunks_of(self.arrays, some))
 
         def many(poses: Array, betas: Array) -> Array:
-            return batch_points(chunks(), kinematics.motions(poses, betas), betas)
+            return batch_points(chunks(), self.joint_batch.motions(poses, betas), betas)
 
-        return PosedPoints(kinematics, arithmetic_of(self.arrays, some, chunks), many)
+        return PosedPoints(self.kinematics, arithmetic_of(self.arrays, some, chunks), many)
 
     def freed(
         self, vertices: Vertices, arguments: Sequence[str], free: Mapping[str, str]
@@ -104,12 +106,10 @@ class NumericBody:
         return self._at_rest_points(LandmarkArithmetic(points, self.kinematics.ancestors))
 
     def _at_rest_points(self, arithmetic: LandmarkArithmetic) -> PosedPoints:
-        kinematics = self.kinematics
-
         def many(poses: Array, betas: Array) -> Array:
-            return arithmetic.evaluate_batch(kinematics.motions(poses, betas), betas)
+            return arithmetic.evaluate_batch(self.joint_batch.motions(poses, betas), betas)
 
-        return PosedPoints(kinematics, arithmetic, many)
+        return PosedPoints(self.kinematics, arithmetic, many)
 
     def displaced_rest(self, landmarks: Landmarks) -> cs.Function:
         """A function (pose, betas, offsets) -> the untranslated landmarks (3, L), any skinning."""

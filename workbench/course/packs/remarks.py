@@ -17,6 +17,7 @@ from workbench.course.packs.texts import pack_name
 from workbench.course.words import in_words
 
 MOST = 4  # names that are listed
+SEVERAL = 3  # answers of one student that are like those of one other: hardly by chance
 UNWATCHED = {"ctypes", "ctypeslib", "_ctypes", "cffi", "_cffi_backend", "h5py", "to_file"}
 
 
@@ -95,6 +96,7 @@ def alike(found: HandedIn, key: ClassKey, right: dict[str, set[str]]) -> dict[st
     not compared.
     """
     said: dict[str, list[str]] = {student: [] for student in key.students}
+    same: dict[tuple[str, str], set[str]] = {}  # the exercises, by the student and whose they are
     read = {
         student: {sheet.name: shapes(sheet.source) for sheet in sheets}
         for student, sheets in found.sheets.items()
@@ -115,14 +117,23 @@ def alike(found: HandedIn, key: ClassKey, right: dict[str, set[str]]) -> dict[st
             for what, theirs in published.items():
                 if how := compared(shape, theirs):
                     said[student].append(f"{one.number}: this answer and {what} are {how}")
+                    same.setdefault((student, "published ones"), set()).add(one.number)
             like: dict[str, list[str]] = {}
             for other, theirs in answers.items():
                 if other != student and (how := compared(shape, theirs)):
                     like.setdefault(how, []).append(key.students[other])
+                    whose = f"those of {key.students[other]}"
+                    same.setdefault((student, whose), set()).add(one.number)
             for how, names in like.items():
                 more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
                 whose = f"{', '.join(names[:MOST])}{more}"
                 said[student].append(f"{one.number}: this answer and that of {whose} are {how}")
+    for (student, whose), exercises in same.items():
+        if len(exercises) >= SEVERAL:
+            said[student].append(
+                f"{len(exercises)} of {len(right[student])} right answers are like {whose}; each "
+                "may be chance, all of them hardly"
+            )
     return said
 
 

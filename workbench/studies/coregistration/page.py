@@ -19,9 +19,9 @@ REMARKS = (
     f"at random places. Registering starts from the body {START!r}, which has other weights, "
     "joints and pose blend shapes, at a pose that is 0.03 rad per angle and 10 mm from the truth: "
     "the question is how accurate a registration is, and not whether it finds the person.",
-    "“Apart” registers each scan by itself, as `workbench register` does, and then goes on for as "
-    "many rounds as registering together has, so that time is no advantage. “Together” is "
-    "`workbench coregister` with its defaults.",
+    "“Apart” registers each scan by itself, as the command “workbench register” does, and then "
+    "goes on for as many rounds as registering together has, so that time is no advantage. "
+    "“Together” is the command “workbench coregister” with its defaults.",
     "A vertex is hidden if no camera saw it, or if it is in a hole.",
 )
 

@@ -1,0 +1,117 @@
+"""Products of constant matrices, taken out of graphs, interpreted and compiled."""
+
+import casadi as cs
+import mpmath
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from workbench.blocks.batched import Mapped
+from workbench.blocks.products import LEAST, TOGETHER, rows_together, taken_out
+from workbench.blocks.simd import AfterProduct, Before, simd_function
+from workbench.compiling import NoLibrary, find_compiler
+
+
+def compiler() -> bool:
+    try:
+        find_compiler()
+    except NoLibrary:
+        return False
+    return True
+
+
+NEEDS_A_COMPILER = pytest.mark.skipif(not compiler(), reason="cc")
+RNG = np.random.default_rng(3)
+A, B = RNG.standard_normal((30, 20)), RNG.standard_normal((20, 30))
+SMALL = RNG.standard_normal((3, 20))
+
+
+def sparse(m: int, n: int, share: float) -> np.ndarray:
+    return np.where(RNG.random((m, n)) < share, RNG.standard_normal((m, n)), 0.0)
+
+
+def evaluated(inputs: list[cs.MX], expression: cs.MX, at: list[np.ndarray]) -> np.ndarray:
+    return np.asarray(cs.Function("f", inputs, [expression])(*at)).ravel()
+
+
+def test_what_is_left_and_the_products_are_the_whole() -> None:
+    x, shift = cs.MX.sym("x", 20), RNG.standard_normal(30)
+    whole = cs.sin(cs.mac(cs.DM(A), cs.cos(x), cs.MX(cs.DM(shift)))) + cs.sum1(cs.DM(SMALL) @ x)
+    products, left = taken_out(whole, [x])
+    (one,) = products
+    assert_array_equal(one.matrix, A)
+    assert np.count_nonzero(SMALL) < LEAST <= np.count_nonzero(A)
+    at = RNG.standard_normal(20)
+    u = evaluated([x], one.operand, [at])
+    assert_allclose(u, np.cos(at), atol=1e-15)
+    assert_allclose(one.of(u[None])[0], A @ np.cos(at) + shift, atol=1e-13)
+    told = evaluated([x, one.result], left, [at, one.of(u[None])[0]])
+    assert_allclose(told, evaluated([x], whole, [at]), atol=1e-12)
+
+
+def test_a_product_of_a_product_stays() -> None:
+    x = cs.MX.sym("x", 20)
+    inner = cs.DM(A) @ x
+    products, left = taken_out(cs.DM(B) @ cs.tanh(inner), [x])
+    (one,) = products
+    assert_array_equal(one.matrix, A)
+    at = RNG.standard_normal(20)
+    told = evaluated([x, one.result], left, [at, A @ at])
+    assert_allclose(told, B @ np.tanh(A @ at), atol=1e-12)
+
+
+def test_operands_may_be_held_to_some_inputs() -> None:
+    x, y = cs.MX.sym("x", 20), cs.MX.sym("y", 30)
+    both = cs.sumsqr(cs.DM(A) @ x) + cs.sumsqr(cs.DM(B) @ y)
+    assert len(taken_out(both, [x, y])[0]) == 2
+    (one,), _ = taken_out(both, [x, y], operands_of=[y])
+    assert_array_equal(one.matrix, B)
+    assert taken_out(cs.sumsqr(x), [x])[0] == []
+
+
+def test_every_row_that_is_not_zero_is_in_one_group() -> None:
+    matrix = sparse(47, 60, 0.2)
+    matrix[[5, 17]] = 0.0
+    groups = rows_together(matrix)
+    assert sorted(np.concatenate(groups)) == [k for k in range(47) if k not in (5, 17)]
+    assert max(map(len, groups)) == TOGETHER
+    blocks = np.kron(np.eye(5), np.ones((TOGETHER, 7)))  # rows that share all of their columns
+    mixed = blocks[RNG.permutation(len(blocks))]
+    for group in rows_together(mixed):
+        assert (mixed[group] == mixed[group[0]]).all()
+
+
+@NEEDS_A_COMPILER
+@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+def test_compiled_products_are_those_of_numpy(share: float) -> None:
+    """Also with rows of zeros, and with a number of rows that fills no last group."""
+    matrix = sparse(33, 25, share)
+    z, still, y = cs.SX.sym("z", 25), cs.SX.sym("still", 2), cs.SX.sym("y", 33)
+    first = cs.Function("before", [z, still], [cs.sin(z) + still[0]])
+    then = cs.Function("cost", [z, still, y], [cs.vertcat(cs.sumsqr(y) + still[1], y, z[3])])
+    before, shared = Before(first, matrix), (False, True)
+    fast = simd_function(then, shared, before)
+    slow = AfterProduct(Mapped(then, (*shared, False)), before, Mapped(first, shared))
+    Z, numbers = RNG.standard_normal((21, 25)), RNG.standard_normal(2)
+    assert_allclose(fast(Z, numbers)[0], slow(Z, numbers)[0], rtol=1e-13, atol=1e-13)
+    for rows in (slice(0, 1), slice(4, 9), slice(7, 21)):  # each row as it would be alone
+        assert_array_equal(fast(Z[rows], numbers)[0], fast(Z, numbers)[0][rows])
+
+
+@NEEDS_A_COMPILER
+def test_sines_and_cosines_are_right_to_the_last_digits() -> None:
+    x = cs.SX.sym("x")
+    f = simd_function(cs.Function("turn", [x], [cs.vertcat(cs.sin(x), cs.cos(x))]), (False,))
+    quarters = np.pi / 2 * np.arange(-40, 41)
+    near = (quarters[:, None] + np.array([-1e-9, 0.0, 1e-9, 0.3, np.pi / 4])).ravel()
+    at = np.concatenate([near, RNG.uniform(-1e5, 1e5, 200), [0.0, 1e-300, 99999.9]])
+    found = f(at[:, None])[0]
+    with mpmath.workprec(200):
+        right = [[float(mpmath.sin(a)), float(mpmath.cos(a))] for a in map(mpmath.mpf, at)]
+    ulps = np.abs(found - right) / np.spacing(np.abs(right))
+    assert ulps.max() < 2
+    special = np.array([-0.0, 3e7, -1e300, np.nan, np.inf, 0.5])
+    found = f(special[:, None])[0]
+    with np.errstate(invalid="ignore"):
+        assert_allclose(found, np.stack([np.sin(special), np.cos(special)], axis=1), rtol=1e-15)
+    assert np.signbit(found[0, 0])

@@ -1,0 +1,92 @@
+"""Products of a constant matrix with a column of numbers, taken out of a graph.
+
+Pose blend shapes, shape directions and Gaussian priors are such products. Written out in scalar
+instructions they are five sixths of the graph of a fit to keypoints; as matrices they are arrays,
+which a loop reads faster than a processor reads instructions, and which no compiler has to read.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array, Index
+
+LEAST = 200  # elements that are not zero, from which on a matrix is taken out
+TOGETHER = 4  # rows that read the same numbers at once, in compiled code
+
+
+@dataclass(frozen=True, eq=False)
+class Product:
+    """Rows of y = A u + b that stand in a graph.
+
+    Attributes:
+        matrix: A (m, n).
+        shift: b (m,).
+        operand: u (n, 1), in symbols.
+        result: (m, 1), the symbol that stands for y in what is left of the graph.
+    """
+
+    matrix: Array
+    shift: Array
+    operand: cs.MX
+    result: cs.MX
+
+    def of(self, u: Array) -> Array:
+        """y (M, m) for operands u (M, n)."""
+        return np.asarray(u @ self.matrix.T + self.shift)
+
+
+def taken_out(
+    expression: cs.MX, inputs: Sequence[cs.MX], operands_of: Sequence[cs.MX] | None = None
+) -> tuple[list[Product], cs.MX]:
+    """The products in an expression of the inputs, and what is left of it in their results.
+
+    A product with fewer than LEAST elements stays where it is, and so does one whose operand needs
+    another product, or an input that is not among `operands_of` where these are given.
+    """
+    f = cs.Function("f", list(inputs), [expression])
+    found: list[tuple[cs.MX, Product]] = []
+    for k in range(f.n_instructions()):
+        if f.instruction_id(k) == cs.OP_MTIMES:
+            node = f.instruction_MX(k)
+            shift, matrix, operand = (node.dep(i) for i in range(3))
+            if matrix.is_constant() and shift.is_constant() and operand.shape[1] == 1:
+                A = np.array(cs.evalf(matrix))
+                if np.count_nonzero(A) >= LEAST:
+                    b = np.array(cs.evalf(shift)).ravel()
+                    y = cs.MX.sym(f"y{len(found)}", len(A))
+                    found.append((node, Product(A, b, cs.densify(operand), y)))
+    if not found:
+        return [], expression
+    nodes, products = zip(*found, strict=True)
+    results = [one.result for one in products]
+    operands = cs.graph_substitute([one.operand for one in products], list(nodes), results)
+    others = [] if operands_of is None else [x for x in inputs if _absent(x, operands_of)]
+    needs = cs.vertcat(*results, *(cs.vec(x) for x in others))
+    free = [k for k, operand in enumerate(operands) if not cs.depends_on(operand, needs)]
+    chosen = [products[k] for k in free]
+    (left,) = cs.graph_substitute(
+        [expression], [nodes[k] for k in free], [one.result for one in chosen]
+    )
+    return chosen, left
+
+
+def _absent(x: cs.MX, among: Sequence[cs.MX]) -> bool:
+    return not any(cs.is_equal(x, other) for other in among)
+
+
+def rows_together(matrix: Array) -> list[Index]:
+    """The rows of a matrix that are not zero, in groups of TOGETHER that share most columns."""
+    used = (matrix != 0).astype(np.float64)
+    left = list(np.flatnonzero(used.any(axis=1)))
+    groups = []
+    while left:
+        first, others = left[0], left[1:]
+        shared = used[others] @ used[first]  # columns in common with the first row
+        more = used[others].sum(axis=1) - shared  # columns that the first row does not have
+        nearest = [others[k] for k in np.lexsort((more, more - shared))[: TOGETHER - 1]]
+        groups.append(np.array([first, *nearest], dtype=np.int64))
+        left = [row for row in others if row not in nearest]
+    return groups
