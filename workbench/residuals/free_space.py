@@ -14,7 +14,7 @@ from workbench.errors import BadResidual
 from workbench.residuals.contacts import ContactNumbers
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.residuals.residual import Residual
-from workbench.residuals.scans import surface_of, surface_residual, vectors
+from workbench.residuals.scans import Surface, vectors
 
 BESIDE = 0.03  # m, from the ray of a point of the scan: as near as this, space may not be empty
 BEFORE = 0.03  # m, the same along the ray, before the point
@@ -64,7 +64,8 @@ def free_space(
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
-    source, name = surface_of("free_space", points, name)
+    surface = Surface.of("free_space", points, name)
+    name = surface.name
     seen = vectors(name, "the scan", scan)
     place = vectors(name, "the camera's place", np.reshape(camera, (1, -1)))[0]
     if not min(beside, before, within) > 0:
@@ -75,7 +76,7 @@ def free_space(
     if not (np.linalg.norm(seen - place, axis=1) > 0).all():
         raise BadResidual(f"residual {name!r} has a point of the scan at the camera; leave it out")
     search = Shadow.of(seen, place, beside, before, within).distances
-    return surface_residual(name, source, search, source.count, 1, sigma, kernel, None)
+    return surface.residual(search, surface.source.count, 1, sigma, kernel, None)
 
 
 @dataclass(frozen=True, eq=False)
