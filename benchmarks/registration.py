@@ -25,7 +25,7 @@ from workbench.comparison.statistics import rate
 from workbench.fitting import Scan, pose_prior, shape_prior
 from workbench.priors.mocap import held_out_poses
 from workbench.problem import Problem
-from workbench.registration import ModelFit, doubts, fit_model, support
+from workbench.registration import SEEN_STAGES, ModelFit, doubts, fit_model, support
 from workbench.residuals.contact_forms import Form, distance, offset
 from workbench.residuals.scans import scan_to_model
 from workbench.solvers import TrustRegion
@@ -37,7 +37,13 @@ BEGIN = "<!-- from here on written by `python -m benchmarks.registration` -->"
 END = "<!-- up to here -->"
 GOOD = 20.0  # mm, mean over the vertices: a fit that is not farther off has succeeded
 OWN_SHAPE, NOISE, STEEPEST = 0.005, 0.002, 1.4  # m, m, rad
-SCENES = {"4 views": (4, True), "4 views, no normals": (4, False), "1 view": (1, True)}
+SEEN = "1 view, camera known"
+SCENES = {  # the number of views, and whether the fit is told of normals and of the camera
+    "4 views": (4, True, False),
+    "4 views, no normals": (4, False, False),
+    "1 view": (1, True, False),
+    SEEN: (1, True, True),
+}
 LIMIT = 1_000  # iterations of one run of a form
 SET = 60  # seeds, which a row of the table has
 
@@ -60,17 +66,22 @@ def scanned(body: SkinnedBody, poses: Array, seed: int, views: int) -> Simulated
     )
 
 
-def judged(body: SkinnedBody, poses: Array, seed: int, views: int, normals: bool) -> dict[str, Any]:
+def judged(
+    body: SkinnedBody, poses: Array, seed: int, views: int, normals: bool, known_camera: bool
+) -> dict[str, Any]:
     """One fit, its error against the truth, and what is said about it without the truth."""
     simulated = scanned(body, poses, seed, views)
     given = simulated.scan
     if not normals:
         given = Scan(given.points, weights=given.weights)
+    camera = simulated.scanners[0].place if views == 1 else None
     begin = time.process_time()
-    fit = fit_model(body, given, seed=seed)
+    if known_camera:
+        fit = fit_model(body, given, camera=camera, stages=SEEN_STAGES, seed=seed)
+    else:
+        fit = fit_model(body, given, seed=seed)
     took = time.process_time() - begin
     known = support(fit)
-    camera = simulated.scanners[0].place if views == 1 else None
     found = doubts(fit, known, camera=camera)
     error = 1e3 * np.linalg.norm(fit.vertices() - simulated.skin, axis=1)
     there = simulated.seen
@@ -198,10 +209,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seeds = range(asked.first, asked.first + asked.count)
     runs: dict[str, dict[int, dict[str, Any]]] = {}
     for name in asked.scenes:
-        views, normals = SCENES[name]
         runs[name] = {}
         for seed in seeds:
-            runs[name][seed] = judged(body, poses, seed, views, normals)
+            runs[name][seed] = judged(body, poses, seed, *SCENES[name])
             print(name, json.dumps(runs[name][seed]), flush=True)
     both = forms(body, poses, range(asked.first, asked.first + asked.forms)) if asked.forms else {}
     known: dict[str, Any] = {"scenes": {}}

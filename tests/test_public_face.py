@@ -108,6 +108,7 @@ RESIDUALS = [
     "bending",
     "distance",
     "edges",
+    "free_space",
     "gaps",
     "gaussian",
     "geman_mcclure",

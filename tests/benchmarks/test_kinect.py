@@ -5,7 +5,7 @@ import json
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.kinect import PAGE, RESULTS, at_random, in_blocks, table
+from benchmarks.kinect import PAGE, RESULTS, at_random, in_blocks, pooled, table, table_of_pooled
 
 
 def test_blocks_are_held_out_as_a_whole() -> None:
@@ -28,3 +28,11 @@ def test_the_page_has_the_table_of_the_results() -> None:
     assert {(run["person"], run["held out"]) for run in runs} == {
         (f"person_{letter}", way) for letter in "abc" for way in ("at random", "blocks of 5 cm")
     }
+
+
+def test_all_people_together_are_their_points_and_not_the_mean_of_their_medians() -> None:
+    few, many = np.array([0.001]), np.array([0.003, 0.004, 0.005, 0.006])
+    people = [{"model": one, "registered": one / 2} for one in (few, many)]
+    (row,) = pooled({("at random", 0): people})
+    assert (row["points"], row["model"], row["registered"]) == (5, 4.0, 2.0)
+    assert "| at random | 5 | 4.0 | 2.0 |" in table_of_pooled([row])

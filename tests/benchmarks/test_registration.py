@@ -52,6 +52,25 @@ def test_the_seeds_that_are_new_are_told_of_as_they_are() -> None:
     assert f"{long[0]} of the 60 with four views and {long[1]} of the 120 with one" in page
 
 
+def test_fits_that_know_the_camera_are_told_of_as_they_are() -> None:
+    """Forty-eight of sixty were aimed at, and warnings for eight of ten that fail."""
+    runs = KEPT["scenes"][registration.SEEN]
+    assert [run["seed"] for run in runs] == list(range(120, 180))
+    good = [run for run in runs if run["error"] <= GOOD]
+    failed = [run for run in runs if run["error"] > GOOD]
+    warned = sum(bool(run["warnings"]) for run in failed)
+    assert len(good) >= 48
+    assert warned >= 0.8 * len(failed)
+    page = " ".join(PAGE.split())
+    assert f"{len(good)} of 60 succeed, and {warned} of the {len(failed)} others are warned" in page
+    unseen = sum(run["seen"] <= GOOD for run in failed)
+    assert f"in {unseen} of these only what was not seen is wrong" in page
+    alarms = sum(bool(run["warnings"]) for run in good)
+    assert f"{alarms} of those that succeed are warned of as well" in page
+    long = sum(run["CPU seconds"] > 6 for run in runs)
+    assert f"and {long} of the 60 took longer than 6" in page
+
+
 def test_a_point_of_clutter_is_worth_what_the_page_says() -> None:
     last = FIT_STAGES[-1]
     assert last.reach / last.sigma == pytest.approx(3)

@@ -246,6 +246,7 @@ ELSEWHERE = {
     "smooth",  # between the frames of a sequence: tests/residuals/test_smooth.py
     "scan_to_model",  # contacts that change, without a graph: tests/residuals/test_scans.py
     "model_to_scan",
+    "free_space",  # the same: tests/residuals/test_free_space.py
     "bending",  # never zero: tests/residuals/test_image_terms.py
     "log_sum_mixture",
     "apart",  # of capsules: tests/residuals/test_self_contact.py

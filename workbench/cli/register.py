@@ -68,7 +68,8 @@ def register(
         str | None,
         typer.Option(
             help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
-            "was one place; 0,0,0 for most depth cameras. It tells on which side the surface is."
+            "was one place; 0,0,0 for most depth cameras. It tells on which side the surface is, "
+            "and what space is empty."
         ),
     ] = None,
     array: Annotated[

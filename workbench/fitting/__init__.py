@@ -31,6 +31,7 @@ from workbench.fitting.keypoint_files import read_keypoints, read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.landmarks import joint_fit
+from workbench.fitting.loose_points import loose_points
 from workbench.fitting.marker_files import MarkerRecording, read_markers
 from workbench.fitting.marker_frames import random_frames, spread_frames
 from workbench.fitting.marker_information import informative_frames
@@ -112,6 +113,7 @@ __all__ = [
     "joint_fit",
     "keypoint_candidates",
     "keypoint_fit",
+    "loose_points",
     "marker_candidates",
     "marker_fit",
     "marker_solver",

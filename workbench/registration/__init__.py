@@ -4,6 +4,7 @@ from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.body_size import BodySize, body_size
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
 from workbench.registration.doubts import Doubts, doubts
+from workbench.registration.empty_space import EmptySpace
 from workbench.registration.facing import facing
 from workbench.registration.fit_stage import FitStage, Progress
 from workbench.registration.free_vertices import (
@@ -25,9 +26,15 @@ from workbench.registration.icp_steps import (
     point_to_plane,
     point_to_point,
 )
-from workbench.registration.model_fit import FIT_STAGES, ModelFit, fit_model
+from workbench.registration.model_fit import FIT_STAGES, SEEN_STAGES, ModelFit, fit_model
 from workbench.registration.point_cloud import PointCloud
-from workbench.registration.recipe import HAND_RECIPE, Recipe, model_alone, usual_recipe
+from workbench.registration.recipe import (
+    HAND_RECIPE,
+    PERSON_RECIPE,
+    Recipe,
+    model_alone,
+    usual_recipe,
+)
 from workbench.registration.registering import (
     OtherEnd,
     Registration,
@@ -44,13 +51,16 @@ from workbench.registration.scan_jobs import (
 )
 from workbench.registration.scan_starts import arms_lowered, scan_starts
 from workbench.registration.scan_term import ScanTerm, touched
+from workbench.registration.seen_starts import seen_starts
 from workbench.registration.support import Support, support
 from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "FIT_STAGES",
     "HAND_RECIPE",
+    "PERSON_RECIPE",
     "QUICK_VERTEX_STAGES",
+    "SEEN_STAGES",
     "VERTEX_STAGES",
     "Alignment",
     "BasinMap",
@@ -58,6 +68,7 @@ __all__ = [
     "Contacts",
     "Coupling",
     "Doubts",
+    "EmptySpace",
     "FailedScan",
     "FitStage",
     "FreeVertices",
@@ -102,6 +113,7 @@ __all__ = [
     "register",
     "registered",
     "scan_starts",
+    "seen_starts",
     "support",
     "touched",
     "usual_recipe",

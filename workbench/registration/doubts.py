@@ -5,13 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array
 from workbench.diagnostics.wording import Finding
+from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.support import Support, support
+from workbench.residuals.free_space import BESIDE, Shadow
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,9 @@ class Doubts:
         stray: the share of points without contact that is too large.
         rough: in m, the robust standard deviation of the distances that is too large.
         open: in m, the expected error of the vertices that is too large.
-        before: the share of vertices between scan and camera that is too large.
+        before: the share of vertices that is too large where the camera looked through.
+        missed: the share of the scan's points that is too large for points that touch no surface
+            and hang together.
     """
 
     tie: float = 0.05
@@ -34,12 +40,14 @@ class Doubts:
     stray: float = 0.4
     rough: float = 0.012
     open: float = 0.011
-    before: float = 0.05
+    before: float = 0.02
+    missed: float = 0.01
 
 
-IN_FRONT = 0.05  # m: a vertex nearer to the camera than the scan by more stands before it
-BESIDE = 0.01  # rad between the rays of a vertex and a point that are compared
-AROUND = 5  # points that must all be behind a vertex, which may lie beside an edge of the scan
+CLEAR = 0.01  # m: a vertex that stands as far in empty space would have been seen
+NEIGHBOUR = 4  # the number of the neighbour whose distance says how dense the points of a scan are
+LINK = 2.0  # times that distance: points that are nearer hang together
+MOST = 5_000  # points of a scan that are looked at for that
 MAD = 1.4826  # times the median of absolute values is the standard deviation of a Gaussian
 
 
@@ -56,7 +64,8 @@ def doubts(
     whole scan was taken from, if it was taken from one place.
     """
     known = support(fit) if found is None else found
-    here = [*_ties(fit, limits), *_data(known, limits), *_hidden(fit, known, limits)]
+    here = [*_ties(fit, limits), *_data(known, limits), *_missed(fit.scan.points, known, limits)]
+    here += _hidden(fit, known, limits)
     if camera is not None:
         here += _before(fit, np.asarray(camera, dtype=float), limits)
     if fit.stopped:
@@ -119,17 +128,31 @@ def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
     )
 
 
+def _missed(points: Array, known: Support, limits: Doubts) -> Iterator[Finding]:
+    """A limb that was not found leaves many points side by side; clutter is usually strewn."""
+    some = np.random.default_rng(0).permutation(len(points))[:MOST]
+    tree, left = cKDTree(points[some]), points[some][~known.touching[some]]
+    if not len(left) or len(some) <= NEIGHBOUR:
+        return
+    spacing = float(np.median(tree.query(points[some], k=[NEIGHBOUR + 1])[0]))
+    pairs = cKDTree(left).query_pairs(LINK * spacing, output_type="ndarray")
+    linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
+    most = int(np.bincount(connected_components(linked)[1]).max())
+    if most > limits.missed * len(some):
+        yield Finding(
+            "missed",
+            f"{100 * most / len(some):.0f} % of the points lie side by side and touch no surface: "
+            "a part of the body that was not found, or another thing",
+        )
+
+
 def _before(fit: ModelFit, camera: Array, limits: Doubts) -> Iterator[Finding]:
-    rays = fit.scan.points - camera
-    depth = np.linalg.norm(rays, axis=1)
-    to = fit.vertices() - camera
-    range_ = np.linalg.norm(to, axis=1)
-    off, at = cKDTree(rays / depth[:, None]).query(to / range_[:, None], k=AROUND)
-    behind = (off < BESIDE) & (range_[:, None] < depth[at] - IN_FRONT)
-    share = float(np.mean(behind.all(axis=1)))
+    within = np.inf if shows_all(fit.body, fit.scan) else BESIDE
+    off = Shadow.of(fit.scan.points, camera, within=within).distances(fit.vertices()).numbers
+    share = float(np.mean(off > CLEAR))
     if share > limits.before:
         yield Finding(
             "before",
-            f"{100 * share:.0f} % of the vertices stand between the scan and its camera, where "
-            "they would have been seen",
+            f"{100 * share:.0f} % of the vertices stand where the camera would have seen them, "
+            "in front of the scan or beside it",
         )

@@ -4,7 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
@@ -12,6 +14,7 @@ from workbench.bodies.hand_axes import is_hand
 from workbench.errors import BadArgument
 from workbench.fitting.scan import Scan
 from workbench.registration.doubts import Doubts
+from workbench.registration.empty_space import EmptySpace
 from workbench.registration.fit_stage import FitStage, Progress
 from workbench.registration.free_vertices import (
     BODY,
@@ -23,13 +26,21 @@ from workbench.registration.free_vertices import (
     VertexStage,
 )
 from workbench.registration.hand_starts import hand_starts
-from workbench.registration.model_fit import FIT_STAGES, SAME, WITHIN, ModelFit, fit_model
+from workbench.registration.model_fit import (
+    FIT_STAGES,
+    SAME,
+    SEEN_STAGES,
+    WITHIN,
+    ModelFit,
+    fit_model,
+)
 from workbench.registration.scan_starts import scan_starts
 from workbench.registration.scan_term import ScanTerm
 from workbench.registration.support import NEAR
 from workbench.residuals import Residual
 
 PERSON = Doubts()
+EMPTY = EmptySpace()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
@@ -67,6 +78,10 @@ class Recipe:
         same: in m, the mean distance of joints below which two ends are one.
         near: in m; a vertex without a touching point as near as this was not seen.
         doubts: from where on a fit is doubted.
+        empty: how the body is kept out of space that the camera of a scan saw to be empty; None if
+            only the doubts are to look at it.
+        seen_stages: the stages of the fit of the body where the camera is known; None for those of
+            every fit.
     """
 
     fit_stages: tuple[FitStage, ...] = FIT_STAGES
@@ -78,6 +93,12 @@ class Recipe:
     same: float = SAME
     near: float = NEAR
     doubts: Doubts = PERSON
+    empty: EmptySpace | None = EMPTY
+    seen_stages: tuple[FitStage, ...] | None = None
+
+    def stages(self, seen: bool) -> tuple[FitStage, ...]:
+        """The stages of the fit of the body; `seen` says whether the camera is known to it."""
+        return self.seen_stages if seen and self.seen_stages is not None else self.fit_stages
 
     def __post_init__(self) -> None:
         if not 0 <= self.boundary < np.inf:
@@ -95,6 +116,8 @@ class Recipe:
         body: Body,
         scan: Scan,
         *,
+        keep: Mask | None = None,
+        camera: ArrayLike | None = None,
         others: Sequence[Residual] = (),
         progress: Callable[[Progress], object] | None = None,
     ) -> ModelFit:
@@ -102,8 +125,11 @@ class Recipe:
         return fit_model(
             body,
             scan,
+            keep=keep,
+            camera=camera,
+            empty=self.empty or EMPTY,
             starts=self.starts,
-            stages=self.fit_stages,
+            stages=self.stages(seen=camera is not None),
             within=self.within,
             same=self.same,
             others=others,
@@ -111,6 +137,9 @@ class Recipe:
             progress=progress,
         )
 
+
+PERSON_RECIPE = Recipe(seen_stages=SEEN_STAGES)
+"""For a whole person."""
 
 HAND_FIT_STAGES = (
     FitStage(200, 0.012, 0.030, 48, 15, 0.01),
@@ -134,10 +163,11 @@ HAND_RECIPE = Recipe(
     same=0.004,
     near=0.006,
     doubts=Doubts(apart=0.006, rough=0.004, open=0.003),
+    empty=None,
 )
 """For a hand alone, in metres as a person: a hand has no side that is usually up."""
 
 
 def usual_recipe(body: Body) -> Recipe:
     """The recipe for scans of what a body is: a hand alone, or a whole person."""
-    return HAND_RECIPE if is_hand(body) else Recipe()
+    return HAND_RECIPE if is_hand(body) else PERSON_RECIPE

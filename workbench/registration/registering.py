@@ -1,7 +1,7 @@
 """A scan registered from nothing but its points: a body fitted to it, then free vertices."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,13 +18,15 @@ from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
 from workbench.registration.body_size import BodySize, body_size
 from workbench.registration.doubts import doubts
+from workbench.registration.empty_space import sees
 from workbench.registration.facing import facing
-from workbench.registration.fit_stage import Progress
+from workbench.registration.fit_stage import FitStage, Progress
 from workbench.registration.free_vertices import FreeVertices
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.support import FACING, NEAR, support
 
+AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
 LEFT = 20  # points that must be left when those at the boundary are left out
 
 
@@ -137,9 +139,10 @@ def register(
     """Fit a body to a scan from many starts, free the vertices, and judge the result.
 
     The recipe is the `usual_recipe` of the body, unless one is given.
-    `camera` (3,) m is where the scan was taken from, if that was one place; then `doubts` also
-    looks for surface where the camera would have seen it. `progress` is told of every iterate of
-    the fit of the body. Ctrl-C raises KeyboardInterrupt, and nothing is returned.
+    `camera` (3,) m is where the scan was taken from, if that was one place; then the body is kept
+    out of what the camera saw to be empty, and `doubts` looks for what is left there. A camera
+    among the points is not used, and a finding says so. `progress` is told of every iterate of the
+    fit of the body. Ctrl-C raises KeyboardInterrupt, and nothing is returned.
 
     Raises BadScan for a scan that cannot be of a person, or of which the boundary is everything.
 
@@ -152,17 +155,22 @@ def register(
     (True, ['model', 'free'])
     """
     recipe = usual_recipe(body) if recipe is None else recipe
-    used, left_out = _without_boundary(scan, recipe.boundary)
+    inner = _inner(scan, recipe.boundary)
+    used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
+    outside = camera if camera is None or sees(camera, used.points) else None
+    known_camera = None if recipe.empty is None else outside
     began = time.perf_counter()
     with Interrupts() as interrupts:
-        fit = recipe.fit(body, used, progress=progress)
+        fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)
         interrupts.check()
         known = support(fit, near=recipe.near)
-        place = None if camera is None else np.asarray(camera)
-        findings = doubts(fit, known, camera=place, limits=recipe.doubts)
+        findings = doubts(fit, known, camera=outside, limits=recipe.doubts)
+        if outside is not camera:
+            findings = (*findings, Finding("camera", AMONG))
         vertices, values, seen = fit.vertices(), fit.values, known.seen
         unknowns = fit.problem.free.size
-        surfaces, told = _surfaces(fit, recipe), _Stages(fit, began)
+        surfaces = _surfaces(fit, recipe.stages(seen=known_camera is not None))
+        told = _Stages(fit, began)
         stages = [told.ended("model", unknowns, fit.iterations, fit.cost, vertices)]
         for stage in recipe.vertex_stages(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
@@ -198,17 +206,17 @@ def register(
     )
 
 
-def _without_boundary(scan: Scan, width: float) -> tuple[Scan, int]:
-    """The points farther than `width` m from the boundary, and how many were left out."""
+def _inner(scan: Scan, width: float) -> Mask | None:
+    """The points (M,) farther than `width` m from the boundary; None for all."""
     if not width:
-        return scan, 0
-    inner = ~boundary(scan, width=width)
+        return None
+    inner = np.asarray(~boundary(scan, width=width))
     if inner.sum() < LEFT:
         raise BadScan(
             f"{int(inner.sum())} of {scan.n_points:,} points are farther than {width:g} m from the "
             "boundary of the scan; leave a narrower boundary out"
         )
-    return scan.some(inner), int((~inner).sum())
+    return inner
 
 
 def _called(stage: str) -> str:
@@ -216,10 +224,10 @@ def _called(stage: str) -> str:
     return "free vertices" if stage == "free" else f"free vertices, {stage}"
 
 
-def _surfaces(fit: ModelFit, recipe: Recipe) -> dict[str, Array]:
+def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     """The body on the way of its fit, by stages and the number of points that they use."""
     names = [block.name for block in fit.body.blocks()]
-    counts = [min(stage.points, fit.scan.n_points) for stage in recipe.fit_stages]
+    counts = [min(stage.points, fit.scan.n_points) for stage in stages]
     called = ["start", *(f"stage {k + 1}, {count:,} points" for k, count in enumerate(counts))]
     return {
         name: np.asarray(fit.body.vertices(*(values[one] for one in names)))

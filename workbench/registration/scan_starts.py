@@ -14,6 +14,7 @@ from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 YAWS = 8
 ARMS = (1.3, 0.7, 0.1)  # rad below the horizontal: hanging down, half raised, and spread
+WHOLE = 0.6  # times the height of the body: a scan that is higher is of all of it
 STRAY = 0.01  # of the points may lie below the feet, and as many above the head
 LARGEST, SMALLEST = 5.0, 0.1  # times the height of the body: the size of a scan of a person
 FEWEST = 20  # points
@@ -51,7 +52,7 @@ def scan_starts(
             pose[0] = vector_from_matrix(turn @ matrix_from_vector(pose[0]))
             surface = body.vertices(pose, betas, np.zeros(3))
             trans = middle - np.median(surface, axis=0)
-            if high - low > 0.6 * np.ptp(surface[:, 1]):
+            if high - low > WHOLE * np.ptp(surface[:, 1]):
                 trans[1] = low - surface[:, 1].min()
             found.append(dict(zip(names, (pose, betas, trans), strict=True)))
     return tuple(found)

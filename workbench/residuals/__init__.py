@@ -3,6 +3,7 @@
 from workbench.residuals.bending import HINGES, Hinge, bending
 from workbench.residuals.contact_forms import Form, distance, loose, offset, plane
 from workbench.residuals.edges import edges
+from workbench.residuals.free_space import free_space
 from workbench.residuals.gaussian import gaussian
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, of_norms, quadratic, scaled
 from workbench.residuals.keypoints import keypoints
@@ -28,6 +29,7 @@ __all__ = [
     "bending",
     "distance",
     "edges",
+    "free_space",
     "gaps",
     "gaussian",
     "geman_mcclure",

@@ -60,13 +60,14 @@ def scan_to_model(
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
-    source, name = _surface("scan_to_model", points, name)
+    surface = Surface.of("scan_to_model", points, name)
+    source, name = surface.source, surface.name
     triangles = numbered(name, "faces (F", faces, 3, source.count)
-    seen = _vectors(name, "the scan", scan)
+    seen = vectors(name, "the scan", scan)
     facing_to = None if normals is None else _normals(name, normals, len(seen))
     _check_gate(name, within, facing, normals is not None)
     search = _OnModel(triangles, seen, facing_to, within, facing, form)
-    return _residual(name, source, search, len(seen), form, sigma, kernel, weights)
+    return surface.residual(search, len(seen), form.numbers, sigma, kernel, weights)
 
 
 def model_to_scan(
@@ -88,12 +89,13 @@ def model_to_scan(
     are drawn to its boundary, unless a gate `within` (m) or a robust kernel lets them go.
     Raises BadResidual for arguments that do not fit, NotNumbers, and BadMesh for a bad scan.
     """
-    source, name = _surface("model_to_scan", points, name)
-    seen = _vectors(name, "the scan", scan)
+    surface = Surface.of("model_to_scan", points, name)
+    source, name = surface.source, surface.name
+    seen = vectors(name, "the scan", scan)
     _check_gate(name, within, FACING, False)
     tree = SurfaceTree(seen, numbered(name, "scan_faces (T", scan_faces, 3, len(seen)))
     search = _OnScan(tree, within, form)
-    return _residual(name, source, search, source.count, form, sigma, kernel, weights)
+    return surface.residual(search, source.count, form.numbers, sigma, kernel, weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,47 +166,58 @@ def _by_rows(pulls: Array, columns: Index, touched: Index, count: int, width: in
     return found
 
 
-def _surface(function: str, points: Points | cs.MX, name: str | None) -> tuple[PointSource, str]:
-    name = name or named_after(function, points, points)
-    if isinstance(points, Points):
-        return points.source, name
-    expression, _ = expressed(points)
-    return ExpressedPoints(expression, tuple(Block.of(s) for s in cs.symvar(expression))), name
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a residual on a surface compares: its name, and the source of the surface's vertices."""
+
+    name: str
+    source: PointSource
+
+    @staticmethod
+    def of(function: str, points: Points | cs.MX, name: str | None) -> "Surface":
+        """The surface that a function of residuals is given, and the name that it is to have."""
+        name = name or named_after(function, points, points)
+        if isinstance(points, Points):
+            return Surface(name, points.source)
+        expression, _ = expressed(points)
+        blocks = tuple(Block.of(symbol) for symbol in cs.symvar(expression))
+        return Surface(name, ExpressedPoints(expression, blocks))
+
+    def residual(
+        self,
+        search: Callable[[Array], ContactNumbers],
+        count: int,
+        numbers: int,
+        sigma: float | Array,
+        kernel: Kernel,
+        weights: ArrayLike | None,
+    ) -> Residual:
+        """The residual of `numbers` numbers of each of `count` points that a search compares."""
+        name, source = self.name, self.source
+        arithmetic = source.numeric
+        if arithmetic is None:
+            if source.expression is None:
+                raise BadResidual(
+                    f"residual {name!r} needs points of a body, or an expression of blocks; these "
+                    "points have neither arithmetic nor an expression"
+                )
+            arithmetic = ExpressedPoints(source.expression, source.blocks)
+        contacts = MovingContacts(source, arithmetic, count, None, search)
+        placed = Points.of(contacts, name, numbers)
+        return Residual(
+            name,
+            cs.vec(placed.symbol),
+            sigma,
+            "m",
+            kernel,
+            (placed,),
+            weights=weights,
+            rows_per_point=numbers,
+        )
 
 
-def _residual(
-    name: str,
-    source: PointSource,
-    search: Callable[[Array], ContactNumbers],
-    count: int,
-    form: Form,
-    sigma: float | Array,
-    kernel: Kernel,
-    weights: ArrayLike | None,
-) -> Residual:
-    arithmetic = source.numeric
-    if arithmetic is None:
-        if source.expression is None:
-            raise BadResidual(
-                f"residual {name!r} needs points of a body, or an expression of blocks; these "
-                "points have neither arithmetic nor an expression"
-            )
-        arithmetic = ExpressedPoints(source.expression, source.blocks)
-    contacts = MovingContacts(source, arithmetic, count, None, search)
-    placed = Points.of(contacts, name, form.numbers)
-    return Residual(
-        name,
-        cs.vec(placed.symbol),
-        sigma,
-        "m",
-        kernel,
-        (placed,),
-        weights=weights,
-        rows_per_point=form.numbers,
-    )
-
-
-def _vectors(name: str, what: str, value: ArrayLike) -> Array:
+def vectors(name: str, what: str, value: ArrayLike) -> Array:
+    """The finite numbers (M, 3) of an argument. Raises BadResidual for others."""
     found = np.ascontiguousarray(reals(f"residual {name!r}: {what}", value))
     if found.ndim != 2 or found.shape[1] != 3 or not len(found) or not np.isfinite(found).all():
         raise BadResidual(
@@ -215,7 +228,7 @@ def _vectors(name: str, what: str, value: ArrayLike) -> Array:
 
 
 def _normals(name: str, normals: ArrayLike, count: int) -> Array:
-    found = _vectors(name, "the scan's normals", normals)
+    found = vectors(name, "the scan's normals", normals)
     if len(found) != count:
         raise BadResidual(
             f"residual {name!r} has {count} points, but {len(found)} normals; give one for each"

@@ -1,0 +1,155 @@
+"""Where to begin the fit of a body to what one camera saw of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies.body import Body
+from workbench.fitting.body_priors import pose_gaussian
+from workbench.fitting.scan import Scan
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.solids import face_vectors, sums_around
+from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.registration.empty_space import EmptySpace
+from workbench.registration.limbs import limb_poses
+from workbench.registration.scan_starts import STRAY, WHOLE
+from workbench.residuals.free_space import Shadow
+
+DRAWS = 72  # poses of the prior that are tried beside those of the starts
+SAME_ROOT = 1e-6  # rad: root rotations that differ less are one
+TOWARDS = 0.3  # cosine with the way to the camera, from which on a vertex faces it
+POINTS, VERTICES = 200, 300  # of the scan and of the body, that are compared
+FACING = 0.5  # cosine of the largest angle between the normals of a point and of a vertex
+EMPTY = 0.3  # how much a vertex in empty space counts beside a point without surface
+
+
+def start_poses(body: Body, draws: int = DRAWS) -> Array:
+    """Poses (P, K - 1, 3) rad of all joints but the root, such as people take.
+
+    They are `limb_poses`, and random ones: of `shipped_mixture` for a body with its joints, and of
+    the Gaussian of `pose_prior` for others. The same body always gets the same poses.
+    """
+    rng, mixture = np.random.default_rng(0), shipped_mixture()
+    if tuple(body.joint_names[1:]) == tuple(mixture.joint_names):
+        drawn = draw_poses(mixture, draws, rng)[:, 1:]
+    else:
+        mean, covariance = pose_gaussian(body)
+        flat = np.ravel(mean)
+        spread = covariance if np.ndim(covariance) == 2 else covariance * np.eye(len(flat))
+        drawn = rng.multivariate_normal(flat, spread, draws).reshape(draws, -1, 3)
+    return np.concatenate([limb_poses(body), drawn])
+
+
+def seen_starts(
+    body: Body,
+    scan: Scan,
+    camera: Array,
+    starts: Sequence[Values],
+    count: int,
+    empty: EmptySpace,
+) -> tuple[Values, ...]:
+    """The `count` starts that are most like the scan, the most alike first.
+
+    Every root rotation of `starts` is combined with every pose of the other joints: those of
+    `starts` and `start_poses`. `camera` (3,) m is where the scan was taken from. A scan from one
+    side has its median on the skin, and not inside of the body; so the median of the vertices that
+    face the camera comes to that of the scan. Feet are where `scan_starts` puts them.
+
+    With d the distance from a point of the scan to the nearest vertex that faces its way, and e
+    that from a vertex to the shadow of the scan (see `residuals.free_space`), starts are compared
+    by the robust means, with the reach of `empty`,
+
+        mean d^2 / (d^2 + reach^2) + EMPTY mean e^2 / (e^2 + reach^2).
+    """
+    pose, betas, trans = (block.name for block in body.blocks())
+    roots = _different([start[pose][0] for start in starts])
+    poses = [*_different([start[pose][1:] for start in starts]), *start_poses(body)]
+    look, shape = _Look.of(scan, camera, empty), starts[0][betas]
+    vertices = np.linspace(0, body.n_vertices - 1, VERTICES).astype(int)
+    turns = matrix_from_vector(np.array(roots))
+    found: list[tuple[float, Values]] = []
+    for other in poses:
+        posed = np.concatenate([np.zeros((1, 3)), other])
+        surface = body.vertices(posed, shape, np.zeros(3))
+        centre = body.joints(posed, shape, np.zeros(3))[0]
+        normals = sums_around(face_vectors(surface, body.faces), body.faces, len(surface))
+        normals = normals[vertices] / np.linalg.norm(normals[vertices], axis=1, keepdims=True)
+        for root, R in zip(roots, turns, strict=True):
+            v, n = (surface[vertices] - centre) @ R.T + centre, normals @ R.T
+            place = look.place(v, n)
+            start = {pose: np.concatenate([root[None], other]), betas: shape, trans: place}
+            found.append((look.unlike(v + place, n), start))
+    found.sort(key=lambda one: one[0])
+    return tuple(start for _, start in found[:count])
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What a camera saw, to be compared with bodies.
+
+    Attributes:
+        points: (m, 3) m of the scan.
+        normals: (m, 3) of them, or None.
+        shadow: of all points.
+        middle: (3,) m, the median of all.
+        ends: the heights in m between which they are.
+        way: (3,) the unit vector from the camera to the middle.
+        reach: in m, where a distance counts half of the most.
+    """
+
+    points: Array
+    normals: Array | None
+    shadow: Shadow
+    middle: Array
+    ends: Array
+    way: Array
+    reach: float
+
+    @staticmethod
+    def of(scan: Scan, camera: Array, empty: EmptySpace) -> "_Look":
+        """Of a scan that was taken from `camera` (3,) m."""
+        some = np.random.default_rng(0).permutation(scan.n_points)[:POINTS]
+        middle = np.median(scan.points, axis=0)
+        return _Look(
+            scan.points[some],
+            None if scan.normals is None else scan.normals[some],
+            Shadow.of(scan.points, camera, empty.beside, empty.before),
+            middle,
+            np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY]),
+            (middle - camera) / np.linalg.norm(middle - camera),
+            empty.reach,
+        )
+
+    def place(self, vertices: Array, normals: Array) -> Array:
+        """The translation (3,) m that brings what faces the camera to the scan."""
+        faces = -normals @ self.way > TOWARDS
+        off = self.middle - np.median(vertices[faces] if faces.any() else vertices, axis=0)
+        if np.ptp(self.ends) > WHOLE * np.ptp(vertices[:, 1]):
+            off[1] = self.ends[0] - vertices[:, 1].min()
+        return np.asarray(off)
+
+    def unlike(self, vertices: Array, normals: Array) -> float:
+        """How much a body (n, 3) m differs from the scan, from 0 on."""
+        squares = (self.points**2).sum(axis=1)[:, None] + (vertices**2).sum(axis=1)
+        squares -= 2 * self.points @ vertices.T
+        if self.normals is not None:
+            squares[self.normals @ normals.T < FACING] = np.inf
+        near = np.maximum(squares.min(axis=1), 0.0)
+        empty = self.shadow.distances(vertices).numbers.ravel() ** 2
+        return float(np.mean(self._share(near)) + EMPTY * np.mean(self._share(empty)))
+
+    def _share(self, squares: Array) -> Array:
+        """From 0 to 1; 1/2 at the square of the reach, 1 for infinity."""
+        return np.asarray(1 - self.reach**2 / (squares + self.reach**2))
+
+
+def _different(arrays: Sequence[Array]) -> list[Array]:
+    """Those that differ from all before by more than rounding."""
+    found: list[Array] = []
+    for one in arrays:
+        if all(np.abs(one - other).max() > SAME_ROOT for other in found):
+            found.append(one)
+    return found
