@@ -59,7 +59,7 @@ print(f"the longest edge is {longest:.1f} times as long as at rest")
 def profile(body, angle, axis=BEND):
     """Upper and lower line of the tube in its plane, (2, rings, 2) m; turned by `angle` rad."""
     (posed,) = Limb(body, "joint").posed(axis, [angle])
-    rings = posed[:-2].reshape(-1, 32, 3)
+    rings = posed[:-2].reshape(-1, 32, 3)  # rings of 32 vertices; last, the centres of both ends
     return np.array([rings[:, 0, :2], rings[:, 16, :2]])
 
 
@@ -618,7 +618,8 @@ source(without_blend_weights)
 # Three properties hold for every $b$. The rows of $L$ sum to zero, so the weights of a vertex still sum to one.
 # $L$ is symmetric, so no heat is lost. And no weight becomes negative: at the vertex where a bone's weight is least, all
 # neighbours have as much of it or more, so that its row of $L\, W_I$ is not positive, and by the equation the weight is
-# at least what it was in $W_0$. In the end each vertex keeps its four largest weights.
+# at least what it was in $W_0$. In the end each vertex keeps its four largest weights,
+# divided by their sum, so that they sum to one again. (No heat is lost is then true only nearly.)
 
 # %%
 source(heat)

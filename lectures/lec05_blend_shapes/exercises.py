@@ -57,7 +57,7 @@ def directions(people: Array, k: int) -> tuple[Array, Array]:
 
     The directions are the first k principal components, the one of largest variance first. Over
     the n people, each of the k betas has the mean 0 and the variance 1, where the variance is the
-    sum of squares over n - 1.
+    sum of squares over n - 1. Each direction may have either sign.
 
     people (n, m) m, a person's coordinates in each row -> (mean (m,) m, S (m, k) m)
     """

@@ -163,8 +163,8 @@ Picture(
     "The error by angle. Grey lines are the examples. Kernels that are divided by their sum reproduce no "
     "example, because its neighbours contribute as well; kernels that are not divided add up to too much; "
     "with coefficients that are solved for, kernels are exact at the examples. Between inner examples these "
-    "are nearer to the truth than kernels divided by their sum; between the last two on either side it is the "
-    "other way round: at 105 degrees they leave 2.7 mm, and kernels divided by their sum 0.6 mm.",
+    "are nearer to the truth than kernels divided by their sum; half-way between the last two on either side it "
+    "is the other way round: at 105 degrees they leave 2.7 mm, and kernels divided by their sum 0.6 mm.",
 )
 
 # %% [markdown]
@@ -223,7 +223,7 @@ for name, body in {"none": arm, **students}.items():
 
 # %% [markdown]
 # Angles are of little use. An elbow needs the same correction to whichever side it bends, but a linear
-# function of the angle has opposite signs on the two sides. $R$ has $\cos \alpha - 1$ among its
+# function of the angle has opposite signs on the two sides. $R - I$ has $\cos \alpha - 1$ among its
 # elements, which is even.
 #
 # There is a worse failure. Turn a joint all the way round, and it is where it was. Is its skin too?
@@ -279,15 +279,16 @@ R = matrix_from_vector(one)
 f = (R[1:] - np.eye(3)).ravel()
 print(
     "features that are not zero when the left elbow turns:",
-    np.flatnonzero(f),
+    np.flatnonzero(np.abs(f) > 1e-12),
     f"; 9 (k - 1) = {9 * (elbow - 1)}",
 )
 N = 6890
 print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
 # %% [markdown]
-# (*Body Models II* has this number, and beside it the product $9 \cdot 23 \cdot 6890$, which is a third of it: the three
-# coordinates of a vertex are missing.)
+# A turn about $y$ changes four of the nine elements, the corners of the matrix. (*Body Models II* has the number of
+# elements of $P$, and beside it the product $9 \cdot 23 \cdot 6890$, which is a third of it: the three coordinates of a
+# vertex are missing.)
 #
 # ## People
 #
@@ -323,7 +324,10 @@ gallery = {
 with house_style():
     figure, (ax,) = sheet(11, 3.8)
     plot_shape_gallery(gallery, body.faces, ax=ax)
-Picture(figure, caption_shape_gallery(gallery, "three"))
+drawn = (
+    "Each of the first two directions of the body, from whose shape space the people were drawn,"
+)
+Picture(figure, caption_shape_gallery(gallery, "three", drawn))
 
 # %% [markdown]
 # ## Women, men, and everybody

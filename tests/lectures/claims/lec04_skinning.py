@@ -146,7 +146,7 @@ SAYS = {
     "the body is 1.40 m tall in the pose": lambda run: float(
         np.ptp(run["skinned"](run["readings"]["all weights 1/24"], run["dance"])[:, 1])
     ),
-    "In the end each vertex keeps its four largest weights.": lambda run: (
+    "In the end each vertex keeps its four largest weights, divided by their sum": lambda run: (
         int((run["first_weights"] > 0).sum(axis=1).max()) == 4
     ),
     "It is least near 3 cm (dotted), the library's border.": lambda run: (

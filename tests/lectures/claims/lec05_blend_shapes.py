@@ -188,7 +188,7 @@ SAYS = {
             for angle in (-60, -20, 20, 60)
         )
     ),
-    "between the last two on either side it is the other way round: at 105 degrees they leave 2.7 mm, and kernels divided by "
+    "half-way between the last two on either side it is the other way round: at 105 degrees they leave 2.7 mm, and kernels divided by "
     "their sum 0.6 mm.": lambda run: (
         int(105 in np.degrees(run["turns"]).round()) * 105,
         error(run, "exact", 105),
@@ -233,6 +233,9 @@ SAYS = {
         run["body"].n_joints - 1,
         len(run["f"]),
     ),
+    "A turn about $y$ changes four of the nine elements, the corners of the matrix.": lambda run: (
+        (np.flatnonzero(np.abs(run["f"]) > 1e-12) - 9 * (run["elbow"] - 1)).tolist() == [0, 2, 6, 8]
+    ),
     "The order of the features is part of the file format.": lambda run: (
         run.line("features that are not zero")[0] == 9 * (run["elbow"] - 1)
     ),
@@ -269,7 +272,8 @@ SAYS = {
 }
 
 GIVEN = (
-    "(*Body Models II* has this number, and beside it the product $9 \\cdot 23 \\cdot 6890$, which is a third of it",
+    "(*Body Models II* has the number of elements of $P$, and beside it the product $9 \\cdot 23 \\cdot 6890$, which is "
+    "a third of it",
     "was learned from about 1000 scans of the hands of 31 people",
     "| 45 angles, more than an image tells |",
     "Osman, Bolkart and Black, *STAR*, 2020 |",
