@@ -66,7 +66,7 @@ def test_one_camera_sees_across_and_not_along() -> None:
 def test_bundle_adjustment_is_invariant_to_similarities() -> None:
     example = import_module("examples.29_the_gauge_of_bundle_adjustment")
     kinds = [direction.kind for direction in example.diagnosis.null_directions]
-    assert kinds == ["translation"] * 3 + ["rotation"] * 3 + ["scale"]
+    assert sorted(kinds) == ["rotation"] * 3 + ["scale"] + ["translation"] * 3
     first = example.remedies[0]
     assert (first.acts, first.numbers, first.cured) == (2, 7, True)
     assert first.what.startswith("hold camera ")

@@ -22,6 +22,7 @@ from workbench.fitting.hand_fit import mean_hand, points_of
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import (
     HAND_RECIPE,
+    PERSON_RECIPE,
     FitStage,
     Recipe,
     body_size,
@@ -124,7 +125,7 @@ def test_starts_are_all_turns_of_a_cube_about_the_middle() -> None:
 
 def test_the_recipe_is_that_of_what_the_body_is() -> None:
     assert usual_recipe(HAND) is HAND_RECIPE
-    assert usual_recipe(load_skinned("small")) == Recipe()
+    assert usual_recipe(load_skinned("small")) is PERSON_RECIPE
     assert len(HAND_RECIPE.vertex_stages(HAND)) == 1
     with pytest.raises(BadArgument, match="lengths above 0"):
         Recipe(vertex_stages=model_alone, within=0.0)
