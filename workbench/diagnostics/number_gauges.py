@@ -119,6 +119,8 @@ def _trade_off(free: Layout, v: Array) -> NamedSubspace:
     small = SAME * abs(v).max()
     moved = [b.name for b in free.blocks if abs(v[places_of(free, b)]).max(initial=0.0) > small]
     among = f"within {moved[0]}" if len(moved) == 1 else f"of {listed(moved)}"
+    first = np.flatnonzero(abs(v) > (1 - PART) * abs(v).max())[0]  # of the largest, up to rounding
+    v = v * np.sign(v[first])
     name = f"a trade-off {among}: {dominant(v / np.linalg.norm(v), free)}"
     return single_gauge("trade-off", name, v)
 
