@@ -30,6 +30,14 @@ def test_the_page_has_the_table_of_the_results() -> None:
     }
 
 
+def test_the_page_tells_of_all_people_together_in_blocks() -> None:
+    rows = [row for row in json.loads(RESULTS.read_text())["pooled"] if "blocks" in row["held out"]]
+    assert len(rows) == 2
+    assert {f"{row['registered']:.1f}" for row in rows} == {"5.3"}
+    assert max(row["model"] for row in rows) < 7
+    assert "registered they are off by 5.3 mm in the median" in PAGE.read_text()
+
+
 def test_all_people_together_are_their_points_and_not_the_mean_of_their_medians() -> None:
     few, many = np.array([0.001]), np.array([0.003, 0.004, 0.005, 0.006])
     people = [{"model": one, "registered": one / 2} for one in (few, many)]
