@@ -285,11 +285,13 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 # The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the same rotation: their mean would be zero although
 # nothing has turned. Before the quaternions are added, each one is therefore given the sign with which it is
 # nearer to the one that has the largest weight. Bones also move from place to place, and four more numbers
-# hold the offset. The eight numbers together are a **dual quaternion**, and their average in the same way
-# gives a rigid motion for every vertex (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with
+# hold the offset $t$: they are $\tfrac12 t\, q$, half the product of the quaternion $(0, t)$ with $q$. The eight numbers
+# together are a **dual quaternion**. Their average in the same way, with all eight divided by the length of the first
+# four, gives a rigid motion for every vertex. For all motions that take the joint to the same place, the last four numbers
+# are one linear function of the first four, so that their average takes the joint there too (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with
 # Approximate Dual Quaternion Blending*, 2008). In the library two short functions say this. They call three
 # others: `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
-# `moved` divides by the length and moves the vertices:
+# `moved` divides by that length and moves the vertices:
 
 # %%
 source(dual_quaternion_blend)

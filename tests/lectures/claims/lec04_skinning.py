@@ -218,7 +218,7 @@ SAYS = {
         for line in run.lines("by 90 and 180 degrees")
         for k in (2, 3)
     ),
-    "their average in the same way gives a rigid motion for every vertex": lambda run: (
+    "gives a rigid motion for every vertex": lambda run: (
         abs(run.line("the middle ring keeps")[1] - 1) < 1e-6
     ),
     "This is equal to $w \\alpha$ at $w = 0, \\tfrac12, 1$, and close to it elsewhere": lambda run: (
@@ -267,6 +267,7 @@ GIVEN = (
 )
 
 GENERAL = (  # mathematics, definitions and advice
+    "half the product of the quaternion $(0, t)$ with $q$",
     "the upper and the lower half of the tube",
     "is twice the real part of",
     "A quaternion holds the cosine and the sine of *half* of its angle, so the tangent of half of the angle",
