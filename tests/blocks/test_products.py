@@ -6,21 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from tests.compilers import NEEDS_A_COMPILER
 from workbench.blocks.batched import Mapped
 from workbench.blocks.products import LEAST, TOGETHER, rows_together, taken_out
 from workbench.blocks.simd import AfterProduct, Before, simd_function
-from workbench.compiling import NoLibrary, find_compiler
 
-
-def compiler() -> bool:
-    try:
-        find_compiler()
-    except NoLibrary:
-        return False
-    return True
-
-
-NEEDS_A_COMPILER = pytest.mark.skipif(not compiler(), reason="cc")
 RNG = np.random.default_rng(3)
 A, B = RNG.standard_normal((30, 20)), RNG.standard_normal((20, 30))
 SMALL = RNG.standard_normal((3, 20))

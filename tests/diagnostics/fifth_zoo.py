@@ -18,21 +18,17 @@ import casadi as cs
 import numpy as np
 
 from tests.bodies_made_up import smpl_like_body
-from tests.diagnostics.zoo import SIMILARITY, Specimen, observed, pixels, turned
+from tests.diagnostics.zoo import (
+    SIMILARITY,
+    Specimen,
+    all_of,
+    beside,
+    observed,
+    pixels,
+    problem_of,
+    turned,
+)
 from workbench import Block, Problem, Residual, Values
-
-
-def _problem(seen: list[Residual], *blocks: Block) -> Problem:
-    return Problem(seen, [block.name for block in blocks], blocks=blocks)
-
-
-def _all(rows: list[cs.MX], sigma: float = 0.01, unit: str = "1") -> list[Residual]:
-    return [observed("seen", cs.vertcat(*rows), sigma, unit)]
-
-
-def _beside(column: cs.MX, count: int) -> cs.MX:
-    return cs.repmat(column, 1, count)
-
 
 # cameras
 
@@ -53,10 +49,10 @@ def four_cameras_in_quaternions() -> tuple[Problem, Values]:
         at[t.name] = np.array([0.0, 0.0, 7.0]) + rng.normal(size=3)
         w, v = q.symbol[0], cs.skew(q.symbol[1:])
         R = cs.MX.eye(3) + 2 * w * v + 2 * v @ v
-        there = R @ X.symbol + _beside(t.symbol, 10)
+        there = R @ X.symbol + beside(t.symbol, 10)
         seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
         seen.append(observed(f"length {k}", cs.dot(q.symbol, q.symbol) - 1, 1e-3, "1"))
-    return _problem(seen, *blocks), at
+    return problem_of(seen, *blocks), at
 
 
 def panorama() -> tuple[Problem, Values]:
@@ -70,7 +66,7 @@ def panorama() -> tuple[Problem, Values]:
         at[turn.name] = rng.normal(scale=0.2, size=3)
         there = turned(turn.symbol, rays.symbol)
         seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
-    return _problem(seen, *blocks), at
+    return problem_of(seen, *blocks), at
 
 
 def camera_of_a_full_matrix() -> tuple[Problem, Values]:
@@ -78,8 +74,8 @@ def camera_of_a_full_matrix() -> tuple[Problem, Values]:
     rng = np.random.default_rng(202)
     K, turn, place = Block("K", (3, 3)), Block("turn", (3,), "rad"), Block("place", (3,), "m")
     X = cs.MX(cs.DM(rng.normal(size=(20, 3)).T))
-    there = K.symbol.T @ (turned(turn.symbol, X) + _beside(place.symbol, 20))
-    return _problem([observed("image", pixels(there), 1.0, "px")], K, turn, place), {
+    there = K.symbol.T @ (turned(turn.symbol, X) + beside(place.symbol, 20))
+    return problem_of([observed("image", pixels(there), 1.0, "px")], K, turn, place), {
         "K": np.eye(3) + 0.1 * rng.normal(size=(3, 3)),
         "turn": np.array([0.3, -0.2, 0.4]),
         "place": np.array([0.2, 0.1, 6.0]),
@@ -94,11 +90,11 @@ def five_cameras_held_level() -> tuple[Problem, Values]:
     seen = []
     for k in range(5):
         c, s = cs.cos(heading.symbol[k]), cs.sin(heading.symbol[k])
-        away = X.symbol - _beside(place.symbol[:, k], 9)
+        away = X.symbol - beside(place.symbol[:, k], 9)
         right, ahead = c * away[0, :] - s * away[1, :], s * away[0, :] + c * away[1, :]
         there = cs.vertcat(right, away[2, :], ahead)
         seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
-    return _problem(seen, X, place, heading), {
+    return problem_of(seen, X, place, heading), {
         "points": rng.normal(size=(9, 3)),
         "place": np.array([0.0, -7.0, 0.0]) + rng.normal(size=(5, 3)),
         "heading": rng.normal(scale=0.2, size=5),
@@ -116,9 +112,9 @@ def things_on_a_turntable() -> tuple[Problem, Values]:
     seen = []
     for k, a in enumerate(rng.uniform(-2, 2, size=4)):
         table = cs.DM([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
-        there = turned(turn.symbol, table @ X.symbol) + _beside(place.symbol, 8)
+        there = turned(turn.symbol, table @ X.symbol) + beside(place.symbol, 8)
         seen.append(observed(f"scan {k}", there, 0.001, "m"))
-    return _problem(seen, X, turn, place), {
+    return problem_of(seen, X, turn, place), {
         "points": rng.normal(size=(8, 3)),
         "scanner/turn": np.array([0.4, -0.3, 0.2]),
         "scanner/place": np.array([0.1, 0.2, 2.0]),
@@ -136,7 +132,7 @@ def cameras_without_a_trigger() -> tuple[Problem, Values]:
             now = late.symbol[k] + t
             fall = cs.DM([0.0, -9.81, 0.0]) / 2
             rows.append(start.symbol + speed.symbol * now + fall * now**2)
-    return _problem(_all(rows, 0.01, "m"), start, speed, late), {
+    return problem_of(all_of(rows, 0.01, "m"), start, speed, late), {
         "start": rng.normal(size=3),
         "speed": rng.normal(size=3),
         "late": 0.1 * rng.normal(size=3),
@@ -159,7 +155,7 @@ def arm_under_a_camera() -> tuple[Problem, Values]:
         tip = length.symbol[0] * cs.vertcat(cs.cos(first), cs.sin(first))
         tip += length.symbol[1] * cs.vertcat(cs.cos(second), cs.sin(second))
         rows.append(zoom.symbol * tip + middle.symbol)
-    return _problem(_all(rows, 0.5, "px"), offset, length, zoom, heading, middle), {
+    return problem_of(all_of(rows, 0.5, "px"), offset, length, zoom, heading, middle), {
         "offset": np.array([0.05, -0.1]),
         "length": np.array([0.5, 0.4]),
         "zoom": np.array(300.0),
@@ -174,7 +170,7 @@ def body_on_a_platform() -> tuple[Problem, Values]:
     body = smpl_like_body()
     turn, place = Block("platform/turn", (3,), "rad"), Block("platform/place", (3,), "m")
     joints = body.joint_points(*(block.symbol for block in body.blocks()))
-    there = turned(turn.symbol, joints.symbol) + _beside(place.symbol, 24)
+    there = turned(turn.symbol, joints.symbol) + beside(place.symbol, 24)
     seen = Residual("joints", cs.vec(there), 0.01, "m", points=(joints,), blocks=(turn, place))
     at = body.start() | {
         "pose": rng.normal(scale=0.3, size=(24, 3)),
@@ -190,7 +186,7 @@ def people_of_one_shape() -> tuple[Problem, Values]:
     rng = np.random.default_rng(208)
     template, size = Block("template", (6, 3), "m"), Block("size", (4,))
     people = cs.vec(template.symbol) @ size.symbol.T
-    return _problem([observed("people", people, 0.01, "m")], template, size), {
+    return problem_of([observed("people", people, 0.01, "m")], template, size), {
         "template": rng.normal(size=(6, 3)),
         "size": rng.uniform(0.8, 1.2, size=4),
     }
@@ -205,7 +201,7 @@ def weights_by_softmax() -> tuple[Problem, Values]:
         share = cs.exp(logits.symbol[:, v])
         for _ in range(3):
             rows.append(cs.DM(rng.normal(size=(3, 3))) @ share / cs.sum1(share))
-    return _problem(_all(rows, 0.01, "m"), logits), {"logits": rng.normal(size=(5, 3))}
+    return problem_of(all_of(rows, 0.01, "m"), logits), {"logits": rng.normal(size=(5, 3))}
 
 
 # distances, angles, clocks
@@ -219,7 +215,7 @@ def ranges_of_biased_radios() -> tuple[Problem, Values]:
         cs.norm_2(X.symbol[:, i] - X.symbol[:, j]) + bias.symbol[i] + bias.symbol[j]
         for i, j in combinations(range(8), 2)
     ]
-    return _problem(_all(rows, 0.01, "m"), X, bias), {
+    return problem_of(all_of(rows, 0.01, "m"), X, bias), {
         "radios": 3 * rng.normal(size=(8, 2)),
         "bias": 0.1 * rng.normal(size=8),
     }
@@ -234,7 +230,7 @@ def angles_of_triangles() -> tuple[Problem, Values]:
         for j, k in combinations([n for n in range(6) if n != i], 2):
             a, b = X.symbol[:, j] - X.symbol[:, i], X.symbol[:, k] - X.symbol[:, i]
             rows.append(cs.dot(a, b) / (cs.norm_2(a) * cs.norm_2(b)))
-    return _problem(_all(rows, 1e-3), X), {"stations": rng.normal(size=(6, 2))}
+    return problem_of(all_of(rows, 1e-3), X), {"stations": rng.normal(size=(6, 2))}
 
 
 def survey_in_east_and_north() -> tuple[Problem, Values]:
@@ -246,7 +242,7 @@ def survey_in_east_and_north() -> tuple[Problem, Values]:
         for i, j in combinations(range(7), 2)
     ]
     at = {"east": rng.normal(size=7), "north": rng.normal(size=7)}
-    return _problem(_all(rows, 0.01, "m"), east, north), at
+    return problem_of(all_of(rows, 0.01, "m"), east, north), at
 
 
 def clocks_with_delays() -> tuple[Problem, Values]:
@@ -260,7 +256,7 @@ def clocks_with_delays() -> tuple[Problem, Values]:
         c.symbol[j] + r.symbol[j] - c.symbol[i] + s.symbol[i] for i, j in permutations(range(5), 2)
     ]
     at = {b.name: rng.normal(size=5) for b in (c, r, s)}
-    return _problem(_all(rows, 0.1, "s"), c, r, s), at
+    return problem_of(all_of(rows, 0.1, "s"), c, r, s), at
 
 
 def relative_turns() -> tuple[Problem, Values]:
@@ -270,7 +266,7 @@ def relative_turns() -> tuple[Problem, Values]:
     R = [turned(turns.symbol[:, k], cs.MX.eye(3)) for k in range(5)]
     ties = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 0), (1, 3)]
     rows = [cs.vec(R[i].T @ R[j]) for i, j in ties]
-    return _problem(_all(rows), turns), {"turns": rng.normal(scale=0.6, size=(5, 3))}
+    return problem_of(all_of(rows), turns), {"turns": rng.normal(scale=0.6, size=(5, 3))}
 
 
 def accelerometer_at_rest() -> tuple[Problem, Values]:
@@ -280,8 +276,8 @@ def accelerometer_at_rest() -> tuple[Problem, Values]:
     R = [turned(turns.symbol[:, k], cs.MX.eye(3)) for k in range(4)]
     rows = [cs.vec(R[k].T @ R[k + 1]) for k in range(3)]
     fall = [R[k].T @ gravity.symbol for k in range(4)]
-    seen = [*_all(rows), observed("falls", cs.vertcat(*fall), 0.01, "m/s^2")]
-    return _problem(seen, turns, gravity), {
+    seen = [*all_of(rows), observed("falls", cs.vertcat(*fall), 0.01, "m/s^2")]
+    return problem_of(seen, turns, gravity), {
         "attitude": rng.normal(scale=0.6, size=(4, 3)),
         "gravity": np.array([1.0, -9.5, 2.0]),
     }
@@ -292,7 +288,7 @@ def magnetometer() -> tuple[Problem, Values]:
     rng = np.random.default_rng(216)
     A, b = Block("A", (3, 3)), Block("b", (3,), "uT")
     rows = [cs.norm_2(A.symbol.T @ (cs.DM(rng.normal(size=3)) - b.symbol)) for _ in range(20)]
-    return _problem(_all(rows), A, b), {
+    return problem_of(all_of(rows), A, b), {
         "A": np.eye(3) + 0.2 * rng.normal(size=(3, 3)),
         "b": 0.2 * rng.normal(size=3),
     }
@@ -306,7 +302,7 @@ def decays_from_an_unknown_start() -> tuple[Problem, Values]:
     amount, rate, start = Block("amount", (3,)), Block("rate", (3,), "1/s"), Block("start", (), "s")
     t = cs.DM(np.linspace(0.0, 6.0, 40)) - start.symbol
     total = sum(amount.symbol[k] * cs.exp(-rate.symbol[k] * t) for k in range(3))
-    return _problem([observed("decay", total, 0.01, "1")], amount, rate, start), {
+    return problem_of([observed("decay", total, 0.01, "1")], amount, rate, start), {
         "amount": np.array([1.0, 2.0, 1.5]),
         "rate": np.array([0.3, 1.0, 3.0]),
         "start": np.array(0.2),
@@ -322,7 +318,7 @@ def counts_of_a_detector() -> tuple[Problem, Values]:
         efficiency.symbol * amount.symbol[k] * cs.exp(-rate.symbol * t) + background.symbol
         for k in range(4)
     ]
-    return _problem(_all(rows, 0.1, "Bq"), amount, rate, efficiency, background), {
+    return problem_of(all_of(rows, 0.1, "Bq"), amount, rate, efficiency, background), {
         "activity": np.array([10.0, 20.0, 5.0, 8.0]),
         "rate": np.array(0.7),
         "efficiency": np.array(0.3),
@@ -335,7 +331,7 @@ def enzyme() -> tuple[Problem, Values]:
     k, E, Km = Block("turnover", (), "1/s"), Block("enzyme", (), "mM"), Block("Km", (), "mM")
     S = cs.DM(np.linspace(0.1, 5.0, 12))
     speed = k.symbol * E.symbol * S / (Km.symbol + S)
-    return _problem([observed("speed", speed, 0.01, "mM/s")], k, E, Km), {
+    return problem_of([observed("speed", speed, 0.01, "mM/s")], k, E, Km), {
         "turnover": np.array(10.0),
         "enzyme": np.array(0.05),
         "Km": np.array(1.3),
@@ -354,7 +350,7 @@ def pill() -> tuple[Problem, Values]:
     ke = CL.symbol / V.symbol
     level = F.symbol * 100 * ka.symbol / (V.symbol * (ka.symbol - ke))
     level *= cs.exp(-ke * t) - cs.exp(-ka.symbol * t)
-    return _problem([observed("level", level, 0.05, "mg/l")], F, V, CL, ka), {
+    return problem_of([observed("level", level, 0.05, "mg/l")], F, V, CL, ka), {
         "share": np.array(0.7),
         "volume": np.array(30.0),
         "clearance": np.array(6.0),
@@ -365,7 +361,7 @@ def pill() -> tuple[Problem, Values]:
 def springs_and_masses() -> tuple[Problem, Values]:
     """Four oscillators by their frequencies: of each only the ratio of stiffness and mass."""
     k, m = Block("stiffness", (4,), "N/m"), Block("mass", (4,), "kg")
-    return _problem(_all([cs.sqrt(k.symbol / m.symbol)], 0.01, "rad/s"), k, m), {
+    return problem_of(all_of([cs.sqrt(k.symbol / m.symbol)], 0.01, "rad/s"), k, m), {
         "stiffness": np.array([10.0, 20.0, 15.0, 8.0]),
         "mass": np.array([1.0, 0.5, 2.0, 1.2]),
     }
@@ -381,7 +377,7 @@ def three_ways_of_a_table() -> tuple[Problem, Values]:
         for j in range(4)
         for n in range(3)
     ]
-    return _problem(_all(rows), a, b, c), {x.name: rng.normal(size=x.shape) for x in (a, b, c)}
+    return problem_of(all_of(rows), a, b, c), {x.name: rng.normal(size=x.shape) for x in (a, b, c)}
 
 
 def three_linear_layers() -> tuple[Problem, Values]:
@@ -389,7 +385,7 @@ def three_linear_layers() -> tuple[Problem, Values]:
     rng = np.random.default_rng(218)
     A, C, B = Block("A", (6, 2)), Block("C", (2, 2)), Block("B", (2, 5))
     product = A.symbol.T @ C.symbol.T @ B.symbol.T
-    return _problem([observed("product", product, 0.01, "1")], A, C, B), {
+    return problem_of([observed("product", product, 0.01, "1")], A, C, B), {
         x.name: rng.normal(size=x.shape) for x in (A, C, B)
     }
 
@@ -401,7 +397,7 @@ def responses_of_a_system() -> tuple[Problem, Values]:
     for _ in range(8):
         rows.append(C.symbol.T @ state)
         state = A.symbol.T @ state
-    return _problem(_all(rows), A, B, C), {
+    return problem_of(all_of(rows), A, B, C), {
         "A": np.array([[0.8, 0.3], [-0.2, 0.6]]),
         "B": np.array([[1.0], [0.5]]),
         "C": np.array([[0.7, -0.4]]),
@@ -413,7 +409,7 @@ def colours_under_lamps() -> tuple[Problem, Values]:
     rng = np.random.default_rng(219)
     lamps, paints = Block("lamps", (3, 3)), Block("paints", (8, 3))
     rows = [lamps.symbol[:, i] * paints.symbol[:, j] for i in range(3) for j in range(8)]
-    return _problem(_all(rows), lamps, paints), {
+    return problem_of(all_of(rows), lamps, paints), {
         "lamps": rng.uniform(0.5, 2, size=(3, 3)),
         "paints": rng.uniform(0.1, 0.9, size=(8, 3)),
     }
@@ -430,7 +426,7 @@ def photographs_through_a_lens() -> tuple[Problem, Values]:
         for r in range(3)
     ]
     at = {b.name: rng.uniform(0.5, 2, size=b.shape) for b in (exposure, radiance, ring)}
-    return _problem(_all(rows), exposure, radiance, ring), at
+    return problem_of(all_of(rows), exposure, radiance, ring), at
 
 
 PLANE = {"translation": 2, "rotation": 1}

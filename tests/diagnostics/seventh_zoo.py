@@ -14,21 +14,17 @@ import casadi as cs
 import numpy as np
 
 from tests.bodies_made_up import smpl_like_body
-from tests.diagnostics.zoo import SIMILARITY, Specimen, observed, pixels, turned
+from tests.diagnostics.zoo import (
+    SIMILARITY,
+    Specimen,
+    all_of,
+    beside,
+    observed,
+    pixels,
+    problem_of,
+    turned,
+)
 from workbench import Block, Problem, Residual, Values
-
-
-def _problem(seen: list[Residual], *blocks: Block) -> Problem:
-    return Problem(seen, [block.name for block in blocks], blocks=blocks)
-
-
-def _all(rows: list[cs.MX], sigma: float = 0.01, unit: str = "1") -> list[Residual]:
-    return [observed("seen", cs.vertcat(*rows), sigma, unit)]
-
-
-def _beside(column: cs.MX, count: int) -> cs.MX:
-    return cs.repmat(column, 1, count)
-
 
 # cameras, light, bodies
 
@@ -45,12 +41,12 @@ def four_cameras_with_distortion() -> tuple[Problem, Values]:
         blocks += [turn, place]
         at[turn.name] = rng.normal(scale=0.4, size=3)
         at[place.name] = np.array([0.0, 0.0, 5.0]) + rng.normal(size=3)
-        there = turned(turn.symbol, X.symbol) + _beside(place.symbol, 14)
+        there = turned(turn.symbol, X.symbol) + beside(place.symbol, 14)
         flat = there[:2, :] / cs.repmat(there[2, :], 2, 1)
         far = cs.repmat(cs.sum1(flat**2), 2, 1)
         image = focal.symbol * flat * (1 + bend.symbol * far)
         seen.append(observed(f"image {k}", image, 1.0, "px"))
-    return _problem(seen, *blocks), at
+    return problem_of(seen, *blocks), at
 
 
 def rig_of_unknown_baseline() -> tuple[Problem, Values]:
@@ -63,13 +59,13 @@ def rig_of_unknown_baseline() -> tuple[Problem, Values]:
         blocks += [turn, place]
         at[turn.name] = rng.normal(scale=0.3, size=3)
         at[place.name] = np.array([0.0, 0.0, 6.0]) + rng.normal(size=3)
-        left = turned(turn.symbol, X.symbol) + _beside(place.symbol, 9)
-        right = left - _beside(cs.vertcat(base.symbol, 0, 0), 9)
+        left = turned(turn.symbol, X.symbol) + beside(place.symbol, 9)
+        right = left - beside(cs.vertcat(base.symbol, 0, 0), 9)
         seen += [
             observed(f"left {k}", pixels(left), 1.0, "px"),
             observed(f"right {k}", pixels(right), 1.0, "px"),
         ]
-    return _problem(seen, *blocks), at
+    return problem_of(seen, *blocks), at
 
 
 def lamps_nearby() -> tuple[Problem, Values]:
@@ -85,7 +81,7 @@ def lamps_nearby() -> tuple[Problem, Values]:
             way = lamp.symbol[:, k] - x
             fall = cs.dot(cs.DM(n / np.linalg.norm(n)), way) / cs.norm_2(way) ** 3
             rows.append(strength.symbol[k] * albedo.symbol[p] * fall)
-    return _problem(_all(rows), lamp, strength, albedo), {
+    return problem_of(all_of(rows), lamp, strength, albedo), {
         "lamps": rng.normal(scale=0.4, size=(4, 3)) + [0, 0, 1.5],
         "strength": rng.uniform(0.8, 1.5, size=4),
         "albedo": rng.uniform(0.2, 0.9, size=16),
@@ -110,7 +106,7 @@ def weights_and_bones() -> tuple[Problem, Values]:
     rng = np.random.default_rng(404)
     W, B = Block("weights", (6, 3)), Block("bones", (3, 3), "m")
     seen = [observed("vertices", B.symbol @ W.symbol, 0.01, "m")]
-    return _problem(seen, W, B), {
+    return problem_of(seen, W, B), {
         "weights": rng.normal(size=(6, 3)),
         "bones": rng.normal(size=(3, 3)),
     }
@@ -126,7 +122,7 @@ def factors_of_unit_covariance() -> tuple[Problem, Values]:
         observed("covariance", cs.vertcat(C[0, 0], C[0, 1], C[1, 1]), 0.01, "1"),
     ]
     at = {"loadings": rng.normal(size=(6, 2)), "factors": rng.normal(size=(9, 2))}
-    return _problem(seen, A, F), at
+    return problem_of(seen, A, F), at
 
 
 def turned_features() -> tuple[Problem, Values]:
@@ -140,7 +136,7 @@ def turned_features() -> tuple[Problem, Values]:
         observed("lengths", told, 0.01, "1"),
     ]
     start = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    return _problem(seen, A, X), {"A": start, "features": rng.normal(size=(6, 3))}
+    return problem_of(seen, A, X), {"A": start, "features": rng.normal(size=(6, 3))}
 
 
 def response_of_a_film() -> tuple[Problem, Values]:
@@ -152,7 +148,7 @@ def response_of_a_film() -> tuple[Problem, Values]:
         for i in range(9)
         for j in range(4)
     ]
-    return _problem(_all(rows), g, E, t), {b.name: rng.normal(size=b.shape) for b in (g, E, t)}
+    return problem_of(all_of(rows), g, E, t), {b.name: rng.normal(size=b.shape) for b in (g, E, t)}
 
 
 # machines and networks
@@ -170,7 +166,7 @@ def arm_and_a_target() -> tuple[Problem, Values]:
         tip = length.symbol[0] * cs.vertcat(cs.cos(first), cs.sin(first))
         tip += length.symbol[1] * cs.vertcat(cs.cos(second), cs.sin(second))
         rows.append(cs.norm_2(tip - mark.symbol))
-    return _problem(_all(rows, 0.001, "m"), zero, length, mark), {
+    return problem_of(all_of(rows, 0.001, "m"), zero, length, mark), {
         "zero": np.array([0.1, -0.2]),
         "length": np.array([0.6, 0.4]),
         "mark": np.array([1.3, 0.7]),
@@ -190,7 +186,7 @@ def sounds_at_known_receivers() -> tuple[Problem, Values]:
         rows += [
             start.symbol[j] + cs.norm_2(S.symbol[:, j] - cs.DM(r)) / speed.symbol for j in range(4)
         ]
-    return _problem(_all(rows, 1e-3, "s"), S, start, speed), {
+    return problem_of(all_of(rows, 1e-3, "s"), S, start, speed), {
         "sources": 50 * rng.normal(size=(4, 2)),
         "start": 0.1 * rng.normal(size=4),
         "speed": np.array(340.0),
@@ -205,7 +201,7 @@ def ratios_of_heights() -> tuple[Problem, Values]:
         (h.symbol[i] - h.symbol[j]) / (h.symbol[j] - h.symbol[k])
         for i, j, k in [(0, 1, 2), (1, 2, 3), (2, 3, 4), (3, 4, 5), (5, 0, 2), (4, 1, 3)]
     ]
-    return _problem(_all(rows), h), {"height": np.arange(6.0) ** 1.5 + 0.1 * rng.normal(size=6)}
+    return problem_of(all_of(rows), h), {"height": np.arange(6.0) ** 1.5 + 0.1 * rng.normal(size=6)}
 
 
 def gains_of_an_array() -> tuple[Problem, Values]:
@@ -216,7 +212,7 @@ def gains_of_an_array() -> tuple[Problem, Values]:
     for i, j in combinations(range(5), 2):
         size, apart = S.symbol * gain.symbol[i] * gain.symbol[j], phase.symbol[i] - phase.symbol[j]
         rows += [size * cs.cos(apart), size * cs.sin(apart)]
-    return _problem(_all(rows, 0.01, "Jy"), gain, phase, S), {
+    return problem_of(all_of(rows, 0.01, "Jy"), gain, phase, S), {
         "gain": rng.uniform(0.7, 1.4, size=5),
         "phase": rng.normal(size=5),
         "strength": np.array(2.0),
@@ -237,7 +233,7 @@ def tide_gauges_on_moving_land() -> tuple[Problem, Values]:
         for k in range(4)
     ]
     at = {b.name: rng.normal(size=b.shape) for b in (sea, datum, uplift)}
-    return _problem(_all(rows, 0.01, "m"), sea, datum, uplift), at
+    return problem_of(all_of(rows, 0.01, "m"), sea, datum, uplift), at
 
 
 def depth_of_disparities() -> tuple[Problem, Values]:
@@ -252,7 +248,7 @@ def depth_of_disparities() -> tuple[Problem, Values]:
         offset.symbol + slope.symbol * float(d) - depth.symbol[k]
         for k, d in enumerate(rng.uniform(1, 9, size=6))
     ]
-    return _problem(_all(rows, 0.01, "m"), depth, offset, slope), {
+    return problem_of(all_of(rows, 0.01, "m"), depth, offset, slope), {
         "depth": rng.uniform(1, 4, size=6),
         "zero": np.array(0.4),
         "slope": np.array(0.3),
@@ -270,7 +266,7 @@ def decays_over_a_trend() -> tuple[Problem, Values]:
     total = level.symbol + slope.symbol * t
     total += sum(amount.symbol[k] * cs.exp(-rate.symbol[k] * t) for k in range(2))
     seen = [observed("decay", total, 0.01, "1")]
-    return _problem(seen, amount, rate, level, slope, start), {
+    return problem_of(seen, amount, rate, level, slope, start), {
         "amount": np.array([1.0, 1.7]),
         "rate": np.array([0.5, 2.2]),
         "level": np.array(0.3),
@@ -288,7 +284,7 @@ def reversible_reaction() -> tuple[Problem, Values]:
     A = amount.symbol * (back.symbol + forth.symbol * cs.exp(-k * t)) / k
     B = amount.symbol - A
     rows = [gain.symbol[0] * A, gain.symbol[1] * B]
-    return _problem(_all(rows), forth, back, amount, gain), {
+    return problem_of(all_of(rows), forth, back, amount, gain), {
         "forth": np.array(0.9),
         "back": np.array(0.4),
         "amount": np.array(2.0),
@@ -299,7 +295,7 @@ def reversible_reaction() -> tuple[Problem, Values]:
 def dividers_of_voltage() -> tuple[Problem, Values]:
     """Shares of a voltage over five resistors in a row: resistances have no unit."""
     R = Block("resistance", (5,), "Ohm")
-    return _problem([observed("shares", R.symbol / cs.sum1(R.symbol), 0.001, "1")], R), {
+    return problem_of([observed("shares", R.symbol / cs.sum1(R.symbol), 0.001, "1")], R), {
         "resistance": np.array([1.0, 2.0, 0.5, 1.5, 3.0])
     }
 
@@ -314,7 +310,7 @@ def heat_in_a_rod() -> tuple[Problem, Values]:
     t = cs.DM(np.linspace(0.0, 2.0, 12))
     seen = [observed("warmth", cs.exp(-k.symbol / (rho.symbol * c.symbol) * t), 0.01, "K")]
     at = {"conductivity": np.array(2.0), "density": np.array(1.5), "capacity": np.array(0.8)}
-    return _problem(seen, k, rho, c), at
+    return problem_of(seen, k, rho, c), at
 
 
 SEVENTH_ZOO = (

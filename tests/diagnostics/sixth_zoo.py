@@ -18,20 +18,17 @@ import casadi as cs
 import numpy as np
 
 from tests.bodies_made_up import smpl_like_body
-from tests.diagnostics.zoo import SIMILARITY, Specimen, observed, pixels, turned
+from tests.diagnostics.zoo import (
+    SIMILARITY,
+    Specimen,
+    all_of,
+    beside,
+    observed,
+    pixels,
+    problem_of,
+    turned,
+)
 from workbench import Block, Problem, Residual, Values
-
-
-def _problem(seen: list[Residual], *blocks: Block) -> Problem:
-    return Problem(seen, [block.name for block in blocks], blocks=blocks)
-
-
-def _all(rows: list[cs.MX], sigma: float = 0.01, unit: str = "1") -> list[Residual]:
-    return [observed("seen", cs.vertcat(*rows), sigma, unit)]
-
-
-def _beside(column: cs.MX, count: int) -> cs.MX:
-    return cs.repmat(column, 1, count)
 
 
 def _numbers(**values: float) -> tuple[dict[str, cs.MX], list[Block], Values]:
@@ -73,7 +70,7 @@ def prey_without_predators() -> tuple[Problem, Values]:
 
     start = cs.vertcat(s["prey"], s["predators"])
     seen = [x[0] for x in _simulated(slope, start, 0.2, 30)]
-    return _problem(_all(seen), *blocks), at
+    return problem_of(all_of(seen), *blocks), at
 
 
 def epidemic_that_is_reported_in_part() -> tuple[Problem, Values]:
@@ -86,7 +83,7 @@ def epidemic_that_is_reported_in_part() -> tuple[Problem, Values]:
 
     start = cs.vertcat(s["susceptible"], s["infected"])
     seen = [s["reported"] * x[1] for x in _simulated(slope, start, 0.4, 30)]
-    return _problem(_all(seen), *blocks), at
+    return problem_of(all_of(seen), *blocks), at
 
 
 def two_compartments_by_one() -> tuple[Problem, Values]:
@@ -100,7 +97,7 @@ def two_compartments_by_one() -> tuple[Problem, Values]:
         )
 
     seen = [x[0] for x in _simulated(slope, cs.MX(cs.DM([1.0, 0.0])), 0.25, 30)]
-    return _problem(_all(seen), *blocks), at
+    return problem_of(all_of(seen), *blocks), at
 
 
 def pendulum_on_a_motor() -> tuple[Problem, Values]:
@@ -116,7 +113,7 @@ def pendulum_on_a_motor() -> tuple[Problem, Values]:
 
         x = _simulated(slope, x, 0.1, 1)[0]
         states.append(x[0])
-    return _problem(_all(states, 0.01, "rad"), *blocks), at
+    return problem_of(all_of(states, 0.01, "rad"), *blocks), at
 
 
 def reactions_at_temperatures() -> tuple[Problem, Values]:
@@ -124,7 +121,7 @@ def reactions_at_temperatures() -> tuple[Problem, Values]:
     s, blocks, at = _numbers(concentration=2.0, frequency=1.5, energy=3.0)
     T = cs.DM(np.linspace(1.0, 2.5, 10))
     speed = s["concentration"] * cs.exp(s["frequency"] - s["energy"] / T)
-    return _problem([observed("speed", speed, 0.01, "1")], *blocks), at
+    return problem_of([observed("speed", speed, 0.01, "1")], *blocks), at
 
 
 def intermediate_product() -> tuple[Problem, Values]:
@@ -133,7 +130,7 @@ def intermediate_product() -> tuple[Problem, Values]:
     t = cs.DM(np.linspace(0.2, 8.0, 20))
     k1, k2 = rate.symbol[0], rate.symbol[1]
     B = amount.symbol * k1 / (k2 - k1) * (cs.exp(-k1 * t) - cs.exp(-k2 * t))
-    return _problem([observed("B", gain.symbol * B, 0.01, "mM")], rate, amount, gain), {
+    return problem_of([observed("B", gain.symbol * B, 0.01, "mM")], rate, amount, gain), {
         "rate": np.array([0.8, 0.3]),
         "amount": np.array(2.0),
         "gain": np.array(0.6),
@@ -145,7 +142,7 @@ def decays_on_an_odd_clock() -> tuple[Problem, Values]:
     amount, rate, speed = Block("amount", (2,)), Block("rate", (2,), "1/s"), Block("speed", ())
     t = speed.symbol * cs.DM(np.linspace(0.0, 4.0, 25))
     total = sum(amount.symbol[k] * cs.exp(-rate.symbol[k] * t) for k in range(2))
-    return _problem([observed("decay", total, 0.01, "1")], amount, rate, speed), {
+    return problem_of([observed("decay", total, 0.01, "1")], amount, rate, speed), {
         "amount": np.array([1.0, 1.8]),
         "rate": np.array([0.4, 1.7]),
         "speed": np.array(1.1),
@@ -169,7 +166,7 @@ def lines_of_a_spectrum() -> tuple[Problem, Values]:
         for k in range(3)
     )
     seen = [observed("counts", gain.symbol * total, 0.01, "1")]
-    return _problem(seen, height, centre, width, gain, origin, step), {
+    return problem_of(seen, height, centre, width, gain, origin, step), {
         "height": np.array([1.0, 2.0, 1.5]),
         "centre": np.array([2.5, 5.0, 8.0]),
         "width": np.array([0.6, 0.9, 0.7]),
@@ -191,9 +188,9 @@ def three_cameras_of_known_turns() -> tuple[Problem, Values]:
         blocks.append(place)
         at[place.name] = np.array([0.0, 0.0, -6.0]) + rng.normal(size=3)
         R = turned(cs.MX(cs.DM(rng.normal(scale=0.2, size=3))), cs.MX.eye(3))
-        there = R @ (X.symbol - _beside(place.symbol, 10))
+        there = R @ (X.symbol - beside(place.symbol, 10))
         seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
-    return _problem(seen, *blocks), at
+    return problem_of(seen, *blocks), at
 
 
 def five_weak_perspective_views() -> tuple[Problem, Values]:
@@ -204,9 +201,9 @@ def five_weak_perspective_views() -> tuple[Problem, Values]:
     seen = []
     for k in range(5):
         there = turned(turn.symbol[:, k], X.symbol)[:2, :]
-        image = size.symbol[k] * there + _beside(shift.symbol[:, k], 9)
+        image = size.symbol[k] * there + beside(shift.symbol[:, k], 9)
         seen.append(observed(f"image {k}", image, 1.0, "px"))
-    return _problem(seen, X, turn, size, shift), {
+    return problem_of(seen, X, turn, size, shift), {
         "points": rng.normal(size=(9, 3)),
         "turn": rng.normal(scale=0.5, size=(5, 3)),
         "size": rng.uniform(80, 120, size=5),
@@ -222,13 +219,13 @@ def scans_of_unknown_size() -> tuple[Problem, Values]:
     seen = [
         observed(
             f"scan {k}",
-            size.symbol[k] * turned(turn.symbol[:, k], X.symbol) + _beside(shift.symbol[:, k], 8),
+            size.symbol[k] * turned(turn.symbol[:, k], X.symbol) + beside(shift.symbol[:, k], 8),
             0.01,
             "m",
         )
         for k in range(4)
     ]
-    return _problem(seen, X, turn, shift, size), {
+    return problem_of(seen, X, turn, shift, size), {
         "thing": rng.normal(size=(8, 3)),
         "turn": rng.normal(scale=0.5, size=(4, 3)),
         "shift": rng.normal(size=(4, 3)),
@@ -246,11 +243,11 @@ def hand_and_eye_with_unknown_squares() -> tuple[Problem, Values]:
     seen = []
     for k in range(5):
         R = turned(cs.MX(cs.DM(rng.normal(scale=0.3, size=3))), cs.MX.eye(3))
-        world = size.symbol * turned(board_turn.symbol, corners) + _beside(board_place.symbol, 12)
-        hand = R.T @ (world - _beside(cs.DM(rng.normal(scale=0.4, size=3)), 12))
-        eye = turned(turn.symbol, hand) + _beside(place.symbol, 12)
+        world = size.symbol * turned(board_turn.symbol, corners) + beside(board_place.symbol, 12)
+        hand = R.T @ (world - beside(cs.DM(rng.normal(scale=0.4, size=3)), 12))
+        eye = turned(turn.symbol, hand) + beside(place.symbol, 12)
         seen.append(observed(f"image {k}", pixels(eye), 0.3, "px"))
-    return _problem(seen, turn, place, board_turn, board_place, size), {
+    return problem_of(seen, turn, place, board_turn, board_place, size), {
         "eye/turn": np.array([0.2, -0.1, 0.1]),
         "eye/place": np.array([0.1, 0.0, 0.2]),
         "board/turn": np.array([0.3, 0.1, -0.2]),
@@ -271,7 +268,7 @@ def body_of_unknown_size_before_two_cameras() -> tuple[Problem, Values]:
         turn, place = Block(f"{name}/turn", (3,), "rad"), Block(f"{name}/place", (3,), "m")
         cameras += [turn, place]
         at |= {turn.name: np.array([0.1, angle, -0.1]), place.name: np.array([0.1, 0.2, 4.0])}
-        there = turned(turn.symbol, size.symbol * joints.symbol) + _beside(place.symbol, 24)
+        there = turned(turn.symbol, size.symbol * joints.symbol) + beside(place.symbol, 24)
         blocks = (size, turn, place)
         seen.append(Residual(name, pixels(there), 1.0, "px", points=(joints,), blocks=blocks))
     free = ("size", "trans", "pose[pelvis]", *(block.name for block in cameras))
@@ -285,7 +282,7 @@ def body_in_the_frame_of_its_camera() -> tuple[Problem, Values]:
     joints = body.joint_points(*(block.symbol for block in body.blocks()))
     seen = Residual(
         "image",
-        pixels(joints.symbol + _beside(cs.DM([0, 0, 4.0]), 24)),
+        pixels(joints.symbol + beside(cs.DM([0, 0, 4.0]), 24)),
         1.0,
         "px",
         points=(joints,),
@@ -312,7 +309,7 @@ def arm_with_two_upright_axes() -> tuple[Problem, Values]:
         inner = turn(cs.MX(q[1]) + zero.symbol) @ tool.symbol
         out = turn(cs.MX(q[0])) @ (cs.vertcat(link.symbol, 0, 0) + inner)
         ends.append(out + cs.vertcat(0, 0, height.symbol))
-    return _problem(_all(ends, 0.001, "m"), zero, link, height, tool), {
+    return problem_of(all_of(ends, 0.001, "m"), zero, link, height, tool), {
         "second_zero": np.array(0.1),
         "link": np.array(0.5),
         "base_height": np.array(0.3),
@@ -328,7 +325,7 @@ def distances_by_two_instruments() -> tuple[Problem, Values]:
         factor.symbol[k % 2] * cs.norm_2(X.symbol[:, i] - X.symbol[:, j])
         for k, (i, j) in enumerate(combinations(range(7), 2))
     ]
-    return _problem(_all(rows, 0.01, "m"), X, factor), {
+    return problem_of(all_of(rows, 0.01, "m"), X, factor), {
         "stations": rng.normal(size=(7, 2)),
         "factor": np.array([1.0, 1.1]),
     }
@@ -344,7 +341,7 @@ def gravimeters_that_drift() -> tuple[Problem, Values]:
         for k in range(2)
         for i, t in zip([0, 1, 2, 3, 4, 5, 2, 0, 4], np.linspace(0, 4, 9), strict=True)
     ]
-    return _problem(_all(rows, 0.01, "mGal"), gravity, factor, bias, drift), {
+    return problem_of(all_of(rows, 0.01, "mGal"), gravity, factor, bias, drift), {
         "gravity": rng.normal(size=6),
         "factor": np.array([1.0, 0.9]),
         "bias": np.array([0.2, -0.1]),
@@ -363,7 +360,7 @@ def antennas_by_known_sources() -> tuple[Problem, Values]:
             phase.symbol[i] - phase.symbol[j] + way[i] - way[j]
             for i, j in combinations(range(5), 2)
         ]
-    return _problem(_all(rows, 0.01, "rad"), X, phase), {
+    return problem_of(all_of(rows, 0.01, "rad"), X, phase), {
         "antennas": rng.normal(size=(5, 3)),
         "phase": rng.normal(size=5),
     }
@@ -377,9 +374,9 @@ def clocks_against_one_known_start() -> tuple[Problem, Values]:
     for t in (0.0, 1.0, 3.0):
         now = offset.symbol + t * drift.symbol
         rows += [now[i] - now[j] for i, j in [(0, 1), (1, 2), (2, 3), (3, 0)]]
-    seen = [*_all(rows, 0.1, "s"), observed("master", offset.symbol[0], 0.01, "s")]
+    seen = [*all_of(rows, 0.1, "s"), observed("master", offset.symbol[0], 0.01, "s")]
     at = {"offset": rng.normal(size=4), "drift": 0.1 * rng.normal(size=4)}
-    return _problem(seen, offset, drift), at
+    return problem_of(seen, offset, drift), at
 
 
 # products, layers, light
@@ -396,7 +393,7 @@ def stars_of_unknown_distance() -> tuple[Problem, Values]:
     rows = [
         M.symbol[i] + 5 * cs.log10(d.symbol[i]) + zero.symbol[j] for i in range(5) for j in range(3)
     ]
-    return _problem(_all(rows, 0.01, "mag"), M, d, zero), {
+    return problem_of(all_of(rows, 0.01, "mag"), M, d, zero), {
         "magnitude": rng.normal(size=5),
         "distance": rng.uniform(5, 50, size=5),
         "zero": rng.normal(size=3),
@@ -410,7 +407,7 @@ def exposures_with_a_gamma() -> tuple[Problem, Values]:
     rows = [
         (exposure.symbol[k] * light.symbol[p]) ** gamma.symbol for k in range(4) for p in range(6)
     ]
-    return _problem(_all(rows), exposure, light, gamma), {
+    return problem_of(all_of(rows), exposure, light, gamma), {
         "exposure": rng.uniform(0.5, 2, size=4),
         "light": rng.uniform(0.5, 3, size=6),
         "gamma": np.array(0.45),
@@ -421,8 +418,10 @@ def sensor_lamp_and_paint() -> tuple[Problem, Values]:
     """sum_b sensor_cb lamp_b paint_pb: any matrix between sensor and paint, factors of lamps."""
     rng = np.random.default_rng(313)
     sensor, lamp, paint = Block("sensor", (4, 3)), Block("lamp", (3,)), Block("paint", (8, 3))
-    lit = paint.symbol * _beside(lamp.symbol, 8)
-    return _problem([observed("values", sensor.symbol.T @ lit, 0.01, "1")], sensor, lamp, paint), {
+    lit = paint.symbol * beside(lamp.symbol, 8)
+    return problem_of(
+        [observed("values", sensor.symbol.T @ lit, 0.01, "1")], sensor, lamp, paint
+    ), {
         "sensor": rng.uniform(0.1, 1, size=(4, 3)),
         "lamp": rng.uniform(0.5, 2, size=3),
         "paint": rng.uniform(0.1, 1, size=(8, 3)),
@@ -435,7 +434,7 @@ def scores_of_attention() -> tuple[Problem, Values]:
     Q, K = Block("queries", (2, 5)), Block("keys", (2, 5))
     x, y = cs.DM(rng.normal(size=(5, 7))), cs.DM(rng.normal(size=(5, 7)))
     scores = (Q.symbol.T @ x).T @ (K.symbol.T @ y)
-    return _problem([observed("scores", scores, 0.1, "1")], Q, K), {
+    return problem_of([observed("scores", scores, 0.1, "1")], Q, K), {
         "queries": rng.normal(size=(2, 5)),
         "keys": rng.normal(size=(2, 5)),
     }
@@ -448,7 +447,7 @@ def units_of_normalized_weights() -> tuple[Problem, Values]:
     x = cs.DM(rng.normal(size=(4, 20)))
     units = [cs.tanh(W.symbol[:, k].T @ x / cs.norm_2(W.symbol[:, k])) for k in range(3)]
     seen = [observed("outputs", out.symbol.T @ cs.vertcat(*units), 0.1, "1")]
-    return _problem(seen, W, out), {
+    return problem_of(seen, W, out), {
         "weights": rng.normal(size=(3, 4)),
         "out": rng.normal(size=(2, 3)),
     }
@@ -462,8 +461,8 @@ def one_blend_shape() -> tuple[Problem, Values]:
         Block("shape", (4, 3), "m"),
         Block("amount", (5,)),
     )
-    faces = _beside(cs.vec(T.symbol), 5) + cs.vec(P.symbol) @ amount.symbol.T
-    return _problem([observed("faces", faces, 0.01, "m")], T, P, amount), {
+    faces = beside(cs.vec(T.symbol), 5) + cs.vec(P.symbol) @ amount.symbol.T
+    return problem_of([observed("faces", faces, 0.01, "m")], T, P, amount), {
         "template": rng.normal(size=(4, 3)),
         "shape": rng.normal(scale=0.2, size=(4, 3)),
         "amount": rng.normal(size=5),
@@ -479,7 +478,7 @@ def intensities_of_a_wave() -> tuple[Problem, Values]:
     for _ in range(24):
         a, b = cs.DM(rng.normal(size=5)), cs.DM(rng.normal(size=5))
         rows.append((cs.dot(a, re) - cs.dot(b, im)) ** 2 + (cs.dot(a, im) + cs.dot(b, re)) ** 2)
-    return _problem(_all(rows), z), {"wave": rng.normal(size=(5, 2))}
+    return problem_of(all_of(rows), z), {"wave": rng.normal(size=(5, 2))}
 
 
 PLANE = {"translation": 2, "rotation": 1}

@@ -50,6 +50,21 @@ def pixels(X: cs.MX, focal: float | cs.MX = 800.0) -> cs.MX:
     return focal * cs.vec(X[:2, :] / cs.repmat(X[2, :], 2, 1))
 
 
+def problem_of(seen: list[Residual], *blocks: Block) -> Problem:
+    """A problem whose unknowns are all of these blocks."""
+    return Problem(seen, [block.name for block in blocks], blocks=blocks)
+
+
+def all_of(rows: list[cs.MX], sigma: float = 0.01, unit: str = "1") -> list[Residual]:
+    """One residual of all these rows."""
+    return [observed("seen", cs.vertcat(*rows), sigma, unit)]
+
+
+def beside(column: cs.MX, count: int) -> cs.MX:
+    """A column, as many times side by side."""
+    return cs.repmat(column, 1, count)
+
+
 def observed(name: str, expression: cs.MX, sigma: float, unit: str) -> Residual:
     """What is seen is irrelevant to rank: the residual is the expression itself."""
     return Residual(name, cs.vec(expression), sigma, unit)

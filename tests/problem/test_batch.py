@@ -6,23 +6,14 @@ import pytest
 
 import workbench as wb
 from tests.blocks.operations import every_operation
+from tests.compilers import NEEDS_A_COMPILER
 from workbench.blocks.batched import Mapped
 from workbench.blocks.simd import C_OF, simd_function
-from workbench.compiling import NoLibrary, find_compiler
 from workbench.problem.batch import Evaluation, compiled, interpreted
 from workbench.problem.parted import parted
 from workbench.residuals import geman_mcclure, huber
 
-
-def compiler() -> bool:
-    try:
-        find_compiler()
-    except NoLibrary:
-        return False
-    return True
-
-
-WAYS = [interpreted, pytest.param(compiled, marks=pytest.mark.skipif(not compiler(), reason="cc"))]
+WAYS = [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)]
 
 
 def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
@@ -119,7 +110,7 @@ def test_a_body_whose_points_are_a_graph_alone() -> None:
     np.testing.assert_allclose(problem.costs(x, fixed)(X), each, rtol=1e-10)
 
 
-@pytest.mark.skipif(not compiler(), reason="cc")
+@NEEDS_A_COMPILER
 def test_every_instruction_is_casadis() -> None:
     f = every_operation()
     used = {f.instruction_id(i) for i in range(f.n_instructions())}
@@ -132,7 +123,7 @@ def test_every_instruction_is_casadis() -> None:
         np.testing.assert_allclose(fast, slow, rtol=1e-13, atol=1e-15)
 
 
-@pytest.mark.skipif(not compiler(), reason="cc")
+@NEEDS_A_COMPILER
 def test_long_functions_are_cut_into_pieces() -> None:
     x = cs.SX.sym("x", 4)
     value, early = x[0], x[1] * 1.5

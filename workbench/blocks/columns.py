@@ -27,10 +27,6 @@ def _of_truth(ask: Any) -> Callable[..., Any]:
     return lambda a, b, to: ask(a, b, to, casting="unsafe")
 
 
-def _sign(a: Array, to: Array) -> None:
-    np.sign(a, to)
-
-
 OF: Mapping[int, Callable[..., Any]] = {
     cs.OP_ASSIGN: np.positive,
     cs.OP_ADD: np.add,
@@ -74,7 +70,7 @@ OF: Mapping[int, Callable[..., Any]] = {
     cs.OP_FABS: np.fabs,
     cs.OP_FLOOR: np.floor,
     cs.OP_CEIL: np.ceil,
-    cs.OP_SIGN: _sign,
+    cs.OP_SIGN: np.sign,
     cs.OP_ERF: scipy.special.erf,
 }
 

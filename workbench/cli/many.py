@@ -31,7 +31,7 @@ class Folder(Protocol[Done]):
 
     @property
     def place(self) -> Path:
-        """Where it is."""
+        """The path of the folder, which must exist when the first entry is kept."""
 
     def kept(self, job: FileJob, key: str) -> Entry | None:
         """The entry of a job that is done already under this key; None if it is not."""
