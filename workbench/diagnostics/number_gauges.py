@@ -2,8 +2,7 @@
 
 Offsets and factors of single unknowns commute, so that all of them that cancel are found at once.
 A combination c of the columns 1 and x_i of groups of unknowns is a gauge if residuals notice D(x) c
-at no point. The groups are blocks first, then rows, columns and entries; among the combinations
-those of few groups are taken (least sum of absolute values).
+at no point. Groups are blocks first, then rows, columns and entries; combinations of few are taken.
 """
 
 from collections.abc import Iterator, Sequence, Set
@@ -116,13 +115,12 @@ def trade_offs(free: Layout, blocks: Sequence[Block], unseen: Unseen) -> Iterato
 
 def _trade_off(free: Layout, v: Array) -> NamedSubspace:
     """`a trade-off within slide: 0.71 slide[0] - 0.71 slide[2]`, or one of several blocks."""
-    small = SAME * abs(v).max()
-    moved = [b.name for b in free.blocks if abs(v[places_of(free, b)]).max(initial=0.0) > small]
+    entries = ((b.name, abs(v[places_of(free, b)])) for b in free.blocks)
+    moved = [name for name, own in entries if own.max(initial=0.0) > SAME * abs(v).max()]
     among = f"within {moved[0]}" if len(moved) == 1 else f"of {listed(moved)}"
-    first = np.flatnonzero(abs(v) > (1 - PART) * abs(v).max())[0]  # of the largest, up to rounding
-    v = v * np.sign(v[first])
-    name = f"a trade-off {among}: {dominant(v / np.linalg.norm(v), free)}"
-    return single_gauge("trade-off", name, v)
+    largest = v[abs(v) > (1 - PART) * abs(v).max()]  # up to rounding; the first of them is positive
+    unit = v * np.sign(largest[0]) / np.linalg.norm(v)
+    return single_gauge("trade-off", f"a trade-off {among}: {dominant(unit, free)}", unit)
 
 
 def _whole(free: Layout, blocks: Sequence[Block], islands: Sequence[Index]) -> Iterator[Group]:
