@@ -20,8 +20,6 @@ from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.training.rigging.bones import (
     Bones,
-    fit_bone_weights,
-    fit_bones,
     frames,
     rigid_motions,
 )
@@ -35,7 +33,7 @@ WORST = 0.5  # of the largest error: clusters that have more are divided at once
 CLIFF, STEEP = 1e-13, 100.0  # of the largest eigenvalue: rounding; a ratio that no noise has
 SPARE = 5  # one bone in so many is made in addition, and given up again
 CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
-SWAPS, MISSES = 6, 2  # exchanges of a bone; how many in a row may lower the rms less than that
+SWAPS = 6  # exchanges of a bone at most; one that lowers the rms less than that is the last
 AT_BEST, ROUNDED = 2.0, 1e-8  # factor on the least rms that bones can leave; m, of meshes in use
 MOST = 64  # bones that are looked for without being asked for
 
@@ -142,20 +140,21 @@ def one_more(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones:
 def exchanged(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones:
     """As many bones, one of which begins anew where the error is largest, again and again."""
     enough = max(AT_BEST * least_rms(meshes, bones.count), ROUNDED)
-    best, lowest, misses = bones, bones.rms(rest, meshes), 0
+    lowest = bones.rms(rest, meshes)
     for swap in range(SWAPS):
-        if lowest <= enough or misses == MISSES:
+        if lowest <= enough:
             break
         report("bones exchanged", swap + 1, SWAPS)
         more = alternated(with_worst(bones, rest, meshes), rest, meshes)
         more = refined_at_once(more, rest, meshes)
         fewer = alternated(without_least(more, rest), rest, meshes)
-        bones = refined_at_once(fewer, rest, meshes)
-        rms = bones.rms(rest, meshes)
-        misses = 0 if rms < BETTER * lowest else misses + 1
+        tried = refined_at_once(fewer, rest, meshes)
+        before, rms = lowest, tried.rms(rest, meshes)
         if rms < lowest:
-            best, lowest = bones, rms
-    return best
+            bones, lowest = tried, rms
+        if rms > BETTER * before:
+            break
+    return bones
 
 
 def with_worst(bones: Bones, rest: Array, meshes: Array) -> Bones:
