@@ -98,7 +98,8 @@ class _Unknowns:
         others[np.arange(len(W)), first] = False
         squares = W**2
         middles = squares.T @ rest / np.maximum(squares.sum(axis=0), LIGHTEST)[:, None]
-        return cls(first, *np.nonzero(others), middles)
+        vertex, bone = np.nonzero(others)
+        return cls(first, vertex, bone, middles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,12 +168,13 @@ def _change_of_weights(
     vertex = unknowns.vertex
     normal, pull = np.zeros((len(vertex), len(vertex))), np.zeros(len(vertex))
     pairs = np.nonzero(vertex[:, None] == vertex)  # unknowns of the same vertex
-    products, factors = np.zeros(len(pairs[0])), []
+    products = np.zeros(len(pairs[0]))
+    factors: list[Array] = []
     for frame, mesh in enumerate(meshes):
         one = _Frame.of(bones, unknowns, rest, mesh, frame)
         H = one.J.T @ one.J
         _raise_diagonal(H, damping, H.diagonal())
-        L = np.linalg.cholesky(H)
+        L: Array = np.asarray(np.linalg.cholesky(H), dtype=float)
         X = solve_triangular(L, one.by_bones(vertex), lower=True)
         normal -= X.T @ X
         moved = solve_triangular(L, one.J.T @ one.c.ravel(), lower=True)
