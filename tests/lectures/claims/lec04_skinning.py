@@ -90,8 +90,11 @@ def bent_in_half(run: Run, rings: int) -> float:
 
 
 SAYS = {
-    "(The 20 cm³ that it lost at half a turn are the mesh's, whose straight edges cut the corner: with twice as "
-    "many rings it loses 5.)": lambda run: (bent_in_half(run, 61), bent_in_half(run, 121)),
+    "the tube that is bent by half a turn has lost 20 cm³ also with dual quaternions. This is due to its mesh, whose "
+    "straight edges cut the corner: with twice as many rings it loses 5.": lambda run: (
+        bent_in_half(run, 61),
+        bent_in_half(run, 121),
+    ),
     "so we try four ways to read this": lambda run: len(run["readings"]) == 5,
     "With weights of 0 the body is a point, and with 1 it is 24 times as tall.": lambda run: (
         0,

@@ -130,8 +130,8 @@ SAYS = {
         abs(deviations(run)[0] - 1) < 0.03,
         deviations(run)[1] > 1.1,
     ),
-    "Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and its "
-    "four thick places are the modes.": lambda run: (
+    "Here they have found two more, so that three of the four are known. In the figure below the draws of one camera "
+    "lie on a ring, and its four thick places are the modes.": lambda run: (
         modes(run).min() > 0.05,
         run.line("usable:", "modes in all")[-1] == 3,
         np.mean(np.hypot(*(run["draws"].flat / [0.6, 0.7]).T) < 0.4) < 0.02,
