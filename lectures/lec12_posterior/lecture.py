@@ -425,8 +425,8 @@ Picture(
     figure,
     "Left, one camera: each bone may point towards it or away; least squares and Laplace's "
     "approximation (one and two standard deviations) show one of these modes. Right, with a second"
-    " camera from the side: there is one mode, and Laplace's approximation suffices: these points are draws "
-    "from its Gaussian.",
+    " camera from the side: there is one mode, and Laplace's approximation suffices. The points on the right are "
+    "draws from its Gaussian.",
 )
 
 # %% [markdown]

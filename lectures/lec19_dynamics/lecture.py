@@ -295,7 +295,7 @@ with house_style():
 Picture(
     figure,
     "Left: the poles of the model that was learned, inside of the circle of size 1. Right: what is left of a "
-    "push, with all poles scaled by one factor. In the first frames, where the three curves lie on each other, it "
+    "push, with all poles scaled by one factor. In the first frames, where the three curves lie nearly on each other, it "
     "grows in all of them, because the coefficients of different shapes push each other; in the long run it dies "
     "away where the largest pole is inside of the circle, stays where it is on it, and grows where it is outside.",
 )

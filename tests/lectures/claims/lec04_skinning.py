@@ -158,7 +158,7 @@ SAYS = {
         run.line("at other joints than after training")[1]
         < run.line("at other joints than after training")[0],
     ),
-    "a registration may be off by 2 mm, and a weight by 0.3": lambda run: (
+    "a registration (the body's mesh, laid onto a scan) may be off by 2 mm, and a weight by 0.3": lambda run: (
         1e3 * run["Sigmas"]().data,
         run["Sigmas"]().weights,
     ),

@@ -143,8 +143,8 @@ SAYS = {
     ),
     "at least five times the sum up to there": lambda run: WINDOW == 5,
     "each bone may point towards it or away": lambda run: modes(run).min() > 0.05,
-    "Right, with a second camera from the side: there is one mode, and Laplace's draws "
-    "suffice.": lambda run: (
+    "Right, with a second camera from the side: there is one mode, and Laplace's "
+    "approximation suffices": lambda run: (
         np.allclose(run["better"].sd, run["exact"], rtol=0.05),
         np.allclose(run["clear"].values["angles"], run["true_angles"], atol=0.1),
     ),
