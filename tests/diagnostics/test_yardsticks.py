@@ -110,7 +110,7 @@ def test_every_block_has_a_yardstick(
         at["image"] = np.sqrt([2 * 600.0**2, 2 * 600.0**2])  # with the zeros of x: 600
     yardsticks = diagnose(Problem([r], "x"), at).point.yardsticks
     np.testing.assert_allclose(yardsticks.sizes, size)
-    assert str(yardsticks) == f"{said} for x"
+    assert str(yardsticks) == f"for x: {said}"
 
 
 def test_a_suggested_prior_is_as_wide_as_the_yardstick() -> None:

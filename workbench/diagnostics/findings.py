@@ -245,7 +245,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     if d.weak_count:
         yield (
             f"{counted(d.weak_count, 'weak direction')} (a whole yardstick changes the residuals "
-            f"by less than one sigma; a yardstick is {d.point.yardsticks})"
+            f"by less than one sigma; a yardstick is, {d.point.yardsticks})"
         )
 
 

@@ -135,7 +135,7 @@ def _weak(d: Diagnosis) -> Iterator[str]:
         return
     shown = d.weak_directions[:MOST]
     yield "a whole yardstick along each of these changes the residuals by less than one sigma"
-    yield f"(a yardstick is {d.point.yardsticks})"
+    yield f"(a yardstick is, {d.point.yardsticks})"
     yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown])
     if d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"

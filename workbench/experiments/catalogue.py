@@ -106,6 +106,8 @@ def _described(module: Any, path: Path) -> Experiment:
             gauges=getattr(module, "gauges", ()),
         )
         return Experiment(path.stem, lambda: made, path.name)
-    half = [name for name in ("problem", "start") if hasattr(module, name)]
-    lacks = f"it defines `{half[0]}`, but no `{'start' if half[0] == 'problem' else 'problem'}`"
-    raise BadFile(f"{lacks if half else 'it defines no experiment'}; it needs {ENOUGH}; {BESIDE}")
+    lacks = "it defines no experiment"
+    for there, missing in (("problem", "start"), ("start", "problem")):
+        if hasattr(module, there):
+            lacks = f"it defines `{there}`, but no `{missing}`"
+    raise BadFile(f"{lacks}; it needs {ENOUGH}; {BESIDE}")
