@@ -513,14 +513,13 @@ Picture(
 )
 
 # %% [markdown]
-# Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. Rings are turned
-# about the joint. On the tube the joint lies in the middle of the rings, and what the bend gains on the outside it
-# loses on the inside. (In the figure of volumes, the tube that is bent by half a turn has lost 20 cm³ also with dual
-# quaternions. This is due to its mesh, whose straight edges cut the corner: with twice as many rings it loses 5.) In
-# the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of the arm on its
-# inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it does. On
-# the coarse one it loses volume both ways, because only a few long edges lead around the elbow, and they cut the
-# corner.
+# Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. The first is the place of the joint. Rings are turned
+# about it. On the tube it lies in the middle of the rings, and what the bend gains on the outside it loses on the
+# inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of the
+# arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it
+# does. The second reason is the mesh, whose straight edges cut the corner. This is why the coarse body loses volume
+# both ways: only a few long edges lead around its elbow. And it is why, in the figure of volumes, the tube that is
+# bent by half a turn loses 20 cm³ with dual quaternions; with twice as many rings it loses 5.
 #
 # ## Without blend weights
 #

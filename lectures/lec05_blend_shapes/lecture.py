@@ -163,13 +163,14 @@ Picture(
     figure,
     "The error by angle. Grey lines are the examples. Kernels that are divided by their sum reproduce no "
     "example, because its neighbours contribute as well; kernels that are not divided add up to too much; "
-    "with coefficients that are solved for, kernels are exact at the examples. Between inner examples these "
-    "are nearer to the truth than kernels divided by their sum; between the last two on either side, at 105 "
-    "degrees, it is the other way round: they leave 2.7 mm, and kernels divided by their sum 0.6 mm.",
+    "with coefficients that are solved for (exact), kernels leave nothing at the examples. Between inner "
+    "examples 'exact' is nearer to the truth than 'divided by the sum'; between the last two on either side it is "
+    "the other way round: at 105 degrees 'exact' leaves 2.7 mm, and 'divided by the sum' 0.6 mm.",
 )
 
 # %% [markdown]
-# Far from all examples, at 170 degrees, the kernels have faded, and hardly anything is repaired. If they are divided by
+# Far from all examples, at 170 degrees (beyond what the figure shows), the kernels have faded, and hardly
+# anything is repaired. If they are divided by
 # their sum, the nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples
 # will do for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
 # that have to be kept and summed. Examples cannot fill 69 dimensions.
@@ -470,8 +471,7 @@ Picture(
 # set has few people, each in many poses, and the multi-shape set has many people, each in about one pose. The notes
 # *SMPL and SMPLify* say in one place that $S$ is learned from the multi-pose set. (They have exchanged the sets there:
 # $S$ comes from the multi-shape set, and the poses of its people are undone first.) We do what the notes
-# say, with 10 of our synthetic people in 36 poses each, drawn from a mixture that was learned from motion
-# capture. We compute principal components of four sets of meshes: first the meshes as they are posed, moved
+# say, with 10 of our synthetic people in 36 poses each, drawn from a distribution of poses that was learned from motion capture (a mixture of Gaussians, lecture 10). We compute principal components of four sets of meshes: first the meshes as they are posed, moved
 # rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
 # undone as at the beginning of this lecture; then three of the ten people alone; and last 360 people, who are at rest.
 
@@ -548,15 +548,18 @@ Picture(
 # $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
 #
 # Why these conditions? If the weights of a joint sum to one, the joint moves along with a person who stands elsewhere.
-# If none is negative, the joint lies among its vertices. This condition also makes most weights zero: without it, least
-# squares would give many vertices a negative weight, and it stops most of these at zero. `scipy.optimize.nnls` solves
+# If none is negative, the joint lies among its vertices. This condition also makes
+# most weights zero. Without it, least squares would make many weights negative. If these are held at zero and the
+# others are found again, some of the others would become negative and are held at zero as well, and so on, until only
+# a few positive weights are left. `scipy.optimize.nnls` solves
 # least squares with weights that are not negative; one more equation, multiplied by a large number, says that they sum
-# to one. What if the joints of the mean person are kept instead?
+# to one. What if the joints of the mean person are kept instead? We try it with somebody tall, three standard
+# deviations along the first shape direction.
 
 # %%
 tall = along(body, 0, 3)
 print(
-    f"this person's joints are up to {1e3 * joint_moves(body, tall).max():.0f} mm from the mean person's"
+    f"the tall person's joints are up to {1e3 * joint_moves(body, tall).max():.0f} mm from the mean person's"
 )
 kept = with_joints_of_the_mean(body, tall)
 bend = np.zeros((24, 3))
@@ -576,7 +579,7 @@ with house_style():
     line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
-    "This person from the side, posed on the joints that the regressor finds, and on the mean person's. "
+    "The tall person from the side, posed on the joints that the regressor finds, and on the mean person's. "
     "The mean's knee is further up: there the leg folds within the thigh, and the shin sits 7 cm too "
     "high and 7 cm too far back.",
 )
@@ -652,7 +655,7 @@ Picture(
 # In `rest`, `shaped` is $\bar T + B_S(\beta)$, `body.features(at)` is the column of the features $f_n(\theta)$, and
 # `directions(body, "posedirs", vertices)` is the matrix with $3 N$ rows whose column $n$ is $P_n$, so that the product
 # of the two is $B_P(\theta)$. In `posed`, `posture` makes the rotation matrices of all joints from the pose, and keeps
-# them with the betas in `at`; `motions` gives the motion $G$ of each joint (lecture 3); `body.skinning` is
+# them with the betas in `at`; `motions` gives the matrices $G'_k$ of lecture 3; `body.skinning` is
 # $\operatorname{skin}$, and `weights(body, vertices)` are its weights $w$. Two arguments come on top of
 # $M(\theta, \beta)$: `displaced` moves single vertices of the rest surface, for instance those of clothes, and `trans`
 # moves the whole body.

@@ -45,8 +45,7 @@ def beside(vertices):
 # %% [markdown]
 # ## Forty-five angles by themselves
 #
-# The wrist turns the hand as a whole, and its angles are left out here. Suppose that all we know is how far each other
-# joint turns. The naive way to make up a hand is to draw each angle
+# The wrist turns the hand as a whole, and its angles are left out here. Suppose that all we know is how far each of the joints of the fingers turns. The naive way to make up a hand is to draw each angle
 # by itself, with the standard deviation that it has in people's poses. What comes out?
 
 # %%
@@ -70,11 +69,12 @@ with house_style():
     ):
         drawn = [Figurine("", hand.vertices(pose), above) for pose in poses[:4]]
         line_up(drawn, hand.faces, ax=ax)
-        ax.set(title=f"angles drawn {name}", xlabel="")
+        ax.set(title=f"angles drawn {name}", xlabel="", ylabel="along the hand (m)")
 Picture(
     figure,
     "Four hands whose angles were drawn each by itself, and four whose angles were drawn together. Each "
-    "single angle varies by the same amount in both pictures.",
+    "single angle varies by the same amount in both pictures. On the left, neighbouring fingers point in different "
+    "directions; on the right, the fingers of a hand bend together.",
 )
 
 # %% [markdown]
@@ -158,7 +158,11 @@ with house_style():
     kinds = (("zero: flat", flat), ("the mean pose", relaxed), ("the mean twice", twice))
     line_up([Figurine(name, v, above) for name, v in kinds], hand.faces, ax=ax)
     ax.set(xlabel="", ylabel="along the hand (m)")
-Picture(figure, "The same hand at zero, in its mean pose, and with the mean pose added twice.")
+Picture(
+    figure,
+    "The same hand at zero, in its mean pose, and with the mean pose added twice. All of them look like hands; the last "
+    "one is nearly a fist.",
+)
 
 # %% [markdown]
 # Who leaves the mean out is off by 95 mm at a finger tip, and who adds it twice by 78.1 mm. All three are hands,
@@ -347,8 +351,9 @@ with house_style():
     ax.set(xlabel="", ylabel="along the arm (m)")
 Picture(
     figure,
-    "The hands of a body with 52 joints, cut out for the picture. Left: at rest. Right: the first coefficient "
-    "of each hand's pose space opens one hand and closes the other; the other 22 joints do not turn.",
+    "The hands of a body with 52 joints, cut out for the picture. The first two are at rest. In the last "
+    "two, the first coefficient of each hand's pose space opens the right hand and closes the left one; the other 22 "
+    "joints do not turn.",
 )
 
 # %% [markdown]

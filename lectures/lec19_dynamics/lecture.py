@@ -166,7 +166,8 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In
 # `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
 # (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
-# is the mean square of the input. The first term makes the price independent of the input's unit. The second is for
+# is the mean square of the input. Because of the first term the price does not depend on the unit in which the input is
+# measured: it grows with the square of the input, and the square of the input's factor shrinks by as much. The second is for
 # inputs that hardly move in the clips. Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a
 # hundredth: where the mean square of an input is much smaller than `HARDLY**2`, the price is large in comparison, and
 # least squares cannot use this input to explain noise. `penalised` solves the normal equations
@@ -379,8 +380,10 @@ with house_style():
         joint = found.joints[0]
         way = np.stack([x, 0 * x, z], axis=-1) @ joint.directions.T * joint.parting
         apart = 1e3 * np.linalg.norm(way, axis=-1)
-        lines = ax.contour(1e3 * x, 1e3 * z, apart, levels=[5, 15, 30, 45, 60])
-        ax.clabel(lines, fmt="%d mm")
+        lines = ax.contour(1e3 * x, 1e3 * z, apart, levels=[5, 15, 30, 45])
+        along_x = 1e3 * np.linalg.norm(joint.directions[:, 0] * joint.parting)  # mm for each m
+        places = [(1e3 * level / along_x, 0.0) for level in lines.levels]
+        ax.clabel(lines, fmt="%d mm", manual=[place for place in places if place[0] < 90])
         ax.plot(0, 0, "k+", ms=10)
         ax.set(title=name, xlabel="x from the joint (mm)", ylabel="z from the joint (mm)")
 Picture(

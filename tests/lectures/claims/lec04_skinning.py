@@ -90,8 +90,7 @@ def bent_in_half(run: Run, rings: int) -> float:
 
 
 SAYS = {
-    "the tube that is bent by half a turn has lost 20 cm³ also with dual quaternions. This is due to its mesh, whose "
-    "straight edges cut the corner: with twice as many rings it loses 5.": lambda run: (
+    "the tube that is bent by half a turn loses 20 cm³ with dual quaternions; with twice as many rings it loses 5.": lambda run: (
         bent_in_half(run, 61),
         bent_in_half(run, 121),
     ),

@@ -73,7 +73,8 @@ SAYS = {
         )
         and len(run.lines("CONVERGED: joints off by")) == 2
     ),
-    "brightest is the crown of the head, then the left upper arm, which is turned about its bone, then "
+    "brightest is the crown of the head (seen from behind, because the head is bent back), then the left upper arm, "
+    "which is turned about its bone, then "
     "both hands": lambda run: (
         furthest_parts(run)[:2] == ["head", "left_shoulder"],
         set(furthest_parts(run)[2:4]) == {"left_hand", "right_hand"},
