@@ -136,11 +136,13 @@ SAYS = {
         end_of_the_tube(run) < 1.4,
     ),
     "In the arm the joint of the elbow lies 1 cm behind the middle": lambda run: behind(run),
-    "Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it does. "
-    "On the coarse one it loses volume both ways": lambda run: (
+    "Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it "
+    "does.": lambda run: (
         abs(run.line("body 'full'")[-1] + run.line("body 'full'")[-2]) < 20,
         run.line("body 'full'")[-1] > 100,
-        max(run.line("body 'default'")[-2:]) < -100,
+    ),
+    "This is why the coarse body loses volume both ways": lambda run: (
+        max(run.line("body 'default'")[-2:]) < -100
     ),
     "what the bend gains on the outside it loses on the inside": lambda run: (
         abs(run["lost"]["dual quaternions"][9]) < 10

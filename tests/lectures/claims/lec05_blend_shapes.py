@@ -110,7 +110,7 @@ SAYS = {
     "expects most people between the groups, where there are none": lambda run: (
         run["needed_step"] / 2 > 5 * run["lengths"][3]
     ),
-    "with 10 of our synthetic people in 36 poses each, drawn from a mixture that was learned from motion capture": lambda run: (
+    "with 10 of our synthetic people in 36 poses each, drawn from a distribution of poses that was learned from motion capture": lambda run: (
         len(run["ten"]),
         int((run["who"] == 0).sum()),
     ),

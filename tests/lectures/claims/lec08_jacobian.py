@@ -164,6 +164,12 @@ SAYS = {
         abs(run["solution"].values["pose"].ravel()[furthest(run, run["answers"]["from rest"])])
         < 1e-9,
     ),
+    "so that the twist changes all numbers of a joint, and none of them is determined.": lambda run: (
+        all(
+            bool(np.isinf(run["honest"][run["body"].joint_names.index(name)]).all())
+            for name in ("left_elbow", "left_hip")
+        )
+    ),
     "24 joints tell 40 of 72 numbers": lambda run: (
         run["body"].n_joints,
         run["here"].rank,
@@ -172,6 +178,7 @@ SAYS = {
 }
 
 GIVEN = (
+    "the diagonal of $D$ (1 for a column of zeros)",
     "it first scales every column to the length 1",
     "If $J p = 0$, no equation notices the step.",
     "because $\\omega \\times e = 0$ where",

@@ -142,6 +142,7 @@ SAYS = {
 GIVEN = (
     r"it holds if $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$",
     "Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a hundredth",
+    "where the mean square of an input is much smaller than `HARDLY**2`",
     "w\\, z + r^2 = 0$, which gives",
     "(Pons-Moll et al., 2015; Loper et al., 2015)",
     "1 is perfect, 0 is as good as a tissue that keeps its mean place, and below 0 is worse.",
