@@ -11,6 +11,7 @@ from benchmarks.candidates import Candidate
 from workbench.arrays import Array
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
+from workbench.problem import gram
 
 NUMPY, COMPILED = "workbench", "workbench, compiled"
 SWITCH = "WORKBENCH_COMPILE"
@@ -21,14 +22,19 @@ def compiling(allowed: bool) -> Iterator[None]:
     """Allow the compiled kernel, or not, while a problem is built and first used."""
     before = os.environ.get(SWITCH)
     os.environ[SWITCH] = "1" if allowed else "0"
-    kernels.cache_clear()  # it remembers for the whole process what it was allowed
+    _forget()  # what is remembered for the whole process
     try:
         yield
     finally:
-        kernels.cache_clear()
+        _forget()
         os.environ.pop(SWITCH)
         if before is not None:
             os.environ[SWITCH] = before
+
+
+def _forget() -> None:
+    kernels.cache_clear()
+    gram.compiled.cache_clear()
 
 
 def ways(body: wb.SkinnedBody) -> dict[str, bool]:

@@ -165,12 +165,13 @@ def is_long(matrix: Matrix) -> bool:
 
 
 def gram(matrix: Matrix) -> Symmetric:
-    """The matrix, transposed, times itself, (n, n)."""
-    if isinstance(matrix, BlockMatrix):
-        return matrix.normal()
-    if isinstance(matrix, csc_array):
-        return gram_of_nonzeros(matrix)
-    return np.asarray(matrix.T @ matrix)
+    """The matrix, transposed, times itself, (n, n); infinite where it is too large."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if isinstance(matrix, BlockMatrix):
+            return matrix.normal()
+        if isinstance(matrix, csc_array):
+            return gram_of_nonzeros(matrix)
+        return np.asarray(matrix.T @ matrix)
 
 
 def gram_of_nonzeros(matrix: csc_array) -> csc_array:

@@ -46,9 +46,10 @@ static inline const integer *read_lists(const integer *from, lists_t *lists)
     return from + lists->movers;
 }
 
+/* into the second cache: one group may fill the first one */
 static inline void look_ahead(const void *next, integer bytes)
 {
-    for (integer i = 0; i < bytes; i += 64) __builtin_prefetch((const char *)next + i);
+    for (integer i = 0; i < bytes; i += 64) __builtin_prefetch((const char *)next + i, 0, 2);
 }
 
 /* the next group: every pointer is moved on by what the group before it takes */
