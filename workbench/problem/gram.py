@@ -35,11 +35,16 @@ def normal_equations(J: object, r: Array) -> tuple[Array, Array] | None:
     """
     if not isinstance(J, np.ndarray):
         return None
-    (m, n), (step, _) = J.shape, J.strides
-    if n > WIDEST or m * n * n < MANY or step != 8 or J.dtype != np.float64 or m != len(r):
+    m, n = J.shape
+    if J.strides[0] != 8 or J.dtype != np.float64 or m != len(r) or not worthwhile(m, n):
         return None
     way = compiled()
     return None if way is None else way.products(J, np.ascontiguousarray(r, dtype=np.float64))
+
+
+def worthwhile(m: int, n: int) -> bool:
+    """Whether a Jacobian (m, n) is large enough, and not too wide."""
+    return n <= WIDEST and m * n * n >= MANY
 
 
 @cache

@@ -85,7 +85,7 @@ class Linearization:
     @cached_property
     def column_norms(self) -> Array:
         """|J_i|, (n,): by how many sigmas one unit of each unknown changes the residual."""
-        return storage.column_norms(self.jacobian)
+        return storage.column_norms(self.jacobian, self.__dict__.get("normal"))
 
     @cached_property
     def row_norms(self) -> Array:

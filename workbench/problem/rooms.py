@@ -32,7 +32,7 @@ class Rooms:
             room = np.empty(rows * columns)  # for which NumPy asks the system for large pages
         if room.nbytes != size:
             room = np.empty(rows * columns)
-        whole = np.frombuffer(memoryview(room))  # which all views hold, as its base is no array
+        whole = np.frombuffer(room.data)  # which all views hold, as its base is no array
         weakref.finalize(whole, self._back, room).atexit = False
         return whole.reshape(rows, columns)
 

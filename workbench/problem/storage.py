@@ -71,8 +71,8 @@ def entries(matrix: Matrix) -> Array:
     return np.asarray(matrix.data) if isinstance(matrix, csc_array) else matrix
 
 
-def column_norms(matrix: Matrix) -> Array:
-    """The length of every column, (n,).
+def column_norms(matrix: Matrix, normal: Symmetric | None = None) -> Array:
+    """The length of every column, (n,); `normal` is J'J, if that is known already.
 
     Columns whose squares are too large to be numbers are scaled before; those whose squares are
     zero to rounding have the length zero.
@@ -83,7 +83,8 @@ def column_norms(matrix: Matrix) -> Array:
         return np.sqrt(sums(columns_of_nonzeros(matrix), matrix.data**2, matrix.shape[1]))
     columns = matrix.T  # as it is stored
     with np.errstate(over="ignore"):
-        norms = np.asarray(np.sqrt(np.vecdot(columns, columns)))
+        squares = np.vecdot(columns, columns) if normal is None else dense(normal).diagonal()
+        norms = np.asarray(np.sqrt(squares))
     for i in np.flatnonzero(norms == np.inf):
         largest = np.abs(columns[i]).max()
         if largest < np.inf:
