@@ -122,9 +122,7 @@ class Run:
         """The linearization at x, which is kept; None where it is not finite."""
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if self._one_pass:
-            _ = (
-                here.normal
-            )  # with the gradient and the lengths of columns, which are asked for next
+            _ = here.normal  # with the gradient and the lengths of columns
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             return None
         self.sensitivity.observe(x, here)
