@@ -123,8 +123,9 @@ static inline void posed(const group_t *of, const double *motion, v *restrict re
     const lists_t *lists = &of->lists;
     v sum[3], M_sum[12] = {{0}};
     shaped(of->vertex, of->shapes, motion, sum);
-    for (integer i = 0; i < lists->benders; ++i)
-        bent(of->bends + 27 * i, motion + FEATURES + 9 * (lists->bender[i] - 1), sum);
+    for (integer i = 0; i < lists->benders; ++i) /* in the order in which they are stored */
+        _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n)
+            bent(of->bends + 27 * i + 3 * n, motion + FEATURES + 9 * (lists->bender[i] - 1) + n, sum);
     for (integer i = 0; i < lists->carriers; ++i) {
         const integer k = lists->carrier[i];
         blended(of->weights + k, motion + MOTIONS + 12 * k, M_sum);
