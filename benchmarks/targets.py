@@ -71,7 +71,8 @@ def _of_fits(results: Mapping[str, Any]) -> Iterator[Target]:
         if not took:
             continue
         LM = took[fits.LM]
-        yield Target(f"{way}: LM / its own parts", LM / took[fits.ALONE], 1.5, True)
+        limit = 1.1 if way == ours.COMPILED else 1.5
+        yield Target(f"{way}: LM / its own parts", LM / took[fits.ALONE], limit, True)
         if way == ours.COMPILED:
             counts = [one["jacobian"] for one in found["evaluations"][f"{way}: {fits.LM}"]]
             yield Target(f"{way}: linearizations of LM", float(max(counts)), 4, True)
