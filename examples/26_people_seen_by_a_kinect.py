@@ -46,11 +46,11 @@ FIT_STAGES = (
     FitStage(3000, 0.01, 0.03, starts=3, iterations=40, settled=0.002),
     FitStage(8000, 0.005, 0.015, starts=1, iterations=40, settled=0.002),
 )
-KINECT = ScanTerm(sigma=0.006, outlier=0.02, within=0.05)  # 22 mm / sqrt(12): rounded depth
+KINECT = ScanTerm(sigma=0.006, outlier=0.03, within=0.05)  # 22 mm / sqrt(12): rounded depth
 EVERYTHING, TOGETHER = ("pose", "betas", "trans", "vertices"), TrustRegion(max_iterations=30)
 VERTEX_STAGES = (
     VertexStage("strong", EVERYTHING, 0.002, KINECT, TOGETHER),
-    VertexStage("weak", EVERYTHING, 0.03, KINECT, TOGETHER),
+    VertexStage("weak", EVERYTHING, 0.2, KINECT, TOGETHER),
 )
 NEEDED = (
     "This example needs the path of an .npz file with scans of people, such as kinect_people.npz: "

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 
 from workbench.blocks import Values
 from workbench.errors import BadArgument
@@ -10,6 +11,8 @@ from workbench.solvers.iterate import Iterate
 from workbench.solvers.solution import Solution, Solver
 
 OVER = 3  # iterations, over which a decrease is measured
+FURTHER = 5  # such decreases are what a run is expected to gain yet, at most
+CLEARLY = 1.1  # times the cost that it must come down to: above this it is given up
 
 
 @dataclass(frozen=True)
@@ -85,11 +88,14 @@ class StageRuns:
     iterations: int = 0
     stopped: str = ""
 
-    def run(self, number: int, start: Values, most: int, settled: float) -> Solution:
+    def run(
+        self, number: int, start: Values, most: int, settled: float, enough: float = inf
+    ) -> Solution:
         """One run that begins at `start`, or at what was found from the start of this number.
 
         It ends after `most` iterations, when three of them together lower the cost by less than a
-        share of it, or when the runs are stopped.
+        share of it, or when the runs are stopped. It is given up when five times the decrease over
+        the last three iterations would leave its cost more than a tenth above `enough`.
         """
         costs: list[float] = []
         at = Progress(*self.stage, number + 1, self.starts, 0, 0.0)
@@ -99,10 +105,13 @@ class StageRuns:
             now = replace(at, iteration=len(costs) - 1, cost=iterate.cost)
             if self.stopped or (self.progress is not None and self.progress(now) is True):
                 self.stopped = "stopped"
-            slow = (
-                len(costs) > OVER + 1 and costs[-1 - OVER] - iterate.cost < settled * iterate.cost
-            )
-            return bool(self.stopped) or slow or now.iteration >= most
+            if self.stopped or now.iteration >= most:
+                return True
+            if len(costs) <= OVER + 1:
+                return False
+            gained = costs[-1 - OVER] - iterate.cost
+            hopeless = iterate.cost - FURTHER * gained > CLEARLY * enough
+            return gained < settled * iterate.cost or hopeless
 
         end = self.solver.solve(self.problem, start, callback=done)
         self.iterations += len(end.trace) - 1

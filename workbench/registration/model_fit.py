@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,7 +128,8 @@ def fit_model(
     scan. `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
 
     The first stage begins at all `starts`; each following one at the best different ends of the
-    one before, whose joints are `same` m apart or more in the mean. A stage may try other poses of
+    one before, whose joints are `same` m apart or more in the mean. A run that will not come among
+    them, or in the last stage near the best, is given up. A stage may try other poses of
     arms and legs as well (`FitStage.limbs`). A point farther than `within` m from the surface has
     no contact.
 
@@ -155,7 +157,8 @@ def fit_model(
         raise BadArgument("there is no start; `scan_starts` makes some")
     order = np.random.default_rng(seed).permutation(seen.n_points)
     before = time.perf_counter()
-    iterations, stopped, hypotheses = 0, "", []
+    iterations, stopped = 0, ""
+    hypotheses: list[Hypothesis] = []
     levels: list[list[Hypothesis]] = []
     given = usual_priors(body) if priors is None else tuple(priors)
     names = tuple(block.name for block in body.blocks())
@@ -182,12 +185,14 @@ def fit_model(
             runs = StageRuns(
                 problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
-            found = []
+            following = stages[number + 1].starts if number + 1 < len(stages) else 1
+            found, hypotheses = [], []
             for k, start in enumerate(begin):
-                found.append(runs.run(k, start, stage.iterations, stage.settled))
+                enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
+                found.append(runs.run(k, start, stage.iterations, stage.settled, enough))
+                hypotheses = _different(body, found, same)
                 if runs.stopped:
                     break
-            hypotheses = _different(body, found, same)
             if stage.limbs and not runs.stopped:
                 few = _data(body, seen, order[: SCREEN.points], SCREEN, kernel, form, within)
                 screen = Problem((few, *beside(SCREEN)), names)

@@ -70,7 +70,7 @@ def seen_starts(
     look, shape = _Look.of(scan, camera, empty), starts[0][betas]
     vertices = np.linspace(0, body.n_vertices - 1, VERTICES).astype(int)
     turns = matrix_from_vector(np.array(roots))
-    found: list[tuple[float, Values]] = []
+    tried: list[tuple[float, Array, Values]] = []
     for other in poses:
         posed = np.concatenate([np.zeros((1, 3)), other])
         surface = body.vertices(posed, shape, np.zeros(3))
@@ -81,9 +81,15 @@ def seen_starts(
             v, n = (surface[vertices] - centre) @ R.T + centre, normals @ R.T
             place = look.place(v, n)
             start = {pose: np.concatenate([root[None], other]), betas: shape, trans: place}
-            found.append((look.unlike(v + place, n), start))
-    found.sort(key=lambda one: one[0])
-    return tuple(start for _, start in found[:count])
+            tried.append((look.unlike(v + place, n), v + place, start))
+    tried.sort(key=lambda one: one[0])
+    found: list[tuple[float, Values]] = []
+    for unlike, v, start in tried:
+        if len(found) == count and unlike >= found[-1][0]:
+            break  # empty space only adds to what the points say
+        found.append((unlike + EMPTY * look.outside(v), start))
+        found = sorted(found, key=lambda one: one[0])[:count]
+    return tuple(start for _, start in found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,18 +138,20 @@ class _Look:
         return np.asarray(off)
 
     def unlike(self, vertices: Array, normals: Array) -> float:
-        """How much a body (n, 3) m differs from the scan, from 0 on."""
+        """How much the points differ from a body (n, 3) m, from 0 to 1."""
         squares = (self.points**2).sum(axis=1)[:, None] + (vertices**2).sum(axis=1)
         squares -= 2 * self.points @ vertices.T
         if self.normals is not None:
             squares[self.normals @ normals.T < FACING] = np.inf
-        near = np.maximum(squares.min(axis=1), 0.0)
-        empty = self.shadow.distances(vertices).numbers.ravel() ** 2
-        return float(np.mean(self._share(near)) + EMPTY * np.mean(self._share(empty)))
+        return self._share(np.maximum(squares.min(axis=1), 0.0))
 
-    def _share(self, squares: Array) -> Array:
-        """From 0 to 1; 1/2 at the square of the reach, 1 for infinity."""
-        return np.asarray(1 - self.reach**2 / (squares + self.reach**2))
+    def outside(self, vertices: Array) -> float:
+        """How much of a body (n, 3) m is in space that was seen to be empty, from 0 to 1."""
+        return self._share(self.shadow.distances(vertices).numbers.ravel() ** 2)
+
+    def _share(self, squares: Array) -> float:
+        """The mean of what is 1/2 at the square of the reach, and 1 for infinity."""
+        return float(np.mean(1 - self.reach**2 / (squares + self.reach**2)))
 
 
 def _different(arrays: Sequence[Array]) -> list[Array]:

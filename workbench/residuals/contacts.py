@@ -29,13 +29,20 @@ class ContactNumbers:
 
     Attributes:
         numbers: (M, d) m, such as one signed distance of each of M points.
-        slopes: (M d, 3 N) W, their derivative by the coordinates of N vertices, contacts held.
         found: (M,) which points have a contact; the numbers of the others are constant.
+        derivative: makes `slopes`, which many a point of a solver is left without.
     """
 
     numbers: Array
-    slopes: csr_array
     found: Mask
+    derivative: Callable[[], csr_array]
+
+    @cached_property
+    def slopes(self) -> csr_array:
+        """(M d, 3 N) W, the derivative of the numbers by the coordinates of N vertices, contacts
+        held.
+        """
+        return self.derivative()
 
 
 Search = Callable[[Array], ContactNumbers]  # from the vertices (N, 3) m of a surface
@@ -91,7 +98,7 @@ class MovingContacts:
         """The numbers where the blocks have these values, with contacts chosen there."""
         here = self.arithmetic.evaluate(values)
         found = self.search(here.points)
-        return ContactsAt(here, found.numbers, found.slopes)
+        return ContactsAt(here, found)
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The numbers (M, d) for several values of each block."""
@@ -172,7 +179,9 @@ class HeldContacts:
     def evaluate(self, values: Mapping[str, Array]) -> "ContactsAt":
         """The numbers where the blocks have these values."""
         here = self.arithmetic.evaluate(values)
-        return ContactsAt(here, self._numbers(here.points), self.slopes)
+        numbers = self._numbers(here.points)
+        held = ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), self._held)
+        return ContactsAt(here, held)
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The numbers (M, d) for several values of each block."""
@@ -188,6 +197,9 @@ class HeldContacts:
         found.sort_indices()
         return found
 
+    def _held(self) -> csr_array:
+        return self.slopes
+
     def _numbers(self, vertices: Array) -> Array:
         moved = self.slopes @ vertices.ravel()
         return np.asarray(self.at_zero + moved.reshape(self.at_zero.shape))
@@ -199,13 +211,21 @@ class ContactsAt:
 
     Attributes:
         here: the surface's vertices.
-        points: (M, d) m, the numbers.
-        slopes: (M d, 3 N) W.
+        contacts: the contacts with them.
     """
 
     here: PointsAt
-    points: Array
-    slopes: csr_array
+    contacts: ContactNumbers
+
+    @property
+    def points(self) -> Array:
+        """(M, d) m, the numbers."""
+        return self.contacts.numbers
+
+    @property
+    def slopes(self) -> csr_array:
+        """(M d, 3 N) W, their derivative by the vertices."""
+        return self.contacts.slopes
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the derivative, transposed, into[block] (size, M d)."""

@@ -126,25 +126,27 @@ class Shadow:
         v = vertices - self.camera
         far = np.maximum(np.linalg.norm(v, axis=1), np.finfo(float).tiny)
         k = range(1, min(CANDIDATES, len(self.begins)) + 1)
-        at = self.tree.query(v / far[:, None], k=k)[1]
-        u = self.directions[at]  # (N, k, 3)
-        across = v[:, None] - np.einsum("nki,ni->nk", u, v)[..., None] * u
-        off = np.linalg.norm(across, axis=2)
-        aside = np.maximum(off - self.beside, 0)
+        at = np.asarray(self.tree.query(v / far[:, None], k=k)[1])
+        along = np.einsum("nki,ni->nk", self.directions[at], v)
+        off = np.sqrt(np.maximum(far[:, None] ** 2 - along**2, 0))
         ahead = np.maximum(self.begins[at] - self.before - far[:, None], 0)
-        each = np.hypot(aside, ahead)
-        best = np.arange(len(v)), np.argmin(each, axis=1)
-        distance = np.where(off[:, 0] <= self.within, each[best], 0.0)
-        there = np.flatnonzero(distance > 0)
-        a, b = aside[best][there], ahead[best][there]
-        slope = (a / np.maximum(off[best][there], self.beside))[:, None] * across[best][there]
-        slope -= (b / far[there])[:, None] * v[there]
-        slope /= distance[there, None]
-        starts = np.zeros(len(v) + 1, dtype=np.int64)
-        np.cumsum(3 * (distance > 0), out=starts[1:])
-        columns = (3 * there[:, None] + np.arange(3)).ravel()
-        slopes = csr_array((slope.ravel(), columns, starts), shape=(len(v), vertices.size))
-        return ContactNumbers(distance[:, None], slopes, distance > 0)
+        best = np.arange(len(v)), np.argmin(np.hypot(np.maximum(off - self.beside, 0), ahead), 1)
+        across = v - along[best][:, None] * self.directions[at[best]]  # of the best ray alone
+        away = np.linalg.norm(across, axis=1)
+        aside, before = np.maximum(away - self.beside, 0), ahead[best]
+        distance = np.where(off[:, 0] <= self.within, np.hypot(aside, before), 0.0)
+
+        def slopes() -> csr_array:
+            there = np.flatnonzero(distance > 0)
+            slope = (aside / np.maximum(away, self.beside))[there, None] * across[there]
+            slope -= (before / far)[there, None] * v[there]
+            slope /= distance[there, None]
+            starts = np.zeros(len(v) + 1, dtype=np.int64)
+            np.cumsum(3 * (distance > 0), out=starts[1:])
+            columns = (3 * there[:, None] + np.arange(3)).ravel()
+            return csr_array((slope.ravel(), columns, starts), shape=(len(v), vertices.size))
+
+        return ContactNumbers(distance[:, None], distance > 0, slopes)
 
 
 def _spacing(unit: Array) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import casadi as cs
 import numpy as np
@@ -117,12 +118,16 @@ class _OnModel:
         tree = self._first[0].moved(vertices)
         at = tree.closest(self.scan, self.within, self.normals, self.facing)
         numbers, directions = _compared(self.form, self.scan, at, self.within)
+        slopes = partial(self._slopes, at, directions, vertices.size)
+        return ContactNumbers(numbers, at.faces >= 0, slopes)
+
+    def _slopes(self, at: Closest, directions: Array, size: int) -> csr_array:
+        """How the numbers change with the vertices, of which there are `size` coordinates."""
         touched = np.flatnonzero(at.faces >= 0)
         corners, shares = self.faces[at.faces[touched]], at.shares[touched]
         pulls = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3 corners, 3)
         columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), pulls.shape)
-        slopes = _by_rows(pulls, columns, touched, len(self.scan), vertices.size)
-        return ContactNumbers(numbers, slopes, at.faces >= 0)
+        return _by_rows(pulls, columns, touched, len(self.scan), size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,11 +142,15 @@ class _OnScan:
         """The contacts of vertices (N, 3) m at these places."""
         at = self.tree.closest(vertices, self.within)
         numbers, directions = _compared(self.form, vertices, at, self.within)
-        touched = np.flatnonzero(at.faces >= 0)
-        pulls = directions[touched]  # (m, d, 3)
-        columns = np.broadcast_to(3 * touched[:, None, None] + np.arange(3), pulls.shape)
-        slopes = _by_rows(pulls, columns, touched, len(vertices), vertices.size)
-        return ContactNumbers(numbers, slopes, at.faces >= 0)
+        return ContactNumbers(numbers, at.faces >= 0, partial(_of_vertices, at.faces, directions))
+
+
+def _of_vertices(faces: Index, directions: Array) -> csr_array:
+    """How numbers that belong to a vertex each change with it, by derivatives (N, d, 3)."""
+    touched = np.flatnonzero(faces >= 0)
+    pulls = directions[touched]  # (m, d, 3)
+    columns = np.broadcast_to(3 * touched[:, None, None] + np.arange(3), pulls.shape)
+    return _by_rows(pulls, columns, touched, len(faces), 3 * len(faces))
 
 
 def _compared(form: Form, points: Array, at: Closest, within: float) -> tuple[Array, Array]:

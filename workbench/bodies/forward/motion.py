@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
+import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks.batched import Batched, Buffered, Mapped
@@ -136,10 +137,18 @@ class Kinematics:
         felt = cs.dot(pull_G, stacked) + cs.dot(pull_f, features)
         back = [cs.densify(cs.gradient(felt, pose)), cs.densify(cs.gradient(felt, betas))]
         self._back = Buffered(cs.Function("adjoint", [pose, betas, pull_G, pull_f], back))
+        self._last: tuple[tuple[bytes, bytes], Posed] | None = None
 
     def evaluate(self, pose: Array, betas: Array) -> Posed:
-        """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for."""
-        return Posed(self, pose, betas)
+        """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for.
+
+        Those of the last pose are kept, for several sources of points may ask for the same one.
+        """
+        last, key = self._last, (pose.tobytes(), betas.tobytes())
+        if last is None or key != last[0]:
+            last = key, Posed(self, np.array(pose), np.array(betas))  # copies: it is lazy
+            self._last = last  # once: a thread may replace it
+        return last[1]
 
     def evaluate_each(self, poses: Array, betas: Array) -> list[Posed]:
         """The kinematics at each of the poses (M, K, 3) rad with its betas (M, B)."""
