@@ -46,13 +46,17 @@ def test_the_peer_leaves_more_in_the_same_run() -> None:
 
 
 def test_the_peer_leaves_more_at_equal_bones() -> None:
-    for name in ("moved 4", "placed 4"):
+    fresh = [name for name in KNOWN if int(name.split()[1]) > 20]
+    assert len(fresh) >= 2
+    for name in ("moved 4", "placed 4", *fresh):
         ours = KNOWN[name]["ours"]
         runs = [run for run in KNOWN[name]["py_dem_bones"] if run["begun"] == "patches"]
         assert {run["bones"] for run in runs} == {ours["bones"]} == {24}
+        least = f"leaves {1e3 * min(run['rms_m'] for run in runs):.1f} mm"
+        if name in fresh:
+            assert f"Of the fresh seeds it {least} at 24 bones" in TEXT
+            continue
         best = min(runs, key=lambda run: float(run["rms_m"]))
-        assert (
-            f"it leaves {1e3 * best['rms_m']:.1f} mm in under 3 CPU s (seed 4, both kinds)" in TEXT
-        )
+        assert f"it {least} in under 3 CPU s (seed 4, both kinds)" in TEXT
         assert f"where ours leaves {ours['rms_m']:.0e} m in {ours['cpu_s']:.0f}" in TEXT
         assert best["cpu_s"] < 3
