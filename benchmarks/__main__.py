@@ -3,14 +3,17 @@
 import argparse
 import json
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from benchmarks.busy import busy_elsewhere
 from benchmarks.keeping import keep
 from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
+BUSY = "-busy"  # behind the name of a part that was measured so
 PARTS = (
     "derivatives",
     "fits",
@@ -20,6 +23,7 @@ PARTS = (
     "sequences",
     "closest",
     "fingers",
+    "floors",
 )
 
 
@@ -32,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=12)
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
+    parser.add_argument("--busy", action="store_true", help="keep the other cores busy meanwhile")
     asked = parser.parse_args(arguments)
     if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
         print(json.dumps(_memory(*asked.parts[1:3])))
@@ -40,9 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if unknown:
         known = ", ".join(PARTS)
         parser.error(f"no part is called {', '.join(sorted(unknown))}; there are {known}")
-    for part in asked.parts or PARTS:
-        if part != "page":
-            _measure(part, asked)
+    with busy_elsewhere() if asked.busy else nullcontext():
+        for part in asked.parts or PARTS:
+            if part != "page":
+                _measure(part, asked)
     _write_page(asked.out)
 
 
@@ -65,6 +71,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         derivatives,
         fingers,
         fits,
+        floors,
         machine,
         overhead,
         scaling,
@@ -99,6 +106,9 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     if part == "fingers":
         found = fingers.measure(rounds) if fingers.HANDS in names or not asked.bodies else {}
         print(table.fingers(found), flush=True)
+    if part == "floors":
+        found = floors.measure([n for n in floors.BODIES if n in names], rounds, peers)
+        print(table.floors(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)
@@ -109,17 +119,18 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     options = {"bodies": names, "rounds": rounds, "peers": peers}
     facts["load after"] = machine.load()
     data = {"machine": facts, "options": options, "found": found}
-    keep(asked.out / "results" / f"{part}.json", data, DIGITS)
+    keep(asked.out / "results" / f"{part}{BUSY if asked.busy else ''}.json", data, DIGITS)
 
 
 def _write_page(out: Path) -> None:
     """Promises, README and figure from the numbers that are there."""
     from benchmarks import figure, page, table, targets
 
-    files = {part: out / "results" / f"{part}.json" for part in PARTS}
+    names = [*PARTS, *(part + BUSY for part in PARTS)]
+    files = {part: out / "results" / f"{part}.json" for part in names}
     results = {part: json.loads(f.read_text()) for part, f in files.items() if f.exists()}
     print(table.promises(targets.all_of(results)))
-    if len(results) == len(PARTS) and figure.SIZE in results["derivatives"]["found"]:
+    if set(PARTS) <= set(results) and figure.SIZE in results["derivatives"]["found"]:
         figure.draw(results, out / "results" / "performance.svg")
     if (out / "README.md").exists():
         page.rewrite(out / "README.md", results)

@@ -50,12 +50,14 @@ def draw(results: Mapping[str, Any], path: Path) -> str:
 def caption(results: Mapping[str, Any]) -> str:
     """What is seen, and on what machine."""
     body = results["derivatives"]["found"][SIZE]
+    where, of_fits = (page.machine(results[part]["machine"]) for part in ("derivatives", "fits"))
+    other = "" if of_fits == where else f" d: {of_fits}."
     return (
         f"Least times on one thread in double precision; a to d: {body['vertices']:,} vertices, "
         f"{body['unknowns']} unknowns, dense pose directions, random numbers in SMPL's shape. "
         "Numbers beside the marks are times over the first one's. The floor reads the pose "
         "directions (a), writes J as well (b), and forms J'J too (c). "
-        f"{page.machine(results['derivatives']['machine'])}."
+        f"{where}.{other}"
     )
 
 

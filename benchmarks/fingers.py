@@ -35,7 +35,10 @@ def measure(rounds: int, frames: tuple[int, ...] = FRAMES) -> dict[str, Any]:
         cases = {name: ways[way] for name, ways in made.items()}
         people = {name: case.people(4) for name, case in cases.items()}
         for kind in (JACOBIAN, STEP):
-            candidates = {n: partial(_of, kind, case, people[n]) for n, case in cases.items()}
+            candidates = {
+                n: ours.as_built(way, partial(_of, kind, case, people[n]))
+                for n, case in cases.items()
+            }
             seconds[f"{way}: {kind}"] = side_by_side(candidates, range(4), rounds)
     fits = {name: [balance(frame, name) for frame in frames] for name in made}
     seconds[FRAME] = _of_frames(fits, rounds)

@@ -40,8 +40,8 @@ def measure(name: str, rounds: int, people: int = 3, with_peers: bool = True) ->
     for way, case in ours.cases(name, body_called(name)).items():
         seen = [case.seeing(x) for x in case.people(people)]
         vertices = case.body.n_vertices
-        for method, fit in _methods(seen, with_peers):
-            label = f"{way}: {method}"
+        for method, by_method in _methods(seen, with_peers):
+            fit, label = ours.as_built(way, by_method), f"{way}: {method}"
             evaluations[label] = [_checked(label, one, fit(one)) for one in seen]
             methods[label] = partial(_each, fit, seen)
     timings = side_by_side(methods, [None], rounds)
@@ -57,14 +57,22 @@ def by(case: Case, solver: wb.solvers.Solver, goal: float = GOAL) -> wb.Solution
     start = case.body.start() | {"observed": case.observed}
     problem, reached = copy.copy(case.problem), [np.zeros(0)]
 
-    def residual(x: Array, fixed: Array) -> Array:
-        r = case.problem.residual(x, fixed)
+    def look(x: Array, r: Array) -> None:
         if r @ r <= (goal / SIGMA) ** 2:
             reached.append(x.copy())
             raise Stop(Status.STOPPED, "at the goal")
+
+    def residual(x: Array, fixed: Array) -> Array:
+        r = case.problem.residual(x, fixed)
+        look(x, r)
         return r
 
-    vars(problem)["residual"] = residual  # of this copy
+    def linearize_at(x: Array, fixed: Array) -> wb.Linearization:
+        here = case.problem.linearize_at(x, fixed)
+        look(x, here.residual)
+        return here
+
+    vars(problem).update(residual=residual, linearize_at=linearize_at)  # of this copy
     solution = wb.solve(problem, start, solver)
     if reached[-1].size:
         return replace(solution, values=problem.free.unpack(reached[-1]))

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import workbench as wb
 from benchmarks.bodies_made_up import Case, case_of
@@ -11,9 +12,11 @@ from benchmarks.candidates import Candidate
 from workbench.arrays import Array
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
+from workbench.problem import gram
 
 NUMPY, COMPILED = "workbench", "workbench, compiled"
 SWITCH = "WORKBENCH_COMPILE"
+T = TypeVar("T")
 
 
 @contextmanager
@@ -21,14 +24,19 @@ def compiling(allowed: bool) -> Iterator[None]:
     """Allow the compiled kernel, or not, while a problem is built and first used."""
     before = os.environ.get(SWITCH)
     os.environ[SWITCH] = "1" if allowed else "0"
-    kernels.cache_clear()  # it remembers for the whole process what it was allowed
+    _forget()  # what is remembered for the whole process
     try:
         yield
     finally:
-        kernels.cache_clear()
+        _forget()
         os.environ.pop(SWITCH)
         if before is not None:
             os.environ[SWITCH] = before
+
+
+def _forget() -> None:
+    kernels.cache_clear()
+    gram.compiled.cache_clear()
 
 
 def ways(body: wb.SkinnedBody) -> dict[str, bool]:
@@ -53,6 +61,24 @@ def cases(name: str, body: wb.SkinnedBody) -> dict[str, Case]:
     return made
 
 
+def as_built(way: str, run: Callable[..., T]) -> Callable[..., T]:
+    """A function that gets no compiled linear algebra either, if `way` compiles nothing."""
+
+    def plainly(*arguments: Any) -> T:
+        before = gram.compiled
+        vars(gram)["compiled"] = _nothing
+        try:
+            return run(*arguments)
+        finally:
+            vars(gram)["compiled"] = before
+
+    return plainly if way == NUMPY else run
+
+
+def _nothing() -> None:
+    """What `gram.compiled` is without a compiler."""
+
+
 def candidate(name: str, case: Case) -> Candidate:
     """Through Problem.residual, Problem.linearize_at and Linearization.step."""
     problem, fixed = case.problem, case.fixed
@@ -62,4 +88,5 @@ def candidate(name: str, case: Case) -> Candidate:
         return here.residual, here.jacobian
 
     forward: Callable[[Array], Array] = lambda x: problem.residual(x, fixed)  # noqa: E731
-    return Candidate(name, forward, jacobian, lambda x: problem.linearize_at(x, fixed).step())
+    step = as_built(name, lambda x: problem.linearize_at(x, fixed).step())
+    return Candidate(name, forward, jacobian, step)

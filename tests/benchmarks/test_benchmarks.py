@@ -1,6 +1,7 @@
 """The benchmarks run at tiny sizes and agree; how fast they are is not asked here."""
 
 import json
+import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
@@ -15,6 +16,7 @@ from benchmarks import (
     figure,
     fingers,
     fits,
+    floors,
     ours,
     overhead,
     page,
@@ -27,10 +29,13 @@ from benchmarks import (
 )
 from benchmarks.__main__ import PARTS, main
 from benchmarks.bodies_made_up import case_of, random_body
+from benchmarks.busy import busy_elsewhere
 from benchmarks.candidates import Candidate, Disagreement, check
 from benchmarks.derivatives import KINDS
-from benchmarks.floor import FLOOR
+from benchmarks.floor import FLOOR, OWN
 from benchmarks.timing import side_by_side
+from tests.compilers import NEEDS_A_COMPILER
+from workbench.problem import gram
 
 README = Path(__file__).parents[2] / "benchmarks" / "README.md"
 RESULTS = README.parent / "results"
@@ -212,7 +217,7 @@ def test_the_figure_is_drawn_from_the_numbers(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not RESULTS.exists(), reason="no results are kept here")
 def test_the_page_says_what_the_kept_results_say() -> None:
-    kept = [part for part in PARTS if (RESULTS / f"{part}.json").exists()]
+    kept = [part for part in page.SECTIONS if (RESULTS / f"{part}.json").exists()]
     results = {part: json.loads((RESULTS / f"{part}.json").read_text()) for part in kept}
     assert page.text(results) in README.read_text()
 
@@ -310,3 +315,43 @@ def test_what_fingers_cost_is_told_and_judged() -> None:
     judged = targets.all_of({"fingers": {"found": found}})
     assert [(target.limit, target.holds) for target in judged] == [(2.2, True), (2.5, True)]
     assert table.fingers({}) == ""
+
+
+@NEEDS_A_COMPILER
+def test_floors_are_told_and_judged() -> None:
+    found = floors.measure(["default"], rounds=1, with_peers=False)
+    one = found["default"]
+    assert set(one["seconds"]["step"]) == {ours.COMPILED, OWN, FLOOR}
+    assert one["written"] == 8 * 3 * 1229 * 85
+    assert 1e6 < one["stored"] < 8 * 1229 * 3 * 207  # posedirs that are zero are not stored
+    assert "MB stored, 2.51 MB of Jacobian" in table.floors(found)
+    times = {ours.COMPILED: [2e-3], OWN: [1e-3], FLOOR: [1.6e-3], peers.JAX: [4e-3]}
+    made_up = {"default": {**one, "seconds": dict.fromkeys(KINDS, times)}}
+    judged = targets.all_of({"floors-busy": {"found": made_up}})
+    assert [target.measured for target in judged] == pytest.approx([0.5, 2.0, 1.25])
+    assert [target.holds for target in judged] == [True, False, True]
+    assert floors.measure([TINY], rounds=1) == {}
+
+
+def test_other_cores_are_busy_until_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[subprocess.Popen] = []
+    start = subprocess.Popen
+
+    def started(command: list[str]) -> subprocess.Popen:
+        made.append(start(command))
+        return made[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", started)
+    monkeypatch.setattr("benchmarks.busy.os.sched_getaffinity", lambda _: {0}, raising=False)
+    monkeypatch.setattr("benchmarks.busy.os.cpu_count", lambda: 2)
+    with busy_elsewhere() as count:
+        assert count == len(made) == 1
+        assert made[0].poll() is None
+    assert made[0].poll() is not None
+
+
+@NEEDS_A_COMPILER
+def test_what_compiles_nothing_gets_no_compiled_linear_algebra_either() -> None:
+    seen = {way: ours.as_built(way, lambda: gram.compiled())() for way in (ours.NUMPY, "other")}
+    assert seen[ours.NUMPY] is None
+    assert seen["other"] is not None

@@ -14,6 +14,7 @@ from workbench.problem import storage
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.constraint_set import LinearizedConstraints
 from workbench.problem.covariance import covariance_of, inverse_times
+from workbench.problem.gram import normal_equations
 from workbench.problem.rounding import half_squared
 from workbench.problem.spectrum import Spectrum, graded_svd
 from workbench.problem.steps import EPS, UNEVEN, automatic
@@ -75,13 +76,16 @@ class Linearization:
     @cached_property
     def normal(self) -> Symmetric:
         """J' J, (n, n), Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
-        with np.errstate(over="ignore", invalid="ignore"):
+        found = normal_equations(self.jacobian, self.residual)
+        if found is None:
             return storage.gram(self.jacobian)
+        self.__dict__.setdefault("gradient", found[1])  # it is there in the same pass
+        return found[0]
 
     @cached_property
     def column_norms(self) -> Array:
         """|J_i|, (n,): by how many sigmas one unit of each unknown changes the residual."""
-        return storage.column_norms(self.jacobian)
+        return storage.column_norms(self.jacobian, self.__dict__.get("normal"))
 
     @cached_property
     def row_norms(self) -> Array:
@@ -113,8 +117,8 @@ class Linearization:
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """The linearization of some rows by some unknowns only."""
-        part = storage.by_columns(self._by_rows[rows][:, columns])
-        return Linearization(self.residual[rows], part)
+        part = self._by_rows[rows][:, columns]
+        return Linearization(self.residual[rows], storage.by_columns(part))
 
     @cached_property
     def finite(self) -> bool:
@@ -130,8 +134,6 @@ class Linearization:
     def not_finite(self) -> list[tuple[int, int]]:
         """Rows and columns of entries of the Jacobian that are NaN or infinite."""
         return storage.where_not_finite(self.jacobian)
-
-    # The geometry of the columns.
 
     @cached_property
     def svd(self) -> tuple[Array, Array, Array]:
@@ -233,16 +235,15 @@ class Linearization:
         Without damping, this is the Gauss-Newton step; where J has no full rank, the shortest one.
         The scaling must be above zero. `steps.automatic` says how it is computed.
         """
-        D = np.array(np.broadcast_to(scaling, self.gradient.shape), dtype=float)
+        D = np.array(np.broadcast_to(scaling, self.shape[1:]), dtype=float)
         return automatic(self, damping, D).p
 
     def without(self, held: Mask, p: Array) -> "Linearization":
         """The linearization by unknowns not `held` (n,), after the held ones have moved by p."""
-        rest = ~held
         moved = self.residual + self.along(np.where(held, p, 0.0))
-        smaller = Linearization(moved, storage.columns_of(self.jacobian, rest))
+        smaller = Linearization(moved, storage.columns_of(self.jacobian, ~held))
         if type(smaller.jacobian) is type(self.jacobian):
-            smaller.__dict__["normal"] = storage.part(self.normal, rest)
+            smaller.__dict__["normal"] = storage.part(self.normal, ~held)
         return smaller
 
     def holding(self, held: Mask, p: Array) -> "Linearization":

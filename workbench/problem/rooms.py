@@ -19,7 +19,7 @@ class Rooms:
     computing it. An array's room is free when the array and all views of it are gone.
     """
 
-    _free: list[bytearray] = field(default_factory=list)
+    _free: list[Array] = field(default_factory=list)
 
     def empty(self, rows: int, columns: int) -> Array:
         """An array (rows, columns) of any numbers."""
@@ -29,13 +29,13 @@ class Rooms:
         try:
             room = self._free.pop()  # at once, whatever other threads do
         except IndexError:
-            room = bytearray(size)
-        if len(room) != size:
-            room = bytearray(size)
-        whole = np.frombuffer(room)  # which all views hold, because its memory is no array's
+            room = np.empty(rows * columns)  # for which NumPy asks the system for large pages
+        if room.nbytes != size:
+            room = np.empty(rows * columns)
+        whole = np.frombuffer(room.data)  # which all views hold, as its base is no array
         weakref.finalize(whole, self._back, room).atexit = False
         return whole.reshape(rows, columns)
 
-    def _back(self, room: bytearray) -> None:
+    def _back(self, room: Array) -> None:
         if len(self._free) < KEPT:
             self._free.append(room)

@@ -71,8 +71,8 @@ def entries(matrix: Matrix) -> Array:
     return np.asarray(matrix.data) if isinstance(matrix, csc_array) else matrix
 
 
-def column_norms(matrix: Matrix) -> Array:
-    """The length of every column, (n,).
+def column_norms(matrix: Matrix, normal: Symmetric | None = None) -> Array:
+    """The length of every column, (n,); `normal` is J'J, if that is known already.
 
     Columns whose squares are too large to be numbers are scaled before; those whose squares are
     zero to rounding have the length zero.
@@ -83,7 +83,8 @@ def column_norms(matrix: Matrix) -> Array:
         return np.sqrt(sums(columns_of_nonzeros(matrix), matrix.data**2, matrix.shape[1]))
     columns = matrix.T  # as it is stored
     with np.errstate(over="ignore"):
-        norms = np.asarray(np.sqrt(np.vecdot(columns, columns)))
+        squares = np.vecdot(columns, columns) if normal is None else dense(normal).diagonal()
+        norms = np.asarray(np.sqrt(squares))
     for i in np.flatnonzero(norms == np.inf):
         largest = np.abs(columns[i]).max()
         if largest < np.inf:
@@ -165,12 +166,13 @@ def is_long(matrix: Matrix) -> bool:
 
 
 def gram(matrix: Matrix) -> Symmetric:
-    """The matrix, transposed, times itself, (n, n)."""
-    if isinstance(matrix, BlockMatrix):
-        return matrix.normal()
-    if isinstance(matrix, csc_array):
-        return gram_of_nonzeros(matrix)
-    return np.asarray(matrix.T @ matrix)
+    """The matrix, transposed, times itself, (n, n); infinite where it is too large."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if isinstance(matrix, BlockMatrix):
+            return matrix.normal()
+        if isinstance(matrix, csc_array):
+            return gram_of_nonzeros(matrix)
+        return np.asarray(matrix.T @ matrix)
 
 
 def gram_of_nonzeros(matrix: csc_array) -> csc_array:

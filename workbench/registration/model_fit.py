@@ -157,7 +157,8 @@ def fit_model(
         raise BadArgument("there is no start; `scan_starts` makes some")
     order = np.random.default_rng(seed).permutation(seen.n_points)
     before = time.perf_counter()
-    iterations, stopped, hypotheses = 0, "", []
+    iterations, stopped = 0, ""
+    hypotheses: list[Hypothesis] = []
     levels: list[list[Hypothesis]] = []
     given = usual_priors(body) if priors is None else tuple(priors)
     names = tuple(block.name for block in body.blocks())

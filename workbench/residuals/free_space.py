@@ -126,7 +126,7 @@ class Shadow:
         v = vertices - self.camera
         far = np.maximum(np.linalg.norm(v, axis=1), np.finfo(float).tiny)
         k = range(1, min(CANDIDATES, len(self.begins)) + 1)
-        at = self.tree.query(v / far[:, None], k=k)[1]
+        at = np.asarray(self.tree.query(v / far[:, None], k=k)[1])
         along = np.einsum("nki,ni->nk", self.directions[at], v)
         off = np.sqrt(np.maximum(far[:, None] ** 2 - along**2, 0))
         ahead = np.maximum(self.begins[at] - self.before - far[:, None], 0)

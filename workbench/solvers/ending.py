@@ -19,6 +19,8 @@ from workbench.solvers.sensitivity import lost
 from workbench.solvers.solution import Status
 from workbench.solvers.wrapping import rewrapped
 
+BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
+
 
 def ending(run: Ended, stop: Stop) -> Ending:
     """Choose the best point of a run, and judge it by the problem, whatever the solver reports."""
@@ -71,6 +73,24 @@ def ending(run: Ended, stop: Stop) -> Ending:
             status, message = Status.STALLED, Status.STALLED.value
         return replace(found, status=status, message=_hidden(run, here, free) or message)
     return found
+
+
+def prefer_stationary(
+    run: Ended, x: Array, cost: float, here: Linearization, optimality: float
+) -> None:
+    """Prefer this point (n,) to the best one of a run if it is more stationary and costs the same.
+
+    Costs are the same up to rounding, 1/2 (tolerance |r|)^2, and what the tolerances of constraints
+    allow.
+    """
+    there = run.problem.stacked_constraints
+    noise = run.rounding_noise.recent(x, here).of_cost(here.residual)
+    noise += run.limits.gradient_tolerance**2 * cost
+    if there is None:
+        run.best.settle(x, cost, 0.0, optimality, noise)
+    elif here.constraints is not None:
+        violation = there.violation(here.constraints.values)
+        run.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
 
 
 def _judged(run: Ended, x: Array) -> Linearization:

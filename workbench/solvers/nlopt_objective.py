@@ -10,7 +10,8 @@ from workbench.arrays import Array, Mask
 from workbench.problem import Linearization
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
-from workbench.solvers.run import BOUGHT, Run
+from workbench.solvers.ending import BOUGHT
+from workbench.solvers.run import Run
 
 NOT_A_POINT = (
     "the algorithm broke down, for it asks for the cost at a point that is not a number; the best "

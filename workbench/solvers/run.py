@@ -17,11 +17,12 @@ from workbench.problem.rounding import fall, half_squared
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.best import Best
-from workbench.solvers.ending import ending
+from workbench.solvers.ending import ending, prefer_stationary
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.limits import Options, Stop, guarded, stop_asked, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.meter import Meter
+from workbench.solvers.one_pass import takes_one_pass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
 from workbench.solvers.solution import Callback, Solution, Status
@@ -30,9 +31,9 @@ from workbench.threads import limited_threads
 
 T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
-BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
 TRIES = 6  # to find a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
+SURE = 0.75  # gain ratio, after which the next step is expected to be taken as well
 POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
@@ -64,6 +65,7 @@ class Run:
         self.linearizations = LinearizationCache()
         self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
         self._recorded: Array | None = None  # the last one
+        self._one_pass, self._sure = takes_one_pass(solver, problem), False
         self._threads = ExitStack()
         self._interrupts, self._interrupted = Interrupts(), False
 
@@ -108,14 +110,21 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
-        known = self.linearizations.at(x)
-        if known is not None:
+        if (known := self.linearizations.at(x)) is not None:
             return known
         self.check()
         self.linearizations.forget()  # first: memory that is used again is already there, and near
-        here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
-        if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
+        if (here := self._linearized(x)) is None:
             raise Stop(Status.NOT_FINITE)
+        return here
+
+    def _linearized(self, x: Array) -> Linearization | None:
+        """The linearization at x, which is kept; None where it is not finite."""
+        here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
+        if self._one_pass:
+            _ = here.normal  # with the gradient and the lengths of columns
+        if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
+            return None
         self.sensitivity.observe(x, here)
         self.rounding_noise.age += 1
         return self.linearizations.keep(x, here)
@@ -182,11 +191,15 @@ class Run:
         self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
             return -np.inf
+        sure, self._sure = self._sure, False
+        if sure and self.linearizations.at(to) is None:
+            self._linearized(to)  # the step will be taken, so that the Jacobian is needed as well
         cost, residual = self.cost_and_residual(to)
         if not np.isfinite(cost):
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)
         if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
+            self._sure = self._one_pass and fallen >= SURE * predicted
             return fallen / predicted
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
@@ -248,7 +261,7 @@ class Run:
         )
         self.trace.append(iterate)
         if here is not None and not isnan(optimality):
-            self._settle(x, cost, here, optimality)
+            prefer_stationary(self, x, cost, here, optimality)
         asked: Stop | None = None
         if self.callback is not None:
             with self._interrupts.raised_at_once():
@@ -260,19 +273,6 @@ class Run:
             raise asked
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
-
-    def _settle(self, x: Array, cost: float, here: Linearization, optimality: float) -> None:
-        """Prefer this point to the best one if it is more stationary, and costs the same up to
-        rounding, 1/2 (tolerance |r|)^2, and what the tolerances of constraints allow.
-        """
-        there = self.problem.stacked_constraints
-        noise = self.rounding_noise.recent(x, here).of_cost(here.residual)
-        noise += self.limits.gradient_tolerance**2 * cost
-        if there is None:
-            self.best.settle(x, cost, 0.0, optimality, noise)
-        elif here.constraints is not None:
-            violation = there.violation(here.constraints.values)
-            self.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
 
     def stall(self, message: str = "") -> NoReturn:
         """End the run because no better point is found, for the reason in `message` if given."""

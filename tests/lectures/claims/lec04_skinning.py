@@ -90,8 +90,10 @@ def bent_in_half(run: Run, rings: int) -> float:
 
 
 SAYS = {
-    "(The 20 cm³ that it lost at half a turn are the mesh's, whose straight edges cut the corner: with twice as "
-    "many rings it loses 5.)": lambda run: (bent_in_half(run, 61), bent_in_half(run, 121)),
+    "the tube that is bent by half a turn loses 20 cm³ with dual quaternions; with twice as many rings it loses 5.": lambda run: (
+        bent_in_half(run, 61),
+        bent_in_half(run, 121),
+    ),
     "so we try four ways to read this": lambda run: len(run["readings"]) == 5,
     "With weights of 0 the body is a point, and with 1 it is 24 times as tall.": lambda run: (
         0,
@@ -134,11 +136,13 @@ SAYS = {
         end_of_the_tube(run) < 1.4,
     ),
     "In the arm the joint of the elbow lies 1 cm behind the middle": lambda run: behind(run),
-    "Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it does. "
-    "On the coarse one it loses volume both ways": lambda run: (
+    "Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it "
+    "does.": lambda run: (
         abs(run.line("body 'full'")[-1] + run.line("body 'full'")[-2]) < 20,
         run.line("body 'full'")[-1] > 100,
-        max(run.line("body 'default'")[-2:]) < -100,
+    ),
+    "This is why the coarse body loses volume both ways": lambda run: (
+        max(run.line("body 'default'")[-2:]) < -100
     ),
     "what the bend gains on the outside it loses on the inside": lambda run: (
         abs(run["lost"]["dual quaternions"][9]) < 10
@@ -155,7 +159,7 @@ SAYS = {
         run.line("at other joints than after training")[1]
         < run.line("at other joints than after training")[0],
     ),
-    "a registration may be off by 2 mm, and a weight by 0.3": lambda run: (
+    "a registration (the body's mesh, laid onto a scan) may be off by 2 mm, and a weight by 0.3": lambda run: (
         1e3 * run["Sigmas"]().data,
         run["Sigmas"]().weights,
     ),

@@ -73,7 +73,8 @@ SAYS = {
         )
         and len(run.lines("CONVERGED: joints off by")) == 2
     ),
-    "brightest is the crown of the head, then the left upper arm, which is turned about its bone, then "
+    "brightest is the crown of the head (seen from behind, because the head is bent back), then the left upper arm, "
+    "which is turned about its bone, then "
     "both hands": lambda run: (
         furthest_parts(run)[:2] == ["head", "left_shoulder"],
         set(furthest_parts(run)[2:4]) == {"left_hand", "right_hand"},
@@ -147,8 +148,8 @@ SAYS = {
     "should move no joint, and yet move the skin of the forearm": lambda run: (
         run.line("0.001 rad: joints by")[2] > 1000 * run.line("0.001 rad: joints by")[1]
     ),
-    "With the 24 joints alone it gives the smallest standard deviation to the joints that nobody "
-    "sees.": lambda run: (
+    "With the 24 joints alone it gives the smallest standard deviation to the rotations that "
+    "nobody sees, those of the leaves.": lambda run: (
         run["body"].n_joints,
         max(by_pinv(run, "left_hand")) < min(by_pinv(run, "left_elbow") + by_pinv(run, "left_hip")),
     ),
@@ -163,6 +164,12 @@ SAYS = {
         abs(run["solution"].values["pose"].ravel()[furthest(run, run["answers"]["from rest"])])
         < 1e-9,
     ),
+    "so that the twist changes all numbers of a joint, and none of them is determined.": lambda run: (
+        all(
+            bool(np.isinf(run["honest"][run["body"].joint_names.index(name)]).all())
+            for name in ("left_elbow", "left_hip")
+        )
+    ),
     "24 joints tell 40 of 72 numbers": lambda run: (
         run["body"].n_joints,
         run["here"].rank,
@@ -171,6 +178,7 @@ SAYS = {
 }
 
 GIVEN = (
+    "the diagonal of $D$ (1 for a column of zeros)",
     "it first scales every column to the length 1",
     "If $J p = 0$, no equation notices the step.",
     "because $\\omega \\times e = 0$ where",

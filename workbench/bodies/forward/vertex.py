@@ -64,7 +64,7 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
     `ADDED` names.
 
         shaped       (template, shapedirs, betas) -> T + S betas, (3,) m
-        bent         (posedirs_k, features_k) -> P_k f_k, (3,) m
+        bent         (posedirs_kn, features_kn) -> P_kn f_kn, (3,) m, of one feature
         blended      (w_k, G_k) -> w_k G_k, (12,)
         moved        (M, v) -> M [v; 1], (3,) m
         below        (w_k, G_k, v) -> y_k and w_k, (4,)
@@ -93,7 +93,7 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
     made = (
         _function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
-        _function("bent", P @ f, posedirs=P, motion=f),
+        _function("bent", P[:, 0] * f[0], posedirs=P[:, 0], motion=f[0]),
         _function("blended", w * G, weight=w, motion=G),
         _function("moved", moved, M=M, v=v),
         _function("below", cs.vertcat(carried, w), weight=w, motion=G, v=v),

@@ -46,9 +46,10 @@ static inline const integer *read_lists(const integer *from, lists_t *lists)
     return from + lists->movers;
 }
 
+/* into the second cache: one group may fill the first one */
 static inline void look_ahead(const void *next, integer bytes)
 {
-    for (integer i = 0; i < bytes; i += 64) __builtin_prefetch((const char *)next + i);
+    for (integer i = 0; i < bytes; i += 64) __builtin_prefetch((const char *)next + i, 0, 2);
 }
 
 /* the next group: every pointer is moved on by what the group before it takes */
@@ -122,8 +123,9 @@ static inline void posed(const group_t *of, const double *motion, v *restrict re
     const lists_t *lists = &of->lists;
     v sum[3], M_sum[12] = {{0}};
     shaped(of->vertex, of->shapes, motion, sum);
-    for (integer i = 0; i < lists->benders; ++i)
-        bent(of->bends + 27 * i, motion + FEATURES + 9 * (lists->bender[i] - 1), sum);
+    for (integer i = 0; i < lists->benders; ++i) /* in the order in which they are stored */
+        _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n)
+            bent(of->bends + 27 * i + 3 * n, motion + FEATURES + 9 * (lists->bender[i] - 1) + n, sum);
     for (integer i = 0; i < lists->carriers; ++i) {
         const integer k = lists->carrier[i];
         blended(of->weights + k, motion + MOTIONS + 12 * k, M_sum);

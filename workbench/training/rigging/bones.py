@@ -28,6 +28,7 @@ from workbench.training.registrations import rows_of_jobs
 from workbench.training.simplex import few_shares
 
 AT_ONCE = 64  # frames in memory at once
+ALONE = 30  # rounds of bones that begin from their weights alone
 LIGHTEST = 1e-9  # the sum of squared weights of a bone that is not moved
 
 
@@ -122,6 +123,17 @@ def fit_bones(bones: Bones, rest: Array, meshes: Array, rounds: int = 3) -> Bone
                 shares[k] = _share(rest[own], w, R[some, k], t[some, k])
                 missing[own] = left - shares[k]
     return Bones(R, t, W)
+
+
+def bones_of_weights(weights: Array, rest: Array, meshes: Array) -> Bones:
+    """The bones that weights (N, K) alone tell, in meshes of which no bones are known yet.
+
+    Each begins as the motion of what it carries, as if it carried that alone.
+    """
+    targets = meshes.swapaxes(0, 1)
+    each = [rigid_motions(rest, w[:, None, None] * targets, w) for w in weights.T]
+    R, t = (np.stack(part, axis=1) for part in zip(*each, strict=True))
+    return fit_bones(Bones(R, t, weights), rest, meshes, ALONE)
 
 
 def _share(rest: Array, weights: Array, R: Array, t: Array) -> Array:

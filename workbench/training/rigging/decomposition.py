@@ -4,6 +4,10 @@ Alternation only improves bones that are roughly right. The first ones are clust
 that move as a rigid body would (Lloyd's algorithm, with a rigid motion for the mean). A bone that
 carries no vertex alone, as a collar, is in no cluster. So each further bone begins where the error
 is largest, as the motion of a patch of vertices there, and alternation gives it its share.
+
+Alternation ends early where bones share much of a surface, or where one stands for two others. So
+bones and weights are then changed at once (see `together`), and bones are exchanged one by one: one
+is made where the error is largest, and the one is given up that others can best stand for.
 """
 
 from collections.abc import Callable
@@ -16,11 +20,10 @@ from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.training.rigging.bones import (
     Bones,
-    fit_bone_weights,
-    fit_bones,
     frames,
     rigid_motions,
 )
+from workbench.training.rigging.together import one_turn, refined_at_once
 
 Report = Callable[[str, int, int], None]
 PATCH = 8  # vertices whose motion a new bone begins with
@@ -30,6 +33,8 @@ WORST = 0.5  # of the largest error: clusters that have more are divided at once
 CLIFF, STEEP = 1e-13, 100.0  # of the largest eigenvalue: rounding; a ratio that no noise has
 SPARE = 5  # one bone in so many is made in addition, and given up again
 CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
+SWAPS = 6  # exchanges of a bone at most; one that lowers the rms less than that is the last
+AT_BEST, ROUNDED = 2.0, 1e-8  # factor on the least rms that bones can leave; m, of meshes in use
 MOST = 64  # bones that are looked for without being asked for
 
 
@@ -43,10 +48,7 @@ def bones_needed(meshes: Array, tolerance: float) -> int:
     found is a lower bound. Of meshes without noise the rank is exact: singular values end in a
     cliff, down to rounding. Raises BadArgument if the number is above 64.
     """
-    T, N = meshes.shape[:2]
-    rows = meshes.transpose(0, 2, 1).reshape(3 * T, N)
-    gram = rows.T @ rows if N < 3 * T else rows @ rows.T
-    sizes = np.linalg.eigvalsh(gram).clip(0) / (T * N)  # ascending, squares of singular values
+    sizes = _squares(meshes)
     rank = int(np.count_nonzero(np.sqrt(np.cumsum(sizes)) > tolerance))
     above = int(np.count_nonzero(sizes > CLIFF * sizes[-1]))
     if above < len(sizes) and sizes[-above] > STEEP * sizes[-above - 1]:
@@ -59,6 +61,24 @@ def bones_needed(meshes: Array, tolerance: float) -> int:
             "larger error"
         )
     return count
+
+
+def least_rms(meshes: Array, count: int) -> float:
+    """The rms in m below which no `count` bones that hang together in joints explain meshes.
+
+    Of the matrix in `bones_needed`, they explain at most 3 K + 1 singular values; what the others
+    hold is left (Eckart and Young, Psychometrika 1(3), 1936). Eigenvalues of a product round at
+    1e-8 of the meshes' size.
+    """
+    return float(np.sqrt(_squares(meshes)[: -(3 * count + 1)].sum()))
+
+
+def _squares(meshes: Array) -> Array:
+    """The squares of the singular values of that matrix, ascending, over the number of vertices."""
+    T, N = meshes.shape[:2]
+    rows = meshes.transpose(0, 2, 1).reshape(3 * T, N)
+    gram = rows.T @ rows if N < 3 * T else rows @ rows.T
+    return np.asarray(np.linalg.eigvalsh(gram).clip(0) / (T * N))
 
 
 def clusters(rest: Array, meshes: Array, count: int) -> Bones:
@@ -83,7 +103,7 @@ def clusters(rest: Array, meshes: Array, count: int) -> Bones:
 def alternated(bones: Bones, rest: Array, meshes: Array) -> Bones:
     """A few turns of the alternation."""
     for _ in range(TURNS):
-        bones = fit_bones(fit_bone_weights(bones, rest, meshes), rest, meshes)
+        bones = one_turn(bones, rest, meshes)
     return bones
 
 
@@ -107,7 +127,34 @@ def decomposed(rest: Array, meshes: Array, count: int, report: Report) -> Bones:
             best, lowest = bones, rms
         if rms > BETTER * before:
             break
-    return best
+    report("bones and weights at once", 0, 1)
+    return exchanged(refined_at_once(best, rest, meshes), rest, meshes, report)
+
+
+def one_more(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones:
+    """A bone more than these, and all of them improved."""
+    more = alternated(with_worst(bones, rest, meshes), rest, meshes)
+    return exchanged(refined_at_once(more, rest, meshes), rest, meshes, report)
+
+
+def exchanged(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones:
+    """As many bones, one of which begins anew where the error is largest, again and again."""
+    enough = max(AT_BEST * least_rms(meshes, bones.count), ROUNDED)
+    lowest = bones.rms(rest, meshes)
+    for swap in range(SWAPS):
+        if lowest <= enough:
+            break
+        report("bones exchanged", swap + 1, SWAPS)
+        more = alternated(with_worst(bones, rest, meshes), rest, meshes)
+        more = refined_at_once(more, rest, meshes)
+        fewer = alternated(without_least(more, rest), rest, meshes)
+        tried = refined_at_once(fewer, rest, meshes)
+        before, rms = lowest, tried.rms(rest, meshes)
+        if rms < lowest:
+            bones, lowest = tried, rms
+        if rms > BETTER * before:
+            break
+    return bones
 
 
 def with_worst(bones: Bones, rest: Array, meshes: Array) -> Bones:

@@ -15,7 +15,12 @@ from workbench.threads import limited_threads
 from workbench.training.estimate import Estimate
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
-from workbench.training.rigging.bones import Bones, fit_bone_weights, rigid_motions
+from workbench.training.rigging.bones import (
+    Bones,
+    bones_of_weights,
+    fit_bone_weights,
+    rigid_motions,
+)
 from workbench.training.rigging.decomposition import (
     MOST,
     Report,
@@ -23,6 +28,8 @@ from workbench.training.rigging.decomposition import (
     alternated,
     bones_needed,
     decomposed,
+    least_rms,
+    one_more,
 )
 from workbench.training.rigging.joints import JointCandidate, JointTree, candidate, joint_tree
 from workbench.training.rigging.refinement import (
@@ -39,6 +46,7 @@ from workbench.training.subsampling import subsample
 
 TOLERANCE = 1e-4  # m, rms: errors of a decomposition that are no reason for one bone more
 ENOUGH = 600  # vertices that bones, joints and poses are found from
+LOOKED_AT = 60  # meshes, spread evenly, that bones are looked for in
 TREES = 4  # how often a tree is looked for again with better bones
 ROUNDS, LAST_ROUNDS = 4, 30  # of the refinement, before the tree is certain and after
 WORTH = 0.05  # of the rms: a bone that lowers it by a smaller share is not kept
@@ -149,14 +157,20 @@ def _skeleton(
     """An estimate with enough bones on the right tree, and how many of them were merged.
 
     One bone more is tried only if the tree with a free template does not explain the meshes either.
+    It is added to the bones that were there before the tree was found. Bones are looked for in some
+    of the meshes, and the others follow.
     """
     meshes = given.meshes
+    some = np.unique(np.linspace(0, len(meshes) - 1, LOOKED_AT).round().astype(int))
+    looked_at = meshes[some] if len(some) < len(meshes) else meshes
     target = bones_needed(meshes, tolerance) if count is None else count
+    found = decomposed(rest, looked_at, target, report)
     kept: tuple[Estimate, int] | None = None
     while True:
-        bones = decomposed(rest, meshes, target, report)
-        different = alike(bones, rest, tolerance)
-        merged = bones.count - different.count
+        different = alike(found, rest, tolerance)
+        merged = found.count - different.count
+        if len(some) < len(meshes):
+            different = bones_of_weights(different.weights, rest, meshes)
         settled, tree = _settled(given, rest, different, report)
         estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, report)
         if given.rms(estimate) > tolerance:
@@ -164,9 +178,10 @@ def _skeleton(
             estimate = freed if given.rms(freed) < given.rms(estimate) else estimate
         if kept is not None and given.rms(estimate) > (1 - WORTH) * given.rms(kept[0]):
             return kept
-        if count is not None or given.rms(estimate) <= tolerance or target >= MOST:
+        if count is not None or given.rms(estimate) <= tolerance or found.count >= MOST:
             return estimate, merged
-        kept, target = (estimate, merged), different.count + 1
+        kept = (estimate, merged)
+        found = one_more(alike(found, rest, tolerance), rest, looked_at, report)
 
 
 def _settled(
@@ -214,7 +229,7 @@ def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, 
         candidate(freed, template, parent, k)
         for k, parent in enumerate(estimate.parents[1:], start=1)
     )
-    notes = notes_of(found, names, merged)
+    notes = notes_of(found, names, merged, rms, least_rms(meshes, K))
     body = SkinnedBody(
         template=template,
         shapedirs=np.zeros((N, 3, 0)),

@@ -5,16 +5,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.training.rigging.joints import JointCandidate
+from workbench.training.rigging.joints import ROUNDING, JointCandidate
 
+CERTAIN = 2.0  # factor on the rms that any bones leave: a body that leaves more is doubted
 STILL = 0.05  # rad, rms: bones that turn less against each other hardly turn
 
 
 def notes_of(
-    joints: Sequence[JointCandidate], names: Sequence[str], merged: int
+    joints: Sequence[JointCandidate], names: Sequence[str], merged: int, rms: float, least: float
 ) -> tuple[str, ...]:
-    """A sentence for each joint that is not determined, for merged bones, and for the root."""
+    """What is not certain, in sentences: the whole, merged bones, each such joint, and the root.
+
+    `rms` is what the body leaves of the meshes, and `least` what bones in joints must leave (m).
+    """
     found = []
+    if rms > CERTAIN * least + ROUNDING:
+        found.append(
+            f"the body leaves {1e3 * rms:.2g} mm of the meshes (rms), and only "
+            f"{1e3 * least:.1g} mm are more than any {len(names)} bones in joints can explain: "
+            "either the skin does not follow linear blend skinning, or bones and tree are not the "
+            "right ones; they are not certain"
+        )
     if merged:
         found.append(
             f"{merged} {'bone' if merged == 1 else 'bones'} moved as another one did, and "

@@ -1,0 +1,21 @@
+"""Whether a trial point is linearized at once, instead of after its step has been taken."""
+
+from workbench.problem import Problem, gram
+from workbench.problem.steps import automatic, cholesky, sparing
+from workbench.solvers.limits import Options
+
+BY_NORMAL_EQUATIONS = (automatic, cholesky, sparing)
+LARGEST = 2**26  # bytes of a Jacobian, of which two are in memory at a time
+
+
+def takes_one_pass(solver: Options, problem: Problem) -> bool:
+    """Whether a run computes the normal equations with each Jacobian, and Jacobians of trials.
+
+    So it does where its steps come from normal equations, and where compiled code computes these
+    with the gradient and the lengths of columns, instead of one after the other. A posed surface
+    and its derivative read the same arrays: to ask for its points first costs a third of both.
+    """
+    if getattr(solver, "linear_algebra", None) not in BY_NORMAL_EQUATIONS or problem.sparse:
+        return False
+    m, n = problem.size, problem.free.size
+    return gram.worthwhile(m, n) and 8 * m * n <= LARGEST and gram.compiled() is not None
