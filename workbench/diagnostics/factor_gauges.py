@@ -20,6 +20,7 @@ from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.things import in_space
 from workbench.diagnostics.undoing import (
     CLOSE,
+    Field,
     Unseen,
     nothing,
     only,
@@ -166,9 +167,22 @@ def _mixed(
         said = f"a factor of {own}" if i == j else f"{what} {j} of {first.name} added to {own}"
         field = only(at, free.size, partial(moves, i=i, j=j))
         for v, _ in undone(field, rest, unseen):
+            if v[rest].any() and _without_second(field, at[: first.size], rest, unseen):
+                continue  # it is the rest that undoes this, and not the second
             kind = "scale" if i == j else "mixing"
             motion = single_gauge(kind, f"{said}, undone by {second.name}", v)
             yield FactorGauge(motion, (first.name, second.name), h)
+
+
+def _without_second(field: Field, first: Index, rest: Index, unseen: Unseen) -> bool:
+    """Whether the rest undoes what a field does at the first places alone."""
+
+    def alone(x: Array) -> Array:
+        v = np.zeros((len(x), 1))
+        v[first] = field(x)[first]
+        return v
+
+    return any(True for _ in undone(alone, rest, unseen))
 
 
 def offsets_of_factors(

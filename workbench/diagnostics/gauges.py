@@ -14,7 +14,7 @@ Olver, Applications of Lie groups to differential equations (1993), section 2.1,
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
@@ -24,19 +24,22 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics.factor_gauges import factor_gauges, offsets_of_factors
 from workbench.diagnostics.frame_gauges import (
     ANGLES,
+    free_turns,
     place_gauges,
     posed,
-    size_gauges,
     turn_gauges,
     vector_gauges,
 )
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.matrix_gauges import Maps
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.number_gauges import common_scales, number_gauges, trade_offs
+from workbench.diagnostics.number_gauges import common_scales, entry_gauges, number_gauges
 from workbench.diagnostics.point_gauges import are_points, bending_gauges, clouds, point_gauges
 from workbench.diagnostics.projective_gauges import homogeneous_factors
+from workbench.diagnostics.sliding_gauges import added_gauges, own_axis_gauges
 from workbench.diagnostics.things import in_space
+from workbench.diagnostics.trade_offs import trade_offs
+from workbench.diagnostics.tried_gauges import homogeneous_gauges, size_gauges
 from workbench.diagnostics.undoing import Found, Unseen, places, undone
 from workbench.problem import Problem
 from workbench.problem.nonzeros import tied_columns
@@ -128,13 +131,24 @@ def _stages(
     angles = [b for b in blocks if b.unit in ANGLES]
     if unseen.nearby and len(angles) > 1:
         yield number_gauges(free, angles, islands, unseen, found, units)
+        yield entry_gauges(free, angles, unseen, found, units)
     yield turn_gauges(problem, unseen)
     yield from (one.added() for one in maps)
     yield from (one.mixed() for one in maps)
+    yield from (replace(one, again=True).single() for one in maps)
     yield number_gauges(free, blocks, islands, unseen, found, units)
+    yield homogeneous_gauges(problem, values, blocks, islands, unseen, found, units)
+    yield entry_gauges(free, blocks, unseen, found, units)
     yield size_gauges(problem, values, unseen, units)
     yield vector_gauges(problem, unseen)
-    yield trade_offs(free, blocks, unseen)
+    yield from (
+        point_gauges(cloud, free, unseen, found, others, units, again=True)
+        for cloud, others in seen
+    )
+    yield own_axis_gauges(free, blocks, unseen)
+    yield added_gauges(free, blocks, unseen)
+    yield free_turns(problem, unseen)
+    yield trade_offs(free, blocks, unseen, found)
 
 
 def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:

@@ -140,6 +140,11 @@ def undoing(field: Field, others: Index, unseen: Unseen) -> tuple[Array, Callabl
     return found, whole
 
 
+def at_the_point(unseen: Unseen) -> Unseen:
+    """The same at the point alone."""
+    return Unseen(unseen.x, unseen.basis, unseen.same)
+
+
 def undone(field: Field, others: Index, unseen: Unseen) -> Iterator[tuple[Array, Array]]:
     """The motions (n,) that `undoing` finds, each with its coefficients (g,)."""
     coefficients, whole = undoing(field, others, unseen)
@@ -182,13 +187,13 @@ def with_fewer(field: Field, choices: Sequence[Index], a: Array, unseen: Unseen)
 
     One group after the other is left out if the rest can undo the same combination, the last first.
     """
-    left = list(choices)
+    left, nobody = list(choices), np.zeros(0, dtype=np.int64)
     along: Field = lambda x: field(x) @ a[:, None]  # noqa: E731
     for one in reversed(choices):
         fewer = [some for some in left if some is not one]
-        if undoing(along, np.concatenate([one[:0], *fewer]), unseen)[0].shape[1]:
+        if undoing(along, np.concatenate([nobody, *fewer]), unseen)[0].shape[1]:
             left = fewer
-    found = [v for v, _ in undone(along, np.concatenate([choices[0][:0], *left]), unseen)]
+    found = [v for v, _ in undone(along, np.concatenate([nobody, *left]), unseen)]
     return found[0] if found else np.zeros(len(unseen.x))
 
 
