@@ -9,22 +9,29 @@ Of 43 problems that were written together, 29 drawn at random are here; the othe
 `ninth_zoo.py`, and were run only after the search had been mended for what these showed.
 
 In the first run the numbers were as predicted in 29 of 29, the acts in 25, the kinds of gauges in
-19, and what can be exchanged in 29. Four predictions of acts were wrong, for rows of the same
+19, and what can be exchanged in 29. Three predictions of acts were wrong, for rows of the same
 number in several arrays, and all of a small array, count as one thing: `cables_in_the_plane` (2
-acts, not 3), `inertias_of_two_links` and `hits_and_false_alarms` (1, not 2), and `tucker_factors`
-(2, not 3). Of the ten other kinds,
+acts, not 3), `inertias_of_two_links` and `hits_and_false_alarms` (1, not 2). The fourth miss was
+the search's: in `tucker_factors` (3) it counted as one thing the rows of two ways that have nothing
+in common but their number, which was mended when `ninth_zoo.py` had shown it too. Of the ten other
+kinds,
 
-- two were equally right under another name: `array_under_unknown_sources` and
-  `individual_differences`, where an offset of each column was told for translations;
+- three were equally right under another name: `array_under_unknown_sources` and
+  `individual_differences`, where an offset of each column was told for translations, and
+  `fundamental_matrix`, where a trade-off of all entries in fixed shares is true of these linear
+  equations, though less to the point than their factor;
 - one was wrong: in `plates_of_moving_stars` a translation was called a factor of a column of
-  one plate that another undoes, and stars and motions, which move too, were not named;
-- one was misleading: `fundamental_matrix` (a trade-off, which is undone at no other point);
+  one plate that another undoes, and stars and motions, which move too, were not named (for the
+  affine maps, factors and sums of columns were told, which is as right);
 - six had a weaker name: a frame's own rotation was missed in `cables_in_the_plane`; a point that
   slides along its line or axis, in `lines_by_a_point_and_a_direction` and
   `cylinder_through_points`; a turn about an own axis, in the latter and in `stick_in_a_voxel`;
   numbers that undo each other in a ratio that is not the same everywhere, in
   `inertias_of_two_links`; and rotations that entries of a matrix undo, in
   `tensor_in_a_turned_frame`.
+
+The seven of the last two groups were mended. What is listed below is what is right, and not always
+what was predicted.
 """
 
 from itertools import combinations
@@ -543,27 +550,25 @@ EIGHTH_ZOO = (
     Specimen(coils_and_image, {"scale": 1, "rotation": 1}, 2, 1),
     Specimen(blind_deconvolution, {"scale": 1}, 1, 1),
     Specimen(stars_through_a_flat_field, {"offset": 2, "trade-off": 1}, 3, 3),
-    Specimen(
-        plates_of_moving_stars, {"translation": 4, "rotation": 1, "scale": 1, "mixing": 2}, 8, 2
-    ),
+    Specimen(plates_of_moving_stars, {"offset": 4, "scale": 2, "mixing": 2}, 8, 2),
     Specimen(spots_in_a_photograph, {}, 0, 0, exchanged=("place", "brightness")),
-    Specimen(array_under_unknown_sources, {"offset": 1, "translation": 2}, 3, 2),
+    Specimen(array_under_unknown_sources, {"offset": 3}, 3, 2),
     Specimen(straight_lines_through_a_lens, {}, 0, 0),
     Specimen(fundamental_matrix, {"scale": 1}, 1, 1),
     Specimen(sensors_on_a_limb, {"rotation": 6}, 6, 2),
-    Specimen(cables_in_the_plane, {"translation": 4, "rotation": 2}, 6, 3),
+    Specimen(cables_in_the_plane, {"translation": 4, "rotation": 2}, 6, 2),
     Specimen(lines_by_a_point_and_a_direction, {"scale": 3, "mixing": 3}, 6, 6),
     Specimen(theodolites, {"translation": 3, "rotation": 1, "scale": 1}, 5, 3),
     Specimen(stick_in_a_voxel, {"rotation": 1}, 1, 1),
     Specimen(cylinder_through_points, {"rotation": 1, "translation": 1}, 2, 2),
     Specimen(bearings_of_a_ship, {"scale": 1}, 1, 1),
-    Specimen(inertias_of_two_links, {"trade-off": 2}, 2, 2),
+    Specimen(inertias_of_two_links, {"trade-off": 2}, 2, 1),
     Specimen(tensor_in_a_turned_frame, {"rotation": 3, "trade-off": 3}, 6, 2),
     Specimen(wages_of_persons_and_firms, {"offset": 3}, 3, 3),
     Specimen(age_period_cohort, {"offset": 2, "trade-off": 1}, 3, 3),
     Specimen(attack_and_defence, {"offset": 2}, 2, 2),
-    Specimen(hits_and_false_alarms, {"offset": 1, "scale": 1}, 2, 2),
-    Specimen(individual_differences, {"translation": 2, "scale": 2}, 4, 2),
+    Specimen(hits_and_false_alarms, {"offset": 1, "scale": 1}, 2, 1),
+    Specimen(individual_differences, {"offset": 2, "scale": 2}, 4, 2),
     Specimen(tucker_factors, {"scale": 6, "mixing": 6}, 12, 3),
     Specimen(branches_of_a_tree, {"trade-off": 1}, 1, 1),
     Specimen(spectra_of_a_decay, {}, 0, 0, exchanged=("rate", "spectra")),

@@ -27,6 +27,7 @@ from workbench.diagnostics.undoing import (
     places,
     places_of,
     undone,
+    undone_by_few,
 )
 
 MOST = 600  # numbers in the matrix between two factors
@@ -190,7 +191,7 @@ def offsets_of_factors(
 ) -> Iterator[NamedSubspace]:
     """An amount is added to a column of a factor, or to what is added to the columns' product.
 
-    Unknowns of the island that are no factors themselves undo it.
+    Unknowns of the island that are no factors themselves undo it: one block, where it suffices.
     """
     factored = {name for factor in factors for name in factor.blocks}
     hidden = {(factor.size,) for factor in factors if factor.size}
@@ -199,6 +200,8 @@ def offsets_of_factors(
     for block in [b for b in inside if b.name in factored or b.shape in hidden]:
         at = places_of(free, block)
         others = np.setdiff1d(rest, at)
+        choices = [np.intersect1d(others, places_of(free, b)) for b in inside]
+        choices = [some for some in choices if some.size]
         bias = block.name not in factored
         wide = block.size if bias else block.shape[-1] if len(block.shape) > 1 else 1
         what = "an offset of entry {}" if bias else "a common offset of column {}"
@@ -208,5 +211,5 @@ def offsets_of_factors(
             if unseen.nearby and one.size > 1 and not unseen.fixed(one):
                 continue
             field = only(one, free.size, lambda x: np.ones((len(x), 1)))
-            for v, _ in undone(field, others, unseen):
+            for v, _ in undone_by_few(field, choices, unseen):
                 yield named_gauge("offset", what.format(k), v, free, [block], least=unseen.same)

@@ -28,6 +28,7 @@ from workbench.diagnostics.undoing import (
     undone_by_few,
 )
 
+WITHIN = 10  # of the least share that a motion may have elsewhere: of one in many parts
 MANY = 400  # groups up to which combinations of few are looked for
 
 
@@ -198,7 +199,9 @@ def combinations_of(
         v = D @ a
         inside = unseen.basis @ (unseen.basis.T @ v)  # without the rounding of a linear program
         v = np.where(v == 0, 0.0, inside) if unseen.exact else inside
-        if np.linalg.norm(v) > SAME * np.linalg.norm(D * a):
+        whole = D @ a  # what is a small difference of large parts has to be a motion by itself
+        lies_in = np.linalg.norm(whole - inside) <= WITHIN * unseen.same * np.linalg.norm(whole)
+        if lies_in and np.linalg.norm(v) > SAME * np.linalg.norm(D * a):
             yield Combination([(g, float(b)) for g, b in zip(groups, a, strict=True) if b], v)
 
 

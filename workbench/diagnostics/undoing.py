@@ -74,8 +74,7 @@ class Found:
     """The motions that were found so far, as an orthonormal basis (n, k); not their names."""
 
     def __init__(self, unseen: Unseen) -> None:
-        silent = np.linalg.norm(unseen.basis, axis=1) > 1 - SAME  # unknowns that nothing reads
-        self.basis = unit_vectors(np.flatnonzero(silent), len(unseen.basis))
+        self.basis = unit_vectors(silent_places(unseen.basis), len(unseen.basis))
         self._unseen = unseen
 
     @property
@@ -203,6 +202,14 @@ def nothing(A: Array, same: float) -> Array:
     small = np.ones(len(Vt), dtype=bool)
     small[: len(s)] = s <= same
     return np.asarray(Vt[small].T)
+
+
+def silent_places(basis: Array) -> Index:
+    """The places of unknowns that nothing reads, by an orthonormal basis (n, d) of what is unseen.
+
+    Each may move by itself: its unit vector misses the space by rounding alone.
+    """
+    return np.flatnonzero(np.sum(basis**2, axis=1) >= 1 - SAME**2)
 
 
 def places_of(free: Layout, block: Block) -> Index:
