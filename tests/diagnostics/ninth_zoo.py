@@ -16,9 +16,9 @@ what can be exchanged in 14. The search that had not been mended named the same 
 - in `circular_orbit_by_velocities` an unknown that nearly is a null direction was taken for one,
   so that a trade-off was told as `passage against argument`.
 
-The last two were mended. In `tilt_series` the prediction of three acts was wrong, and so was the one
-act that was found, as for `tucker_factors` in the eighth set: two suffice (mended). What is listed
-below is what is right, and not always what was predicted.
+The last two were mended. In `tilt_series` the prediction of three acts was wrong, and so was the
+one act that was found, as in `tucker_factors` of the eighth set: two suffice (mended). What is
+listed below is what is right, and not always what was predicted.
 """
 
 import casadi as cs
