@@ -157,3 +157,15 @@ def test_a_prior_is_put_on_the_fewest_blocks() -> None:
     assert [s.what.partition(" (")[0] for s in both] == ["add a Gaussian prior on amount and rate"]
     assert both[0].acts == 2
     assert both[0].cured
+
+
+def test_a_point_that_one_camera_sees_is_not_called_a_scale() -> None:
+    """It slides along its ray, while the others and the cameras keep their seven gauges."""
+    problem, at = three_cameras()
+    seen = [r if k == 0 else Residual(r.name, r.expression[:-2], 1.0, "px") for k, r in enumerate(problem.residuals)]
+    blocks = [b for b in problem.blocks if b.name in problem.free.names]
+    found = diagnose(Problem(seen, problem.free.names, blocks=blocks), at).null_directions
+    last = found[-1]
+    assert Counter(d.kind for d in found[:-1]) == SIMILARITY
+    assert last.kind == "trade-off" and last.name.startswith("a trade-off within points:")
+    assert np.count_nonzero(abs(last.vector) > 1e-9) == 3

@@ -14,6 +14,7 @@ from workbench.diagnostics.things import LENGTHS
 from workbench.diagnostics.undoing import (
     SAME,
     Field,
+    Found,
     Unseen,
     only,
     places,
@@ -77,7 +78,7 @@ def turn_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
                     yield from _along("rotation", words, field, others, block, free, unseen)
 
 
-def free_turns(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
+def free_turns(problem: Problem, unseen: Unseen, found: Found) -> Iterator[NamedSubspace]:
     """A single turn about one axis that nothing sees, or that one other block undoes in any way.
 
     The axis is one of the world, or one of what is turned: a cylinder may turn about its own.
@@ -88,15 +89,25 @@ def free_turns(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
         at = places_of(free, block)
         for words, sign in BEFORE_OR_AFTER:
             field = only(at, n, partial(_turning, sign=sign))
-            yield from by_one("rotation", words, field, block, free, unseen)
+            yield from by_one("rotation", words, field, block, free, unseen, found)
 
 
 def by_one(
-    kind: str, said: str, moves: Field, main: Block, free: Layout, unseen: Unseen
+    kind: str,
+    said: str,
+    moves: Field,
+    main: Block,
+    free: Layout,
+    unseen: Unseen,
+    found: Found,
 ) -> Iterator[NamedSubspace]:
-    """The motions of a block along axes that nothing undoes, or one other block."""
+    """The motions of a block along axes that nothing undoes, or one other block.
+
+    Others are asked only if nothing found so far moves the block in all ways in which it may move.
+    """
+    at = places_of(free, main)
     others = [places_of(free, b) for b in free.blocks if b is not main]
-    for some in (places_of(free, main)[:0], *others):
+    for some in (at[:0], *others) if found.left(at) else (at[:0],):
         coefficients, whole = undoing(moves, some, unseen)
         for a in along_axes(coefficients, slice(0, None)):
             if (v := whole(a)).any():

@@ -180,7 +180,7 @@ def combinations_of(
 ) -> Iterator[Combination]:
     """The combinations of groups that cancel everywhere, those of few groups first."""
     groups = [g for g in groups if np.linalg.norm(g.column(unseen.x, units)) > 0]
-    if found.all or not groups or len(groups) > MANY:
+    if found.all() or not groups or len(groups) > MANY:
         return
 
     moves = partial(_columns, groups, units)

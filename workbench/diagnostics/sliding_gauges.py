@@ -14,16 +14,16 @@ from workbench.blocks import Block, Layout
 from workbench.diagnostics.frame_gauges import ANGLES, by_one
 from workbench.diagnostics.gauge_names import single_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.things import LENGTHS
+from workbench.diagnostics.things import LENGTHS, stem
 from workbench.diagnostics.trade_offs import SLICES
-from workbench.diagnostics.undoing import Field, Unseen, places_of, undone
+from workbench.diagnostics.undoing import Field, Found, Unseen, places_of, undone
 from workbench.geometry.rotation import matrix_from_vector
 
 PAIRS = 200  # of blocks that are looked at
 
 
 def own_axis_gauges(
-    free: Layout, blocks: Sequence[Block], unseen: Unseen
+    free: Layout, blocks: Sequence[Block], unseen: Unseen, found: Found
 ) -> Iterator[NamedSubspace]:
     """Places move along an axis of their own frames; nothing undoes that, or one other block."""
     turns = [b for b in blocks if b.unit in ANGLES]
@@ -34,13 +34,14 @@ def own_axis_gauges(
         for back, axis in ((False, "its own"), (True, "an axis that turns to")):
             field = _along_own(places_of(free, turn), at, place.shape[-1], back=back)
             said = f"a translation along {axis}"
-            yield from by_one("translation", said, field, place, free, unseen)
+            yield from by_one("translation", said, field, place, free, unseen, found)
 
 
 def _a_frame(turn: Block, place: Block) -> bool:
     """Whether the one may turn the frames of which the other says the places."""
-    d = place.shape[-1]
-    return (d == 3 and turn.shape == place.shape) or (d == 2 and turn.shape == place.shape[:-1])
+    d, alike = place.shape[-1], stem(turn.name) == stem(place.name)
+    turns = turn.shape == (place.shape if d == 3 else place.shape[:-1])
+    return alike and d in (2, 3) and turns
 
 
 def _along_own(turn: Index, place: Index, d: int, *, back: bool) -> Field:
@@ -59,12 +60,16 @@ def _along_own(turn: Index, place: Index, d: int, *, back: bool) -> Field:
     return moves
 
 
-def added_gauges(free: Layout, blocks: Sequence[Block], unseen: Unseen) -> Iterator[NamedSubspace]:
+def added_gauges(
+    free: Layout, blocks: Sequence[Block], unseen: Unseen, found: Found
+) -> Iterator[NamedSubspace]:
     """One array, or a row of it, may be added to another of the same shape, and nothing sees it."""
     whole = [b for b in blocks if b.whole is None and b.shape and b.size > 1]
     pairs = [(a, b) for a, b in permutations(whole, 2) if a.shape == b.shape]
     for one, to in pairs[:PAIRS] if unseen.nearby else ():
         own, at = places_of(free, one), places_of(free, to)
+        if not found.left(at):
+            continue
         every = [(own, at, f"{one.name} added to {to.name}")]
         if len(to.shape) == 2 and to.shape[0] <= SLICES:
             rows = zip(own.reshape(to.shape), at.reshape(to.shape), strict=True)

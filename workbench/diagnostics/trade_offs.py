@@ -30,13 +30,10 @@ PART = 1e-5  # of the largest coefficient: less takes no part
 FEW = 8  # numbers that undo each other in a ratio of no known form
 
 
-def trade_offs(
-    free: Layout, blocks: Sequence[Block], unseen: Unseen, found: Found
-) -> Iterator[NamedSubspace]:
+def trade_offs(free: Layout, blocks: Sequence[Block], unseen: Unseen) -> Iterator[NamedSubspace]:
     """A single number may have any value, since a few other unknowns undo its change.
 
-    Of the entries of a block that is so where one other block undoes them, or where a few numbers
-    undo each other at every point.
+    Of the entries of a block that is so where one other block undoes them.
     """
     for block in blocks if unseen.nearby else ():
         choices = [places_of(free, b) for b in free.blocks if b is not block]
@@ -46,26 +43,33 @@ def trade_offs(
                 moved = sum(1 for some in choices if abs(v[some]).max() > SAME * abs(v).max())
                 if block.size == 1 or moved < 2:
                     yield trade_off(free, v)
-    if unseen.nearby and unseen.exact and not found.all:
-        yield from _of_few(free, places(free, blocks), unseen, found)
 
 
-def _of_few(free: Layout, among: Index, unseen: Unseen, found: Found) -> Iterator[NamedSubspace]:
-    """Numbers among these places of which some combination is unseen at every point.
+def few_numbers(
+    free: Layout, blocks: Sequence[Block], unseen: Unseen, found: Found
+) -> Iterator[NamedSubspace]:
+    """A few numbers of these blocks undo each other at every point, in whatever ratio.
 
     Which ones these are is read at the point, and at one nearby: at the point itself some may take
     no part by chance.
     """
-    _, elsewhere = unseen.nearby[0]
-    seen = [beyond(found.basis, unseen.basis)[0], elsewhere]
-    known = [found.basis, np.zeros((len(elsewhere), 0))]
-    for v in (v for one, but in zip(seen, known, strict=True) for v in sparsest(one, but).T):
-        some = np.flatnonzero(abs(v) > PART * abs(v).max())
-        if len(some) > FEW or not np.isin(some, among).all():
-            continue
-        here, *there = (_within(some, basis, unseen.same) for _, basis in unseen.everywhere)
-        if here.shape[1] == 1 and all(one.shape[1] for one in there):
-            yield trade_off(free, here[:, 0])
+    if not (unseen.nearby and unseen.exact and blocks):
+        return
+    among = places(free, blocks)
+    nothing_known = np.zeros((free.size, 0))
+    for elsewhere in (False, True):
+        if found.all() or unseen.count > SLICES:
+            return
+        left, known = beyond(found.basis, unseen.basis)[0], found.basis
+        if elsewhere:
+            left, known = unseen.nearby[0][1], nothing_known
+        for v in sparsest(left, known).T:
+            some = np.flatnonzero(abs(v) > PART * abs(v).max())
+            if len(some) > FEW or not np.isin(some, among).all():
+                continue
+            here, *there = (_within(some, basis, unseen.same) for _, basis in unseen.everywhere)
+            if here.shape[1] == 1 and all(one.shape[1] for one in there):
+                yield trade_off(free, here[:, 0])
 
 
 def _within(some: Index, basis: Array, same: float) -> Array:

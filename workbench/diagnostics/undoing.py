@@ -77,7 +77,6 @@ class Found:
         self.basis = unit_vectors(silent_places(unseen.basis), len(unseen.basis))
         self._unseen = unseen
 
-    @property
     def all(self) -> bool:
         """Whether nothing is left to be found."""
         return self._unseen.exact and len(self.basis.T) >= self._unseen.count
@@ -91,6 +90,11 @@ class Found:
         U = U[:, s > self._unseen.same]
         outside = move - U @ (U.T @ move)
         return self._unseen.exact and bool(np.linalg.norm(outside) <= CLOSE * np.linalg.norm(move))
+
+    def left(self, places: Index) -> bool:
+        """Whether these unknowns may move in ways in which nothing found so far moves them."""
+        ways = len(places) - self._unseen.fixed(places)
+        return ways > int(np.sum(np.linalg.svd(self.basis[places], compute_uv=False) > NEW))
 
     def adds(self, v: Array) -> bool:
         """Whether a motion (n,) is a new one, which then counts as found."""
