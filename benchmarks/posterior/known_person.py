@@ -16,21 +16,17 @@ from workbench.sampling.descent import Mode
 
 NUTS = NutsSettings(draws=3000, warm=1500, accepted=0.95)
 PERSON = ("trans", "pose[left_elbow]", "betas")  # of balance-monocular
-FEW = 3  # seeds of the blocks after the first
 STEPS = 4000  # of ensembles at most; Hamiltonian Monte Carlo replaces their draws
 
 
 def of_a_person(seeds: Sequence[int], pieces: Pieces) -> dict[str, Any]:
-    """balance-monocular: NUTS on all 85 unknowns, and beside it the intervals of some ways.
-
-    The place is sampled with all seeds, the other blocks with the first few.
-    """
+    """balance-monocular: NUTS on all 85 unknowns, and beside it the intervals of some ways."""
     fitted = monocular()
     told = pieces.once("NUTS", partial(_reference, fitted))
     blocks = {}
     for block in PERSON:
-        some = seeds if block == PERSON[0] else seeds[:FEW]
-        blocks[block] = _of_block(fitted, block, np.array(told["ends"][block]).T, some, pieces)
+        known = np.array(told["ends"][block]).T
+        blocks[block] = _of_block(fitted, block, known, seeds, pieces)
         print(block, blocks[block], flush=True)
     return {"nuts": told["said"], "blocks": blocks}
 

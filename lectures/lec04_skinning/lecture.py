@@ -221,24 +221,24 @@ Picture(
 )
 
 # %% [markdown]
-# How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length
-# $l$, from $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. The volume of the bent
-# zone is the volume at rest, with each small piece $ds\, dy$ of the plane multiplied by the factor by which the
-# map $s + i y \mapsto c\,(s + i y)$ enlarges areas. A small step along the tube is taken to the step times
-# $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area between two
-# complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite sign of
-# $i$. The imaginary part of $i$ times a number is its real part, so the area is
+# How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length $l$, from
+# $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. To get the volume of the bent zone, sum
+# up its volume at rest piece by piece, each small piece multiplied by the factor by which the map
+# $s + i y \mapsto c\,(s + i y)$ enlarges its area $ds\, dy$ in the plane of the bend. A small step along the tube is
+# taken to the step times $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area
+# between two complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite
+# sign of $i$. The imaginary part of $i$ times a number is its real part, so the area is
 #
 # $$ \operatorname{Im}(\bar u\, v) = \operatorname{Re}(\bar u\, c)
 #    = |c|^2 + s \operatorname{Re}\left( \frac{d\bar c}{ds}\, c \right) + y\, (\dots)
 #    = |c|^2 + \tfrac12 s\, \frac{d |c|^2}{ds} + y\, (\dots) , $$
 #
-# because the derivative of $|c|^2 = \bar c\, c$ is twice the real part of $\frac{d\bar c}{ds}\, c$. This area has a sign. On
-# the inside of a sharp bend, where the skin is folded through itself, it is negative, and so it counts as negative
-# volume, in our integral and in the volume that is measured on the mesh.
-# The last term is in proportion to $y$, and cancels between the upper and the lower half of the tube. What is
-# left depends on $s$ alone. We multiply it by $A$ and integrate it over the zone. The term with the derivative
-# is integrated by parts, and at both ends of the zone $|c|^2 = 1$:
+# because the derivative of $|c|^2 = \bar c\, c$ is twice the real part of $\frac{d\bar c}{ds}\, c$. This area has a
+# sign. On the inside of a sharp bend, where the skin is folded through itself, it is negative, and so it counts as
+# negative volume, in our integral and in the volume that is measured on the mesh. The last term is in proportion to
+# $y$, and cancels between the upper and the lower half of the tube. What is left depends on $s$ alone. We multiply it
+# by $A$ and integrate it over the zone. The term with the derivative is integrated by parts, and at both ends of the
+# zone $|c|^2 = 1$:
 #
 # $$
 # \int \tfrac12 s\, \frac{d |c|^2}{ds}\, ds = \tfrac12 l - \tfrac12 \int |c|^2\, ds, \qquad
@@ -282,15 +282,18 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 #
 # $$ q = \frac{\sum_k w_k\, s_k\, q_k}{\left\| \sum_k w_k\, s_k\, q_k \right\|} . $$
 #
-# The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the same rotation: their mean would be zero although
-# nothing has turned. Before the quaternions are added, each one is therefore given the sign with which it is
-# nearer to the one that has the largest weight. Bones also move from place to place, and four more numbers
-# hold the offset $t$: they are $\tfrac12 t\, q$, half the product of the quaternion $(0, t)$ with $q$. The eight numbers
-# together are a **dual quaternion**. Their average in the same way, with all eight divided by the length of the first
-# four, gives a rigid motion for every vertex. For all motions that take the joint to the same place, the last four numbers
-# are one linear function of the first four, so that their average takes the joint there too (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with
-# Approximate Dual Quaternion Blending*, 2008). In the library two short functions say this. They call three
-# others: `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
+# The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the
+# same rotation: their mean would be zero although nothing has turned. Before the quaternions are added, each one is
+# therefore given the sign with which it is nearer to the one that has the largest weight. Bones also move from place to
+# place, and four more numbers hold the offset $t$: they are $\tfrac12 t\, q$, half the product of the quaternion
+# $(0, t)$ with $q$. The eight numbers together are a **dual quaternion**. Their average in the same way, with all eight
+# divided by the length of the first four, gives a rigid motion for every vertex. Why does it keep joints in place?
+# Quaternions are multiplied so that $R p = q\, p\, q^{-1}$ for a point $p$, which is written as the quaternion
+# $(0, p)$. A motion that takes the joint $p$ to $p'$ has the offset $t = p' - R p$, so that its last four numbers are
+# $\tfrac12 t\, q = \tfrac12 (p' q - q\, p)$. That is one linear function of $q$ for all motions that take $p$ to $p'$,
+# and so their average takes it there too (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with Approximate
+# Dual Quaternion Blending*, 2008). In the library two short functions say this. They call three others:
+# `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
 # `moved` divides by that length and moves the vertices:
 
 # %%
@@ -510,13 +513,13 @@ Picture(
 )
 
 # %% [markdown]
-# Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. Rings are turned
-# about the joint. On the tube the joint lies in the middle of the rings, and what the bend gains on the outside it loses
-# on the inside. (The 20 cm³ that it lost at half a turn are the mesh's, whose straight edges cut the corner: with twice
-# as many rings it loses 5.) In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of
-# the arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body
-# it does. On the coarse one it loses volume both ways, because only a few long edges lead around the elbow, and they
-# cut the corner.
+# Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. The first is the place of the joint. Rings are turned
+# about it. On the tube it lies in the middle of the rings, and what the bend gains on the outside it loses on the
+# inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of the
+# arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it
+# does. The second reason is the mesh, whose straight edges cut the corner. This is why the coarse body loses volume
+# both ways: only a few long edges lead around its elbow. And it is why, in the figure of volumes, the tube that is
+# bent by half a turn loses 20 cm³ with dual quaternions; with twice as many rings it loses 5.
 #
 # ## Without blend weights
 #
@@ -576,8 +579,9 @@ Picture(
 # %% [markdown]
 # With weights of 0 the body is a point, and with 1 it is 24 times as tall. Neither is a body. With equal weights the
 # whole body follows the mean of all motions. A mean of rotations shrinks, as in the twist: the body is 1.40 m tall in
-# the pose, all of it is tilted a little, and neither the knee nor the elbow is bent. So the last of the four is what is meant: the largest weight of each vertex becomes
-# one, and its other weights become zero. The library's function does this:
+# the pose, all of it is tilted a little, and neither the knee nor the elbow is bent. So the last of the four is what is
+# meant: the largest weight of each vertex becomes one, and its other weights become zero. The library's function does
+# this:
 
 # %%
 source(without_blend_weights)
@@ -605,10 +609,9 @@ source(without_blend_weights)
 # L_{ii} = \sum_{j \ne i} \frac{1}{\|e_{ij}\|^2} .
 # $$
 #
-# Here $e_{ij}$ is the edge from vertex $i$ to vertex $j$. One number says how far heat flows: the **border**
-# $b$, a length. After the time $t$ the heat of one point has spread over a line with the standard deviation
-# $\sqrt{2 t}$, and this is $b$ for the duration $\tfrac12 b^2$. (With many explicit steps one would have to choose their
-# number too.)
+# Here $e_{ij}$ is the edge from vertex $i$ to vertex $j$. One number says how far heat flows: the **border** $b$, a
+# length. After the time $t$ the heat of one point has spread over a line with the standard deviation $\sqrt{2 t}$, and
+# this is $b$ for the duration $\tfrac12 b^2$. (With many explicit steps one would have to choose their number too.)
 #
 # What does such a step make of a sharp seam? On a line of vertices that are close together, $L$ is the second
 # derivative with the opposite sign. The weight of one bone becomes a function $w(x)$ of the place on the line, with
@@ -617,11 +620,11 @@ source(without_blend_weights)
 # is in proportion to $e^{-\sqrt 2\, d / b}$, with $d$ the distance from the seam. At the seam both sides are
 # alike, so the weight is $\tfrac12$ there, and $\tfrac12 e^{-\sqrt 2\, d / b}$ beyond it.
 #
-# Three properties hold for every $b$. The rows of $L$ sum to zero, so the weights of a vertex still sum to one.
-# $L$ is symmetric, so no heat is lost. And no weight becomes negative: at the vertex where a bone's weight is least, all
+# Three properties hold for every $b$. The rows of $L$ sum to zero, so the weights of a vertex still sum to one. $L$ is
+# symmetric, so no heat is lost. And no weight becomes negative: at the vertex where a bone's weight is least, all
 # neighbours have as much of it or more, so that its row of $L\, W_I$ is not positive, and by the equation the weight is
-# at least what it was in $W_0$. In the end each vertex keeps its four largest weights,
-# divided by their sum, so that they sum to one again. (No heat is lost is then true only nearly.)
+# at least what it was in $W_0$. In the end each vertex keeps its four largest weights, divided by their sum, so that
+# they sum to one again. (No heat is lost is then true only nearly.)
 
 # %%
 source(heat)
@@ -724,11 +727,11 @@ Picture(
 )
 
 # %% [markdown]
-# This agreement proves less than it seems to, because training began with such weights and was held near
-# them. What training minimises has a term $\lambda_W \| \mathcal W - W_I \|^2$, which pulls the weights
-# $\mathcal W$ back to the diffused ones. Its factor $\lambda_W$ is the square of a ratio of two standard
-# deviations: a registration may be off by 2 mm, and a weight by 0.3. With a large $\lambda_W$ training would
-# end where it began.
+# This agreement proves less than it seems to, because training began with such weights and was held near them. What
+# training minimises has a term $\lambda_W \| \mathcal W - W_I \|^2$, which pulls the weights $\mathcal W$ back to the
+# diffused ones. Its factor $\lambda_W$ is the square of a ratio of two standard deviations: a registration (the body's
+# mesh, laid onto a scan) may be off by 2 mm, and a weight by 0.3. With a large $\lambda_W$ training would end where it
+# began.
 
 # %% [markdown]
 # ## What to remember

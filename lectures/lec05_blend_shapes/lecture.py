@@ -114,16 +114,17 @@ print(
 # and leaves the sum out, so we try both: "divided by the sum", and "not divided", with $\lambda_i = \kappa_i$.
 #
 # A third way, "exact" in the output below, does not divide the kernels either. It takes
-# $B_P(\theta) = \sum_i \kappa_i(\theta)\, A_i$ with shapes $A_i$ that are not those of the examples, but are solved for so
-# that every example is met: in the pose of example $j$ the sum has to be $P_j$. With the matrix of the kernels
+# $B_P(\theta) = \sum_i \kappa_i(\theta)\, A_i$ with shapes $A_i$ that are not those of the examples, but are solved for
+# so that every example is met: in the pose of example $j$ the sum has to be $P_j$. With the matrix of the kernels
 # between examples, $\mathcal K_{j i} = \kappa_i(\theta^j)$, these are the equations
 # $\sum_i \mathcal K_{j i} A_i = P_j$, one for each example. Their solution is
 # $A_i = \sum_j (\mathcal K^{-1})_{i j} P_j$. Put into the sum it gives
 #
 # $$ B_P(\theta) = \sum_j \bigl( \sum_i \kappa_i(\theta)\, (\mathcal K^{-1})_{i j} \bigr) P_j , $$
 #
-# so the shape $P_j$ counts by entry $j$ of $\mathcal K^{-1} \kappa(\theta)$, where $\kappa(\theta)$ is the column of all
-# kernels. (The distance from $i$ to $j$ is that from $j$ to $i$, so $\mathcal K$ is symmetric, and so is its inverse.)
+# so the shape $P_j$ counts by entry $j$ of $\mathcal K^{-1} \kappa(\theta)$, where $\kappa(\theta)$ is the column of
+# all kernels. (The distance from $i$ to $j$ is that from $j$ to $i$, so $\mathcal K$ is symmetric, and so is its
+# inverse.)
 
 # %%
 at = np.radians([-120, -80, -40, 0, 40, 80, 120])
@@ -162,15 +163,16 @@ Picture(
     figure,
     "The error by angle. Grey lines are the examples. Kernels that are divided by their sum reproduce no "
     "example, because its neighbours contribute as well; kernels that are not divided add up to too much; "
-    "with coefficients that are solved for, kernels are exact at the examples. Between inner examples these "
-    "are nearer to the truth than kernels divided by their sum; between the last two on either side, at 105 "
-    "degrees, it is the other way round: they leave 2.7 mm, and kernels divided by their sum 0.6 mm.",
+    "with coefficients that are solved for (exact), kernels leave nothing at the examples. Between inner "
+    "examples 'exact' is nearer to the truth than 'divided by the sum'; between the last two on either side it is "
+    "the other way round: at 105 degrees 'exact' leaves 2.7 mm, and 'divided by the sum' 0.6 mm.",
 )
 
 # %% [markdown]
-# Far from all examples, at 170 degrees, the kernels have faded, and hardly anything is repaired. If they are divided by their sum, the
-# nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples will do
-# for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
+# Far from all examples, at 170 degrees (beyond what the figure shows), the kernels have faded, and hardly
+# anything is repaired. If they are divided by
+# their sum, the nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples
+# will do for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
 # that have to be kept and summed. Examples cannot fill 69 dimensions.
 #
 # ## The idea: a function of the pose that is linear in what is learned
@@ -189,8 +191,8 @@ Picture(
 # $$ \min_P \; \|F P - D\|^2 + \rho \|P\|^2 , $$
 #
 # where $\|\cdot\|^2$ is the sum of the squares of all elements. The second term keeps $P$ small where examples say
-# little. Its factor $\rho$ is called the **ridge**. The first term has the gradient $2 F^\top (F P - D)$, and the second
-# one $2 \rho P$. Their sum is zero if
+# little. Its factor $\rho$ is called the **ridge**. The first term has the gradient $2 F^\top (F P - D)$, and the
+# second one $2 \rho P$. Their sum is zero if
 #
 # $$ (F^\top F + \rho I)\, P = F^\top D . $$
 #
@@ -261,11 +263,11 @@ Picture(
 #
 # $$ B_P(\theta) = \sum_{n=1}^{207} \bigl( R_n(\theta) - R_n(\theta^*) \bigr) P_n . $$
 #
-# Here $R_n(\theta)$ is one element of the rotation matrix of one joint, and $\theta^*$ is the pose at rest, in which all
-# these matrices are $I$: so $R_n(\theta^*)$ is one on a diagonal, and zero elsewhere. The order of the features is part of the
-# file format. It is that of the matrices, joint by joint and row by row: joint $k$, row $r$, column $c$ is feature
-# $9 (k - 1) + 3 r + c$. In this rule everything is counted from zero: the root is joint zero, and the
-# first element of the matrix of the first joint after it is feature zero.
+# Here $R_n(\theta)$ is one element of the rotation matrix of one joint, and $\theta^*$ is the pose at rest, in which
+# all these matrices are $I$: so $R_n(\theta^*)$ is one on a diagonal, and zero elsewhere. The order of the features is
+# part of the file format. It is that of the matrices, joint by joint and row by row: joint $k$, row $r$, column $c$ is
+# feature $9 (k - 1) + 3 r + c$. In this rule everything is counted from zero: the root is joint zero, and the first
+# element of the matrix of the first joint after it is feature zero.
 
 # %%
 source(pose_features)
@@ -397,12 +399,12 @@ Picture(
 )
 
 # %% [markdown]
-# The three are nearly parallel: within each group people differ most in stature, and the groups differ in
-# it too. So the common first direction mixes two reasons to be tall. One line of algebra shows that it has to.
-# If a share $q$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and
-# $C_2$, then everybody together has the mean $\mu = q\, \mu_1 + (1 - q)\, \mu_2$. With $d = \mu_2 - \mu_1$ the two groups
-# are off that mean by $\mu_1 - \mu = -(1 - q)\, d$ and $\mu_2 - \mu = q\, d$. In each group, the mean of the squares
-# about $\mu$ is its own covariance plus the square of that. So
+# The three are nearly parallel: within each group people differ most in stature, and the groups differ in it too. So
+# the common first direction mixes two reasons to be tall. One line of algebra shows that it has to. If a share $q$ of
+# the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and $C_2$, then everybody
+# together has the mean $\mu = q\, \mu_1 + (1 - q)\, \mu_2$. With $d = \mu_2 - \mu_1$ the two groups are off that mean
+# by $\mu_1 - \mu = -(1 - q)\, d$ and $\mu_2 - \mu = q\, d$. In each group, the mean of the squares about $\mu$ is its
+# own covariance plus the square of that. So
 #
 # $$ C = q\, \bigl( C_1 + (1 - q)^2 d\, d^\top \bigr) + (1 - q) \bigl( C_2 + q^2 d\, d^\top \bigr)
 #    = q\, C_1 + (1 - q)\, C_2 + q (1 - q)\, d\, d^\top , $$
@@ -458,18 +460,18 @@ Picture(
 )
 
 # %% [markdown]
-# It happens at 63 mm, the first of our steps that is beyond the 61 mm of the formula. From then on the first "shape" of the mixture is one along which nobody in either group varies much: the
-# coordinate says which group a person belongs to. A Gaussian prior on such a $\beta$ expects most people
-# between the groups, where there are none. Models of one group each avoid this. But each has directions of
-# its own, so the betas of one model are not those of another.
+# It happens at 63 mm, the first of our steps that is beyond the 61 mm of the formula. From then on the first "shape" of
+# the mixture is one along which nobody in either group varies much: the coordinate says which group a person belongs
+# to. A Gaussian prior on such a $\beta$ expects most people between the groups, where there are none. Models of one
+# group each avoid this. But each has directions of its own, so the betas of one model are not those of another.
 #
 # ## Shape is learned at rest
 #
-# Where do the people at rest come from? The notes *SMPL and SMPLify* say in one place that $S$ is learned
-# from the multi-pose set, which has few people, each in many poses. (They have exchanged the two sets:
-# $S$ comes from many people, each in about one pose, and their poses are undone first.) We do what the notes
-# say, with 10 of our synthetic people in 36 poses each, drawn from a mixture that was learned from motion
-# capture. We compute principal components of four sets of meshes: first the meshes as they are posed, moved
+# Where do the people at rest come from? SMPL was trained on two sets of meshes: the multi-pose
+# set has few people, each in many poses, and the multi-shape set has many people, each in about one pose. The notes
+# *SMPL and SMPLify* say in one place that $S$ is learned from the multi-pose set. (They have exchanged the sets there:
+# $S$ comes from the multi-shape set, and the poses of its people are undone first.) We do what the notes
+# say, with 10 of our synthetic people in 36 poses each, drawn from a distribution of poses that was learned from motion capture (a mixture of Gaussians, lecture 10). We compute principal components of four sets of meshes: first the meshes as they are posed, moved
 # rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
 # undone as at the beginning of this lecture; then three of the ten people alone; and last 360 people, who are at rest.
 
@@ -530,14 +532,13 @@ Picture(
 )
 
 # %% [markdown]
-# Here un-posing is exact, because the meshes were made by the model that un-poses them. (`unpose` is not told the shape,
-# and so not the joints. But these are a fixed weighted mean of the rest surface, as the next section says, so that for a
-# known pose the posed vertices are linear in the rest surface, joints included: one linear system undoes it all.) Real
-# registrations
-# are un-posed only as well as the model describes them. Even with exact un-posing, the meshes of ten people fill
-# nine directions at most, however many poses there are. In the output this hardly shows, because our synthetic people
-# differ in ten directions, of which five hold nearly all of the variance. But the three people, in 36 poses each, have
-# two directions, and these explain 71 % of how new people differ. Poses do not replace people.
+# Here un-posing is exact, because the meshes were made by the model that un-poses them. (`unpose` is not told the
+# shape, and so not the joints. But these are a fixed weighted mean of the rest surface, as the next section says, so
+# that for a known pose the posed vertices are linear in the rest surface, joints included: one linear system undoes it
+# all.) Real registrations are un-posed only as well as the model describes them. Even with exact un-posing, the meshes
+# of ten people fill nine directions at most, however many poses there are. In the output this hardly shows, because our
+# synthetic people differ in ten directions, of which five hold nearly all of the variance. But the three people, in 36
+# poses each, have two directions, and these explain 71 % of how new people differ. Poses do not replace people.
 #
 # ## Joints move with the person
 #
@@ -546,16 +547,19 @@ Picture(
 #
 # $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
 #
-# Why these conditions? If the weights of a joint sum to one, the joint moves along with a person who stands
-# elsewhere. If none is negative, the joint lies among its vertices, and least squares then makes most weights
-# zero. `scipy.optimize.nnls` solves least squares with weights that are not negative; one more equation,
-# multiplied by a large number, says that they sum to one. What if the joints of the mean person are kept
-# instead?
+# Why these conditions? If the weights of a joint sum to one, the joint moves along with a person who stands elsewhere.
+# If none is negative, the joint lies among its vertices. This condition also makes
+# most weights zero. Without it, least squares would make many weights negative. If these are held at zero and the
+# others are found again, some of the others would become negative and are held at zero as well, and so on, until only
+# a few positive weights are left. `scipy.optimize.nnls` solves
+# least squares with weights that are not negative; one more equation, multiplied by a large number, says that they sum
+# to one. What if the joints of the mean person are kept instead? We try it with somebody tall, three standard
+# deviations along the first shape direction.
 
 # %%
 tall = along(body, 0, 3)
 print(
-    f"this person's joints are up to {1e3 * joint_moves(body, tall).max():.0f} mm from the mean person's"
+    f"the tall person's joints are up to {1e3 * joint_moves(body, tall).max():.0f} mm from the mean person's"
 )
 kept = with_joints_of_the_mean(body, tall)
 bend = np.zeros((24, 3))
@@ -575,7 +579,7 @@ with house_style():
     line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
-    "This person from the side, posed on the joints that the regressor finds, and on the mean person's. "
+    "The tall person from the side, posed on the joints that the regressor finds, and on the mean person's. "
     "The mean's knee is further up: there the leg folds within the thigh, and the shin sits 7 cm too "
     "high and 7 cm too far back.",
 )
@@ -651,9 +655,10 @@ Picture(
 # In `rest`, `shaped` is $\bar T + B_S(\beta)$, `body.features(at)` is the column of the features $f_n(\theta)$, and
 # `directions(body, "posedirs", vertices)` is the matrix with $3 N$ rows whose column $n$ is $P_n$, so that the product
 # of the two is $B_P(\theta)$. In `posed`, `posture` makes the rotation matrices of all joints from the pose, and keeps
-# them with the betas in `at`; `motions` gives the motion $G$ of each joint (lecture 3); `body.skinning` is
-# $\operatorname{skin}$, and `weights(body, vertices)` are its weights $w$. Two arguments come on top of $M(\theta, \beta)$:
-# `displaced` moves single vertices of the rest surface, for instance those of clothes, and `trans` moves the whole body.
+# them with the betas in `at`; `motions` gives the matrices $G'_k$ of lecture 3; `body.skinning` is
+# $\operatorname{skin}$, and `weights(body, vertices)` are its weights $w$. Two arguments come on top of
+# $M(\theta, \beta)$: `displaced` moves single vertices of the rest surface, for instance those of clothes, and `trans`
+# moves the whole body.
 
 # %%
 source(surface.rest)

@@ -66,9 +66,10 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 #
 # $$ p(\varphi \mid \hat u) \propto e^{-(u(\varphi) - \hat u)^2 / (2 \sigma^2)}\; e^{-\varphi^2 / (2 \sigma_0^2)} = e^{-\text{cost}} . $$
 #
-# The product of two exponentials is the exponential of the sum of their exponents. This sum is minus half of the sum
-# of squares of the residuals $(u(\varphi) - \hat u) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides each residual by its sigma: the cost *is* minus the
-# logarithm of the posterior, up to a constant. The least cost is the highest point of the posterior.
+# The product of two exponentials is the exponential of the sum of their exponents. This sum is minus half of the sum of
+# squares of the residuals $(u(\varphi) - \hat u) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides
+# each residual by its sigma: the cost *is* minus the logarithm of the posterior, up to a constant. The least cost is
+# the highest point of the posterior.
 #
 # ## An error bar, the usual way
 #
@@ -353,17 +354,16 @@ Picture(
 # property: it does not depend on units, for if the space is scaled or sheared, so are the walkers and their steps.
 #
 # The workbench has the stretch move, but its default is another one with the same property, called differential
-# evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in
-# different modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half,
-# from which they take their steps, stands still. Such a set of walkers is called an **ensemble**. `sample` makes four
-# ensembles unless it is told otherwise, and they know nothing of each other. We let four ensembles of 32 walkers go
-# for our two angles, 3000 steps each, and compare with the grid.
-# (With two angles that may both be turned towards the camera or away from it, there are four modes.) The first printed
-# line is the verdict on the draws; the next section says what its numbers mean. It also counts the
-# modes to which a few searches from elsewhere have led: least squares from points in ever wider shells around the mode
-# that is known, up to 1,000 of Laplace's standard deviations away. They are a test and no census: they may miss a mode
-# in which the draws are. Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and
-# its four thick places are the modes.
+# evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in different
+# modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half, from which they
+# take their steps, stands still. Such a set of walkers is called an **ensemble**. `sample` makes four ensembles unless
+# it is told otherwise, and they know nothing of each other. We let four ensembles of 32 walkers go for our two angles,
+# 3000 steps each, and compare with the grid. (With two angles that may both be turned towards the camera or away from
+# it, there are four modes.) The first printed line is the verdict on the draws; the next section says what its numbers
+# mean. It also counts the modes to which a few searches from elsewhere have led: least squares from points in ever
+# wider shells around the mode that is known, up to 1,000 of Laplace's standard deviations away. They are a test and no
+# census: they may miss a mode in which the draws are. Here they have found two more, so that three of the four are
+# known. In the figure below the draws of one camera lie on a ring, and its four thick places are the modes.
 
 # %%
 draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
@@ -425,7 +425,8 @@ Picture(
     figure,
     "Left, one camera: each bone may point towards it or away; least squares and Laplace's "
     "approximation (one and two standard deviations) show one of these modes. Right, with a second"
-    " camera from the side: there is one mode, and Laplace's draws suffice.",
+    " camera from the side: there is one mode, and Laplace's approximation suffices. The points on the right are "
+    "draws from its Gaussian.",
 )
 
 # %% [markdown]
@@ -445,21 +446,21 @@ Picture(
 #
 # Now $\tau$ itself has to be estimated from the chain. The sum cannot go on to the end of the chain, because the
 # correlations of draws that are far apart are nothing but noise, and there are many of them. Sokal's rule ends it at
-# the first $t$ that is at least five times the sum up to there (`WINDOW` below). The lines compute the sum for every
-# possible end, `times`, and take the first one that obeys the rule; `autocovariance` is the library's function for the
-# products of draws that are $t$ steps apart, summed over all walkers. And a chain that is too short makes its own memory look short.
-# The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods in Statistical
-# Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows. Besides, the
-# ensembles must agree: R-hat, the spread of all draws together over that within the ensembles, must
-# be close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
-# hold, no number should be read from the draws. So the workbench
-# puts its verdict before the numbers, and refuses an interval if the verdict is bad. We ask a chain of 100 steps for
-# an interval, and then the 3000 steps from above. (The first steps, which still depend on the start, do not count:
-# they are a tenth of all steps, or $5 \tau$ if that is more, but never more than half. Of the 3000 steps 2700 are left.
-# Four ensembles of 32 walkers have $N = 4 \cdot 32 \cdot 2700 = 345600$ draws in them, and the printed number of
-# effective draws is $N / \tau$, with the $\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left.
-# The advice that is printed for them is generous: it asks for $1.3 \cdot 50\, \tau$ steps, because a short chain makes $\tau$
-# look short, and for as many again, because half of this chain was left out.)
+# the first $t$ that is at least five times the sum up to there (`WINDOW` below). The lines compute `times`, the sum for
+# every possible end, and take the first end that obeys the rule; `autocovariance` is the library's function for the
+# products of draws that are $t$ steps apart, summed over all walkers. And a chain that is too short makes its own
+# memory look short. The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods
+# in Statistical Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows.
+# Besides, the ensembles must agree: R-hat, the spread of all draws together over that within the ensembles, must be
+# close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
+# hold, no number should be read from the draws. So the workbench puts its verdict before the numbers, and refuses an
+# interval if the verdict is bad. We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
+# first steps, which still depend on the start, do not count: they are a tenth of all steps, or $5 \tau$ if that is
+# more, but never more than half. Of the 3000 steps 2700 are left. Four ensembles of 32 walkers have
+# $N = 4 \cdot 32 \cdot 2700 = 345600$ draws in them, and the printed number of effective draws is $N / \tau$, with the
+# $\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left. The advice that is printed for them is
+# generous: it asks for $1.3 \cdot 50\, \tau$ steps, because a short chain makes $\tau$ look short, and for as many
+# again, because half of this chain was left out.)
 
 # %%
 source(integrated_time)
@@ -479,11 +480,12 @@ for steps, ensembles in ((100, short), (3000, draws)):
 #
 # ## On a body
 #
-# Nothing changes when the bone belongs to a body. A synthetic person stands in front of one camera, or among
-# four. Free are the first two shape coefficients, the place and the left elbow: eight numbers of $\theta$,
-# $\beta$ and the translation. All others are held at the truth, which nobody knows of a real person. In the code,
-# `setup.start` holds a value for everything, cameras as well, and `setup.made_of` the true pose, shape and place; the
-# bar between them puts the second in the place of the first.
+# Nothing changes when the bone belongs to a body. A synthetic person stands in front of one camera, or among four. Free
+# are the first two shape coefficients, the place and the left elbow: eight numbers of $\theta$, $\beta$ and the
+# translation. All others are held at the truth, which nobody knows of a real person. With four cameras, Laplace's
+# approximation is enough, and the page with bodies draws from its Gaussian. In the code, `setup.start` holds a value
+# for everything, cameras as well, and `setup.made_of` the true pose, shape and place; the bar between them puts the
+# second in the place of the first.
 
 # %%
 free = ("betas[0:2]", "trans", "pose[left_elbow]")

@@ -3,12 +3,12 @@
 #
 # **What is different about a body with fingers?**
 #
-# Nothing in SMPL's equations knows what a hand is. MANO is SMPL with the joints of a hand, and SMPL-H is a
-# body with 52 joints of which 30 are in the fingers (Romero, Tzionas and Black, *Embodied Hands*, 2017). But
-# what was easy with a body becomes hard with a hand. Its joints turn together, most of their turns cannot be
-# seen from points, it comes in two sides, and its zero pose is one that nobody makes. This lecture goes
-# through these one by one, and ends with a body to which hands were sewn. **No hand was measured**: the
-# embedded hands and their poses are synthetic. Angles are in radians, and lengths in metres; errors are told in millimetres.
+# Nothing in SMPL's equations knows what a hand is. MANO is SMPL with the joints of a hand, and SMPL-H is a body with 52
+# joints of which 30 are in the fingers (Romero, Tzionas and Black, *Embodied Hands*, 2017). But what was easy with a
+# body becomes hard with a hand. Its joints turn together, most of their turns cannot be seen from points, it comes in
+# two sides, and its zero pose is one that nobody makes. This lecture goes through these one by one, and ends with a
+# body to which hands were sewn. **No hand was measured**: the embedded hands and their poses are synthetic. Angles are
+# in radians, and lengths in metres; errors are told in millimetres.
 
 # %%
 from dataclasses import replace
@@ -45,7 +45,7 @@ def beside(vertices):
 # %% [markdown]
 # ## Forty-five angles by themselves
 #
-# Suppose that all we know is how far each joint turns. The naive way to make up a hand is to draw each angle
+# The wrist turns the hand as a whole, and its angles are left out here. Suppose that all we know is how far each of the joints of the fingers turns. The naive way to make up a hand is to draw each angle
 # by itself, with the standard deviation that it has in people's poses. What comes out?
 
 # %%
@@ -69,11 +69,12 @@ with house_style():
     ):
         drawn = [Figurine("", hand.vertices(pose), above) for pose in poses[:4]]
         line_up(drawn, hand.faces, ax=ax)
-        ax.set(title=f"angles drawn {name}", xlabel="")
+        ax.set(title=f"angles drawn {name}", xlabel="", ylabel="along the hand (m)")
 Picture(
     figure,
     "Four hands whose angles were drawn each by itself, and four whose angles were drawn together. Each "
-    "single angle varies by the same amount in both pictures.",
+    "single angle varies by the same amount in both pictures. On the left, neighbouring fingers point in different "
+    "directions; on the right, the fingers of a hand bend together.",
 )
 
 # %% [markdown]
@@ -89,11 +90,11 @@ Picture(
 #
 # $$ \theta = \bar\theta + \sum_c z_c\, \theta_c , \qquad z_c \sim N(0, \sigma_c^2) . $$
 #
-# This is no composition of rotations, whose vectors do not add up; it is simply a *linear* map, and a good enough
-# one. So a problem may have $z$ as its
-# unknowns in place of $\theta$: a body takes the expression $\bar\theta + \sum_c z_c\, \theta_c$ of a block $z$ where
-# it takes the symbol of a pose, and solvers and the diagnosis then see $z$. In the library a pose space holds the
-# `mean` (15, 3) and the `components` (45, 15, 3), and `np.tensordot` with the axes $(-1, 0)$ is the sum over $c$:
+# This is no composition of rotations, whose vectors do not add up; it is simply a *linear* map, and a good enough one.
+# So a problem may have $z$ as its unknowns in place of $\theta$: wherever a body takes the symbol of a pose, it also
+# takes the expression $\bar\theta + \sum_c z_c\, \theta_c$ of a block $z$, and then $z$ is what solvers look for and
+# what the diagnosis speaks of. In the library a pose space holds the `mean` (15, 3) and the `components` (45, 15, 3),
+# and `np.tensordot` with the axes $(-1, 0)$ is the sum over $c$:
 
 # %%
 source(type(space).mixed)
@@ -157,7 +158,11 @@ with house_style():
     kinds = (("zero: flat", flat), ("the mean pose", relaxed), ("the mean twice", twice))
     line_up([Figurine(name, v, above) for name, v in kinds], hand.faces, ax=ax)
     ax.set(xlabel="", ylabel="along the hand (m)")
-Picture(figure, "The same hand at zero, in its mean pose, and with the mean pose added twice.")
+Picture(
+    figure,
+    "The same hand at zero, in its mean pose, and with the mean pose added twice. All of them look like hands; the last "
+    "one is nearly a fist.",
+)
 
 # %% [markdown]
 # Who leaves the mean out is off by 95 mm at a finger tip, and who adds it twice by 78.1 mm. All three are hands,
@@ -220,15 +225,15 @@ diagnoses = {
 }
 for name, diagnosis in diagnoses.items():
     print(f"{name}: rank {diagnosis.rank} of 48")
-    print(*str(diagnosis).splitlines()[4:6], sep="\n")
+    print("of the directions that stay open:", *str(diagnosis).splitlines()[4:6], "  ...", sep="\n")
 
 # %% [markdown]
-# From 16 joints, 23 of 48 numbers are seen: 3 of the wrist, and 4 of each finger. The last joint of a finger
-# moves no joint at all, and so its 3 numbers are open; and the first two may twist about their own bones. With
-# the tips the rank is 38: each tip adds the 3 numbers of its last joint, and 23 + 5 · 3 = 38. A tip is a vertex of
-# the skin, which follows more than one joint and their pose blend shapes. A tip that is rigid on the last bone would add
-# one number less, because a rotation about the line from the last joint to it leaves it in place. The 10
-# directions that are still open are two for each finger: twists of one bone that the next one undoes.
+# From 16 joints, 23 of 48 numbers are seen: 3 of the wrist, and 4 of each finger. The last joint of a finger moves no
+# joint at all, and so its 3 numbers are open; and the first two may twist about their own bones. With the tips the rank
+# is 38: each tip adds the 3 numbers of its last joint, and 23 + 5 · 3 = 38. A tip is a vertex of the skin, which
+# follows more than one joint and their pose blend shapes. A tip that is rigid on the last bone would add one number
+# less, because a rotation about the line from the last joint to it leaves it in place. The 10 directions that are still
+# open are two for each finger: twists of one bone that the next one undoes.
 #
 # What 21 points leave open, people's poses decide. Here are hands of the pose space, with errors of 2 mm in
 # each coordinate of their points, fitted without a prior and with the prior of the pose space, limits and
@@ -346,8 +351,9 @@ with house_style():
     ax.set(xlabel="", ylabel="along the arm (m)")
 Picture(
     figure,
-    "The hands of a body with 52 joints, cut out for the picture. Left: at rest. Right: the first coefficient "
-    "of each hand's pose space opens one hand and closes the other; the other 22 joints do not turn.",
+    "The hands of a body with 52 joints, cut out for the picture. The first two are at rest. In the last "
+    "two, the first coefficient of each hand's pose space opens the right hand and closes the left one; the other 22 "
+    "joints do not turn.",
 )
 
 # %% [markdown]

@@ -123,14 +123,14 @@ Picture(
 # $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 . $$
 #
 # Why? Put $s = e^{\lambda \tau}$, with the time $\tau$ in seconds, into the equation of the spring: it holds if
-# $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$, so $\lambda = -\zeta \omega \pm i \omega \sqrt{1 - \zeta^2}$. In a frame,
-# $1/f$ seconds, such a term is multiplied by $z = e^{\lambda / f} = r e^{\pm i w}$, with $r = e^{-\zeta \omega / f}$ and
-# $w = \omega \sqrt{1 - \zeta^2} / f$. So the path is a sum of two terms of the form $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the
-# equation on the left and divide by $z^{t-2}$: it holds if $z^2 = a_1 z + a_2$. The equation with these two solutions
-# is $(z - r e^{i w}) (z - r e^{-i w}) = z^2 - 2 r \cos w\, z + r^2 = 0$, which gives $a_1$ and $a_2$ as above. These
-# numbers $z$ are the **poles**. Their angle $w$ is how far the swing gets in a frame, and their size $r$ is how
-# much of it is left.
-# The two frames before are what the pose cannot know: where the tissue is, and how fast it moves.
+# $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$, so $\lambda = -\zeta \omega \pm i \omega \sqrt{1 - \zeta^2}$. In
+# a frame, $1/f$ seconds, such a term is multiplied by $z = e^{\lambda / f} = r e^{\pm i w}$, with
+# $r = e^{-\zeta \omega / f}$ and $w = \omega \sqrt{1 - \zeta^2} / f$. So the path is a sum of two terms of the form
+# $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the equation on the left and divide by $z^{t-2}$: it
+# holds if $z^2 = a_1 z + a_2$. The equation with these two solutions is
+# $(z - r e^{i w}) (z - r e^{-i w}) = z^2 - 2 r \cos w\, z + r^2 = 0$, which gives $a_1$ and $a_2$ as above. These
+# numbers $z$ are the **poles**. Their angle $w$ is how far the swing gets in a frame, and their size $r$ is how much of
+# it is left. The two frames before are what the pose cannot know: where the tissue is, and how fast it moves.
 
 # %%
 HZ, DAMPING = 5.0, 0.15
@@ -162,13 +162,19 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # $$ \underbrace{\begin{pmatrix} \varphi_{t-1}^\top & \varphi_{t-2}^\top & x_t^\top \end{pmatrix}}_{\text{a row of } Z}
 # \begin{pmatrix} A_1^\top \\ A_2^\top \\ B^\top \end{pmatrix} = \varphi_t^\top . $$
 #
-# Here are the lines that do it. `OneStep.of` stacks these rows of all clips; `regressors` is $Z$, and `targets` are
-# the right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames
-# before, and `price` is the ridge (lecture 5) of each column: next to nothing for these. For an input it is the ridge
-# times the input's mean square, so that it does not depend on the unit, and a little more: inputs are scaled so that
-# they stay between -1 and 1, and `HARDLY` is a hundredth of that. An input that hardly moves in the clips is mostly
-# priced by this second part, which is large beside its own size, and so it does not explain the noise. `penalised`
-# solves the normal equations $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
+# Here are the lines that do it. `OneStep.of` stacks these rows of all clips; `regressors` is $Z$, and `targets` are the
+# right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In
+# `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
+# (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
+# is the mean square of the input. Because of the first term the price does not depend on the unit in which the input is
+# measured: it grows with the square of the input, and the square of the input's factor shrinks by as much. The second is for
+# inputs that hardly move in the clips. Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a
+# hundredth: where the mean square of an input is much smaller than `HARDLY**2`, the price is large in comparison, and
+# least squares cannot use this input to explain noise. `penalised` solves the normal equations
+# $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
+#
+# We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section
+# explains.
 
 # %%
 source(OneStep.of, OneStep.solve)
@@ -176,7 +182,7 @@ source(OneStep.of, OneStep.solve)
 # %%
 PLANS = {
     "Dyna's inputs": TissuePlan(components=8, parts=0),
-    "and forces on parts": TissuePlan(components=8, parts=12),
+    "with forces on parts": TissuePlan(components=8, parts=12),
 }
 tissues = {name: train_tissue(body, learned, plan) for name, plan in PLANS.items()}
 
@@ -202,7 +208,7 @@ for name, tissue in tissues.items():
     free[name] = score_tissue(tissue, body, unseen).explained
 for name, error in ahead.items():
     alone = f"; by itself it explains {free[name]:.2f}" if name in free else ""
-    print(f"{name}: one frame ahead off by {100 * error:.1f} %{alone}")
+    print(f"{name}: one frame ahead off by {100 * error:.1f} % of the coefficients' rms{alone}")
 
 with house_style():
     figure, axes = sheet(9.5, 3.4, columns=2)
@@ -223,28 +229,27 @@ Picture(
 )
 
 # %% [markdown]
-# One frame ahead, both models look good: they are off by 7.3 % and 5.5 %. But the guess that nothing
-# changes is off by no more than 15 %, since at 60 frames a second not much happens in a frame. So let each
-# model run by itself, from the motion alone, and feed on its own output. This is a **free run**, and it tells
-# them apart: with Dyna's inputs it is worse than a tissue that keeps its place, and with the further inputs
-# of the next section it explains 77 %. (That is of all vertices. Of the curve in the figure it explains 34 %.)
+# One frame ahead, both models look good: they are off by 7.3 % and 5.5 % of the rms of the coefficients. But the guess
+# that nothing changes is off by no more than 15 %, since at 60 frames a second not much happens in a frame. So let each
+# model run by itself, from the motion alone, and feed on its own output. This is a **free run**, and it tells them
+# apart: with Dyna's inputs it is worse than a tissue that keeps its place, and with the further inputs of the next
+# section it explains 77 %. (That is of all vertices. Of the curve in the figure it explains 34 %.)
 #
 # ## What a part of the body feels
 #
-# Why are velocities and accelerations of joints not enough? Tissue is driven by what it feels where it is. A
-# belly is pressed back when the body accelerates forwards, whatever turns whichever joint. In the frame of
-# its bone, a mass at the place $p$ feels $R^\top (g - \ddot p)$, gravity less acceleration. This depends on
-# where down is, and on centrifugal forces, which grow with the square of a speed: it is no linear function
-# of Dyna's inputs. What it feels in the rest pose, $g$, has to be subtracted, since the template hangs in
-# gravity already. The soft vertices are divided into parts, and what the middle of each part feels are three
-# more inputs.
+# Why are velocities and accelerations of joints not enough? Tissue is driven by what it feels where it is. A belly is
+# pressed back when the body accelerates forwards, no matter which joints caused this. In the frame of its bone, a mass
+# at the place $p$ feels $R^\top (g - \ddot p)$, gravity less acceleration. This depends on where down is, and on
+# centrifugal forces, which grow with the square of a speed: it is no linear function of Dyna's inputs. What it feels in
+# the rest pose, $g$, has to be subtracted, since the template hangs in gravity already. The soft vertices are divided
+# into parts, and what the middle of each part feels are three more inputs.
 #
-# How does the library get $\ddot p$? A point that is fixed to a joint is carried by it: if the joint is at $j_t$ in frame
-# $t$ and has turned by $R_t$, and the point was at $c$ beside the joint at rest, it is at $p_t = R_t\, c + j_t$. Half
-# a frame before and after frame $t$, its velocity is $f\, (p_t - p_{t-1})$ and $f\, (p_{t+1} - p_t)$, with $f$ frames a
-# second. Their difference, times $f$ again, is the acceleration, $f^2 (p_{t+1} - 2 p_t + p_{t-1})$. In the lines,
-# `self.turns` are the $R_t$ of all joints, `self.joints` their places $j_t$, and $R^\top$ is the index order `tpji`.
-# The first and the last frame lack a neighbour; `_same_at_ends` gives them the value beside them.
+# How does the library get $\ddot p$? A point that is fixed to a joint is carried by it: if the joint is at $j_t$ in
+# frame $t$ and has turned by $R_t$, and the point was at $c$ beside the joint at rest, it is at $p_t = R_t\, c + j_t$.
+# Half a frame before and after frame $t$, its velocity is $f\, (p_t - p_{t-1})$ and $f\, (p_{t+1} - p_t)$, with $f$
+# frames a second. Their difference, times $f$ again, is the acceleration, $f^2 (p_{t+1} - 2 p_t + p_{t-1})$. In the
+# lines, `self.turns` are the $R_t$ of all joints, `self.joints` their places $j_t$, and $R^\top$ is the index order
+# `tpji`. The first and the last frame lack a neighbour; `_same_at_ends` gives them the value beside them.
 
 # %%
 source(second_differences, MovingFrames.forces)
@@ -252,29 +257,28 @@ source(second_differences, MovingFrames.forces)
 # %% [markdown]
 # ## A model that does not blow up
 #
-# A free run repeats its own output. As above, we ask for $\varphi_t = z^t v$, now with a vector $v$. Put into the model,
-# it gives $z^2 v = z A_1 v + A_2 v$. With $u = z v$ these are the two equations $A_1 u + A_2 v = z u$ and $u = z v$, and
-# so the poles of the matrices are the eigenvalues $z$ of
+# A free run repeats its own output. As above, we ask for $\varphi_t = z^t v$, now with a vector $v$. Put into the
+# model, it gives $z^2 v = z A_1 v + A_2 v$. With $u = z v$ these are the two equations $A_1 u + A_2 v = z u$ and
+# $u = z v$, and so the poles of the matrices are the eigenvalues $z$ of
 #
 # $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} . $$
 #
-# In the long run, each frame multiplies what is left of a push by the size of the largest one, the
-# **spectral radius**. If that is above one, the model blows up. Least squares does not forbid this. But multiply
-# $z^2 v = z A_1 v + A_2 v$ by $\rho^2$: it becomes $(\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v$. So with $\rho A_1$ and
-# $\rho^2 A_2$ in place of $A_1$ and $A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by
-# $\rho^t$: every wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
-# In the cell, `s` is this factor $\rho$.
+# In the long run, each frame multiplies what is left of a push by the size of the largest one, the **spectral radius**.
+# If that is above one, the model blows up. Least squares does not forbid this. But multiply $z^2 v = z A_1 v + A_2 v$
+# by $\rho^2$: it becomes $(\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v$. So with $\rho A_1$ and $\rho^2 A_2$ in
+# place of $A_1$ and $A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by $\rho^t$: every
+# wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
 
 # %%
-tissue = tissues["and forces on parts"]
+tissue = tissues["with forces on parts"]
 pushed = np.zeros((600, tissue.n_coefficients))
 pushed[0] = 1.0
 sizes = {}
 for wanted in (tissue.spectral_radius, 1.0, 1.02):
-    s = wanted / tissue.spectral_radius
-    run = free_run(s * tissue.first, s**2 * tissue.second, pushed)
+    rho = wanted / tissue.spectral_radius
+    run = free_run(rho * tissue.first, rho**2 * tissue.second, pushed)
     sizes[wanted] = np.linalg.norm(run, axis=1)
-    kept = np.abs(np.linalg.eigvals(companion(s * tissue.first, s**2 * tissue.second))).max()
+    kept = np.abs(np.linalg.eigvals(companion(rho * tissue.first, rho**2 * tissue.second))).max()
     print(
         f"spectral radius {kept:.3f}: 10 s after a push {sizes[wanted][-1] / sizes[wanted][0]:.1e} of it is left"
     )
@@ -292,9 +296,9 @@ with house_style():
 Picture(
     figure,
     "Left: the poles of the model that was learned, inside of the circle of size 1. Right: what is left of a "
-    "push, with all poles scaled by one factor. At first it grows in all three, because the coefficients "
-    "of different shapes push each other; in the long run it dies away where the largest pole is inside of "
-    "the circle, stays where it is on it, and grows where it is outside.",
+    "push, with all poles scaled by one factor. In the first frames, where the three curves lie nearly on each other, it "
+    "grows in all of them, because the coefficients of different shapes push each other; in the long run it dies "
+    "away where the largest pole is inside of the circle, stays where it is on it, and grows where it is outside.",
 )
 
 # %% [markdown]
@@ -331,25 +335,25 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 #
 # ## Where bones come from
 #
-# So far the skeleton was given. Suppose that it is not, and that there are only meshes with the same
-# vertices, in motion. `wb.rig` divides them into bones that move rigidly and blend (Le and Deng, 2012: in turn
-# the weights, in which the blending of lecture 4 is linear, with the motions of the bones held, and these motions with
-# the weights held), and looks for a joint between each two of them. A **joint**
-# is a point that two bones take to the same places:
+# So far the skeleton was given. Suppose that it is not, and that there are only meshes with the same vertices, in
+# motion. `wb.rig` divides them into bones that move rigidly and blend (Le and Deng, 2012). It solves in turn for the
+# weights while the motions of the bones are held, which is a linear problem because of lecture 4's blending, and for
+# these motions while the weights are held. Then it looks for a joint between each two bones. A **joint** is a point
+# that two bones take to the same places:
 #
 # $$ R^a_t\, p + t^a_t = R^b_t\, p + t^b_t \quad \text{for all frames } t ,
 # \qquad \text{or} \quad (R^a_t - R^b_t)\, p = t^b_t - t^a_t . $$
 #
-# (The letters $a$ and $b$ above stand for the two bones.) These are linear equations for three numbers, three in each frame. Do they determine them? Put the matrices
-# $R^a_t - R^b_t$ of all frames below each other, and call that matrix $Q$. The directions in which $p$ may slide without
-# a change are those of its null space, and the singular values of $Q$ tell how many there are (lecture 8). With
-# measured meshes, noise leaves none of them exactly zero, so that one asks how small a singular value is *compared
-# with the largest one*: the smaller it is, the further a given noise moves the joint along its direction. We try it
-# with a synthetic limb of two bones that moves in two ways: like a shoulder, about all axes, and like a hinge, about
-# one. In the cell, the rows of `joint.directions` are the right singular vectors of $Q$, and `joint.parting` holds its
-# singular values over the root of the number of frames: how far the bones part a point, root mean square over the
-# frames, for each metre along that direction. These meshes have no noise, so that a fixed limit tells zero from the
-# rest.
+# (The letters $a$ and $b$ above stand for the two bones.) These are linear equations for three numbers, three in each
+# frame. Do they determine them? Put the matrices $R^a_t - R^b_t$ of all frames below each other, and call that matrix
+# $Q$. The directions in which $p$ may slide without a change are those of its null space, and the singular values of
+# $Q$ tell how many there are (lecture 8). With measured meshes, noise leaves none of them exactly zero, so that one
+# asks how small a singular value is *compared with the largest one*: the smaller it is, the further a given noise moves
+# the joint along its direction. We try it with a synthetic limb of two bones that moves in two ways: like a shoulder,
+# about all axes, and like a hinge, about one. In the cell, the rows of `joint.directions` are the right singular
+# vectors of $Q$, and `joint.parting` holds its singular values over the root of the number of frames: how far the bones
+# part a point, root mean square over the frames, for each metre along that direction. These meshes have no noise, so
+# that a fixed limit tells zero from the rest.
 
 # %%
 made = random_smpl(limb(9, 6), 1, seed=0)
@@ -376,8 +380,10 @@ with house_style():
         joint = found.joints[0]
         way = np.stack([x, 0 * x, z], axis=-1) @ joint.directions.T * joint.parting
         apart = 1e3 * np.linalg.norm(way, axis=-1)
-        lines = ax.contour(1e3 * x, 1e3 * z, apart, levels=[5, 15, 30, 45, 60])
-        ax.clabel(lines, fmt="%d mm")
+        lines = ax.contour(1e3 * x, 1e3 * z, apart, levels=[5, 15, 30, 45])
+        along_x = 1e3 * np.linalg.norm(joint.directions[:, 0] * joint.parting)  # mm for each m
+        places = [(1e3 * level / along_x, 0.0) for level in lines.levels]
+        ax.clabel(lines, fmt="%d mm", manual=[place for place in places if place[0] < 90])
         ax.plot(0, 0, "k+", ms=10)
         ax.set(title=name, xlabel="x from the joint (mm)", ylabel="z from the joint (mm)")
 Picture(
@@ -390,8 +396,8 @@ Picture(
 # %% [markdown]
 # Both limbs are explained to rounding. The shoulder is found to rounding too, since its equations have rank
 # 3. (The note below it is about another joint, that of the root: the root hangs on nothing, so that no equation
-# speaks of its place.) Those of the hinge have rank 2: its joint is 14 mm away from where it was when the meshes were made, along
-# the axis z, and no mesh contradicts. This is a null direction as in lecture 8. `wb.rig` names it in its
+# speaks of its place.) Those of the hinge have rank 2: its joint is 14 mm away from where it was when the meshes were
+# made, along the axis z, and no mesh contradicts. This is a null direction as in lecture 8. `wb.rig` names it in its
 # notes, and the remedy lies in the data: turn the limb about another axis as well.
 #
 # ## What to remember

@@ -259,7 +259,7 @@ def test_what_a_file_may_be_instead(tmp_path: Path, raw: Entries, says: str) -> 
     ("content", "says"),
     [
         (b"", "is empty"),
-        (b"\x00\x01\x02", "is neither"),
+        (b"\x00\x01\x02", "is neither an .npz nor a .pkl file"),
         (b"<!DOCTYPE html><html>", "a web page"),
         (b"\n<html>", "a web page"),
         (b"version https://git-lfs.github.com/spec/v1", "git lfs pull"),

@@ -58,11 +58,11 @@ def test_predictions_are_checked_by_fits(workbench: Run, line: Path) -> None:
     [
         (["nobody"], "no experiment is called 'nobody'"),
         (["line.py", "--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),
-        (["line.py", "--candidates", "cameras"], "are of a body at one moment"),
+        (["line.py", "--candidates", "cameras"], "are of a problem that fits a body in one frame"),
         (["line.py", "--criterion", "f"], "no criterion is called 'f'"),
         (["line.py", "--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
         (["line.py", "--sd-of", "poze"], "no free block is called 'poze'"),
-        (["line.py", "--sd-of", "stature"], "are of a body at one moment"),
+        (["line.py", "--sd-of", "stature"], "are of a problem that fits a body in one frame"),
         (["line.py", "--sd-of", "x[0]", "--over", "x[0]"], "--over goes with --criterion"),
         (["line.py", "--over", "y"], "no free block is called 'y'"),
         (["line.py", "--check", "20"], "give --sd-of with it"),

@@ -37,7 +37,7 @@ compared = ("gauss-newton", "nlopt-lbfgs")
         ("fit kp.json --size 0x0", "--size takes WIDTHxHEIGHT"),
         ("fit kp.json --size ²x2", "--size takes WIDTHxHEIGHT"),
         ("fit kp.json --size 3", "--size takes WIDTHxHEIGHT"),
-        ("fit kp.json --person 1", "there are 0 to 0 in kp.json"),
+        ("fit kp.json --person 1", "there are 0 (kp.json holds 1 person, counted from 0)"),
         ("fit 3.json", "annotations must be a list of objects, not 3"),
         ("fit kp.json --cameras 3.json", "3.json holds no cameras"),
         ("run --set frame=abc", "frame of balance must be a whole number, not 'abc'"),

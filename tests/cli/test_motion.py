@@ -82,7 +82,7 @@ def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("walk.fbx",), "is no file of a motion, which ends in .npz or .bvh or .glb"),
+        (("walk.fbx",), "a motion is a file that ends in .npz, .bvh, .glb"),
         (("walk.bvh", "--fps", "0"), "--fps takes a number above 0, not 0"),
         (
             ("walk.bvh", "--out", "walk.c3d"),

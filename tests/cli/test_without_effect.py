@@ -70,7 +70,7 @@ def test_starts_that_cannot_be_counted(workbench: Run, tmp_path: Path) -> None:
     asked = ("compare", "line.py", "nist-misra1a", "--solver", "gauss-newton")
     code, out, _ = workbench(*asked, "--seeds", "2")
     assert code == 0
-    assert "--seeds 2 changes nothing: there is one start of line, which has no argument" in out
+    assert "--seeds 2 changes nothing for line: an experiment without an argument" in out
     assert "1 of 3 starts are left out" in out  # one of line, two of nist-misra1a
     assert "changes nothing" not in workbench(*asked)[1]
 

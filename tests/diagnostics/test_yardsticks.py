@@ -36,7 +36,7 @@ def test_one_that_may_as_well_be_zero_is_not(unit: str, scale: float) -> None:
     assert d.identifiability.verdicts == (EntryIdentifiability.PRACTICAL,)
     assert d.weak_count == 1
     assert d.weak_directions[0].change == pytest.approx(0.5)  # sigmas for 1000 px
-    said = f"({1000 * scale:.4g} {unit} (its size here) for focal)"
+    said = f"for focal: {1000 * scale:.4g} {unit}, its size here"
     assert said in d.findings[0].text
     assert said[1:-1] in d.report()
     assert said[1:-1] in str(d)
@@ -91,10 +91,10 @@ def test_a_prior_is_the_yardstick_of_what_has_no_natural_one() -> None:
         ("deg", [5.0, 0.0], 180 / np.pi, "a radian"),
         ("sd", [0.0, 0.0], 1.0, "a standard deviation of shape"),
         ("mm", [0.0, 0.0], 1000.0, "a metre"),
-        ("px", [3.0, 4.0], np.sqrt(12.5), "3.536 px (its size here)"),
-        ("1", [3.0, 4.0], np.sqrt(12.5), "3.536 (its size here)"),
-        ("px", [0.0, 0.0], 600.0, "600 px (the size of all values in its unit)"),
-        ("1", [0.0, 0.0], 1.0, "1 (it is zero here and has no prior)"),
+        ("px", [3.0, 4.0], np.sqrt(12.5), "3.536 px, its size here"),
+        ("1", [3.0, 4.0], np.sqrt(12.5), "3.536, its size here"),
+        ("px", [0.0, 0.0], 600.0, "600 px, the size of all values in its unit"),
+        ("1", [0.0, 0.0], 1.0, "1, since it is zero here and has no prior"),
     ],
 )
 def test_every_block_has_a_yardstick(
@@ -110,7 +110,7 @@ def test_every_block_has_a_yardstick(
         at["image"] = np.sqrt([2 * 600.0**2, 2 * 600.0**2])  # with the zeros of x: 600
     yardsticks = diagnose(Problem([r], "x"), at).point.yardsticks
     np.testing.assert_allclose(yardsticks.sizes, size)
-    assert str(yardsticks) == f"{said} for x"
+    assert str(yardsticks) == f"for x: {said}"
 
 
 def test_a_suggested_prior_is_as_wide_as_the_yardstick() -> None:

@@ -44,7 +44,9 @@ def test_the_full_body_is_recovered_too() -> None:
     assert max(m.value for m in result.measures) < 1e-3  # mm
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(
+    "seed", [pytest.param(one, marks=[pytest.mark.long] * (one >= 3)) for one in SEEDS]
+)
 def test_with_a_millimetre_of_noise_all_solvers_agree(setup: Setup, seed: int) -> None:
     body = setup.body
     assert body is not None

@@ -76,7 +76,9 @@ def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
         ),
         ("setup = Setup(problem, start, 'q', measures=lambda v: 3)", "several Measures, not 3"),
         ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
-        ("del problem", "it defines no experiment; it needs"),
+        ("del problem", "it defines `start`, but no `problem`; it needs"),
+        ("del start", "it defines `problem`, but no `start`; it needs"),
+        ("del problem, start", "it defines no experiment; it needs"),
         ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
         (
             f"{POINTS}p.symbol - q.symbol.T",
@@ -84,7 +86,10 @@ def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
             r"24 x 3; one of them is transposed: take a .T away, or put one in; in expressions",
         ),
         (f"{POINTS}p.symbol @ q.symbol", "Matrix product with incompatible .*; in expressions"),
-        (f"{POINTS}p - q.symbol", "Points are no numbers: take their .symbol"),
+        (
+            f"{POINTS}p - q.symbol",
+            "points of a body are no expression to compute with; take their `.symbol`",
+        ),
         (f"{POINTS}p.symbol - q", "a Block is no number: take its .symbol"),
     ],
 )

@@ -254,6 +254,18 @@ FORGERIES = {
 
 
 LATE = ("a thread that writes for ever",)  # on a busy machine it delays its own honest answers
+VARIANTS = {  # of others in the table, which every run of the tests tries
+    "the marks to every handle, and on",
+    "answers in advance, and the end",
+    "at the exit",
+    "a CasADi that finds all alike",
+    "other modules in their places",
+    "what the collector finds",
+    "builtins that find all alike",
+    "an array that agrees with everything",
+    "a number that equals all others",
+    "an array that is made anew each time",
+}
 
 
 def found(text: str, folder: Path, seconds: float = 3) -> Grade:
@@ -262,7 +274,10 @@ def found(text: str, folder: Path, seconds: float = 3) -> Grade:
     return grade(ROTATIONS, path, seconds)
 
 
-@pytest.mark.parametrize("forgery", FORGERIES)
+@pytest.mark.parametrize(
+    "forgery",
+    [pytest.param(one, marks=[pytest.mark.long] * (one in VARIANTS)) for one in FORGERIES],
+)
 def test_a_forgery_gets_what_it_earned(forgery: str, tmp_path: Path) -> None:
     text, earned = FORGERIES[forgery]
     began = time.perf_counter()

@@ -86,7 +86,7 @@ def test_the_page_of_a_robot_speaks_of_robots(tmp_path: Path) -> None:
         text = (folder / file).read_text(encoding="utf-8")
         assert "blend shapes" not in text
         assert "active constraints (level) fix 1 direction, which counts towards the rank" in text
-        assert "a radian for angles" in text
+        assert "for angles: a radian" in text
         other = (tmp_path / "loose" / file).read_text(encoding="utf-8")
         for page in (text, other):
             assert "inf &gt; inf" not in page

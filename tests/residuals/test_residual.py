@@ -125,7 +125,8 @@ def test_gaussians_that_are_none_are_refused(arguments: dict, text: str) -> None
 )
 def test_a_sigma_must_be_above_zero_and_fit(sigma: float) -> None:
     with pytest.raises(
-        BadResidual, match="'x' needs a finite sigma above zero in m, one or 3 of them"
+        BadResidual,
+        match=r"and above zero, in m: one number, or one for each row \(3\)",
     ):
         Residual("x", X.symbol, sigma, "m")
 

@@ -51,7 +51,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
         ("tea.py", "without folder and without .py"),
         ("", "begins with a small letter"),
         ("läufer", "begins with a small letter"),
-        ("lambda", "no word of Python's own"),
+        ("lambda", "not a keyword of Python"),
         ("random", "would hide"),
         ("numpy", "would hide"),
         ("workbench", "would hide"),

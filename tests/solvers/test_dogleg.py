@@ -10,7 +10,7 @@ from workbench.solvers.dogleg import cauchy_point, dogleg_step
 
 
 def reference(problem, start, steps: int) -> list[np.ndarray]:
-    """The points accepted by the rules of the course's optimizer, written down once more.
+    """The points accepted by chumpy's rules, written down once more.
 
     The first radius is |Gauss-Newton step|; above a gain of 0.9 it becomes 2.5 |step| at least,
     below 0.05 a quarter; what lowers the cost is taken.

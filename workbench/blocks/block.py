@@ -108,7 +108,7 @@ class Block:
     def symbol(self) -> cs.MX:
         """The symbol of this block, made once; two blocks never share one.
 
-        That of a part are the entries of the symbol of the whole.
+        The symbol of a part consists of these entries of the whole block's symbol.
         """
         if self.whole is not None:
             entries = cs.vec(self.whole.symbol)[list(self.places)]

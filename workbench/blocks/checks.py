@@ -44,7 +44,7 @@ def texts(what: str, given: object, error: Error = BadArgument) -> tuple[str, ..
 def mapping(what: str, given: object, error: Error = BadArgument) -> Mapping[str, Any]:
     """`given` as it is, if it is a dict or the like. Raises the error for anything else."""
     if not isinstance(given, Mapping):
-        raise error(f"{what} are a dict from names, not {_kind(given)}")
+        raise error(f"{what} are a dict with a name for each, not {_kind(given)}")
     return given
 
 

@@ -128,7 +128,7 @@ class Layout:
         return tuple(block for block in self.blocks if block.whole is not None)
 
     def spelled(self, without: Iterable[str] = ()) -> tuple[str, ...]:
-        """Names for exactly these numbers, without those in the blocks `without`."""
+        """Names that mean exactly these numbers, leaving out the blocks `without`."""
         left = set(without)
         return tuple(
             name for block in self.blocks if block.name not in left for name in _names(block)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import NoReturn, Protocol, cast
 
 import casadi as cs
 from scipy.sparse import csc_array
@@ -11,7 +11,7 @@ from workbench.arrays import Array
 from workbench.blocks.backwards import scalars_repeated
 from workbench.blocks.block import Block
 from workbench.blocks.tree import Tree
-from workbench.errors import BadResidual, NotSupported, TwoSymbolsOneName
+from workbench.errors import BadArgument, BadResidual, NotSupported, TwoSymbolsOneName
 
 PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph is printed
 
@@ -117,6 +117,16 @@ class Points:
     symbol: cs.MX
     source: PointSource
 
+    def _no_expression(self, other: object) -> NoReturn:
+        raise BadArgument(
+            "points of a body are no expression to compute with; take their `.symbol` (3, N), and "
+            "give the points themselves to the residual: Residual(..., points=[joints])"
+        )
+
+    __add__ = __radd__ = __sub__ = __rsub__ = _no_expression
+    __mul__ = __rmul__ = __truediv__ = __matmul__ = __rmatmul__ = _no_expression
+    __array_ufunc__ = None  # NumPy leaves its operators to those above
+
     @staticmethod
     def of(source: PointSource, name: str, numbers: int = 3) -> "Points":
         """A new placeholder for the points of a source, its symbol called `placeholder(name)`.
@@ -126,7 +136,10 @@ class Points:
         return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", numbers, source.count), source)
 
     def frozen(self, values: Mapping[str, Array]) -> "Points":
-        """The same placeholder, its source held where it is chosen anew; see `ChosenAnew`."""
+        """The same placeholder, with what its source chooses anew at each point held as it is here.
+
+        Contacts with a scan are such a choice; see `ChosenAnew`.
+        """
         if not hasattr(self.source, "frozen"):
             return self
         return Points(self.symbol, cast(ChosenAnew, self.source).frozen(values))

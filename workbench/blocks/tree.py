@@ -52,7 +52,7 @@ class Tree:
         return f"{self.pose if place is None else place[0]}[{self.names[joint]}]"
 
     def entries(self, joint: int, free: Layout) -> list[int]:
-        """Where those of the joint's three numbers that are free stand among the free numbers."""
+        """The places, among the free numbers, of those numbers of the joint that are free."""
         place = self.places[joint]
         if place is None or place[0] not in free.slices:
             return []

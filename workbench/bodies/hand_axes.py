@@ -30,8 +30,9 @@ class HandMotion:
         motion: `flexion` (for the base of the thumb `palmar abduction`), `radial deviation`, which
             is towards the thumb's side, or `twist`.
         axis: (3,) a unit vector at rest. A positive turn about it is this motion.
-        at_rest: in rad, how far the motion has gone in the zero pose. It is 0 where two bones lie
-            in one line, or a first bone in the plane of the palm; and for deviation and twist.
+        at_rest: in rad, how far the motion has gone in the zero pose. For flexion it is the angle
+            between two bones, or, for a first bone, its angle to the plane of the palm. For
+            deviation and twist it is 0.
     """
 
     joint: str

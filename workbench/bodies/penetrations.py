@@ -42,8 +42,8 @@ def penetrations(
     The mesh is cut into parts (`parts.BONES`). The torso, each hand with its fingers, and every
     other part is closed to a solid, and a place is inside if its winding number there is above one
     half. For each part and each other solid the deepest place is found, to `tolerance` m. On a mesh
-    of few vertices a triangle may be 10 cm long and lie on the border of two parts, so that what is
-    inside of what is told by the corners that are nearest to the place. Skin
+    of few vertices a triangle may be 10 cm long and lie on the border of two parts;
+    there, the corners nearest to the place decide which part is inside of which. Skin
     folds into itself around every joint. Two limbs that are joined, such as a thigh and its shin,
     are therefore not compared, and of limbs that are joined to the torso only the triangles that
     are at least 10 cm from it in the template, and the torso's triangles as far from the limb.

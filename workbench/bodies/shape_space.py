@@ -38,7 +38,7 @@ class ShapeSpace:
     expression: range
 
     def first(self, shape: int, expression: int = 0) -> "ShapeSpace":
-        """The space of the first so many coefficients of each; all others stay zero.
+        """The space of the first few coefficients of shape and expression; all others stay zero.
 
         Raises BadArgument if there are fewer.
         """

@@ -35,6 +35,10 @@ Names = Annotated[
     ),
 ]
 Limits = comparison.Budget()
+KEY = (
+    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, in a valley without end, "
+    "or with lost unknowns; false claims: called converged where the point is not stationary."
+)
 TOLD = {  # what the columns of the table count, beside ends at the lowest cost
     "elsewhere": (TargetOutcome.OTHER_BASIN,),
     "no minimum": (TargetOutcome.SADDLE, TargetOutcome.VALLEY, TargetOutcome.LOST),
@@ -83,8 +87,8 @@ def compare(
         warn_without_effect(
             console,
             f"--seeds {seeds}",
-            f"there is one start of {', '.join(single)}, which has no argument `start` or `seed` "
-            "that could number the starts",
+            "an experiment without an argument `start` or `seed` has one start",
+            single,
         )
     told = Bars(console)
 
@@ -108,6 +112,7 @@ def compare(
     for text in (prices_sentence(), *advice(found)):
         say(console, escape(text))
     console.print(solver_table(_times(found)))
+    say(console, KEY)
     say(console, MEASURED)
     console.print("[dim]writing the page[/]")
     print_page(console, "report", write_comparison(found, out))

@@ -44,7 +44,7 @@ def design(
         typer.Option(
             "--sd-of",
             help="Instead, the standard deviation of this: "
-            f"{', '.join(QUANTITIES)}, or an entry such as trans[z].",
+            f"{', '.join(QUANTITIES)}, or an entry such as trans\\[z].",
         ),
     ] = None,
     over: Annotated[

@@ -47,7 +47,7 @@ def diagnose(
         list[str] | None,
         typer.Option(
             help="Follow the lowest cost as this entry is held away from its value, such as "
-            "betas[0] or pose[left_knee, x]; give it again for more."
+            r"betas\[0] or pose\[left_knee, x]; give it again for more."
         ),
     ] = None,
     minima: Annotated[

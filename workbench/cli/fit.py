@@ -89,7 +89,7 @@ def fit(
         Path | None,
         typer.Option(
             help="Calibration with the cameras in the order of the files: Pose2Sim TOML, or JSON "
-            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
+            r'{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": \[...], "size": \[w, h]}}.'
         ),
     ] = None,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,

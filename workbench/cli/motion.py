@@ -44,7 +44,7 @@ def motion(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Write it to this file: .bvh, .npz or .glb a motion, .trc or .npz markers."
+            help="Write it to this file: a motion as .bvh, .npz or .glb, markers as .trc or .npz."
         ),
     ] = None,
     fps: Annotated[
@@ -75,11 +75,14 @@ def motion(
         ),
     ] = False,
     exaggeration: Annotated[
-        float, typer.Option(help="How many times as far as it does the tissue moves.", min=0)
+        float, typer.Option(help="Multiply the displacements of the tissue by this.", min=0)
     ] = 1.0,
     unit: Annotated[
         str | None,
-        typer.Option(help=f"Unit of a .bvh or of markers ({', '.join(UNITS | OTHERS)})."),
+        typer.Option(
+            help=f"Unit of a .bvh or of markers ({', '.join(UNITS | OTHERS)}; cmu is that of BVH "
+            "conversions of CMU's recordings, 0.0564 m)."
+        ),
     ] = None,
     up: Up = None,
 ) -> None:

@@ -1,7 +1,7 @@
 """The folder that a command writes, and what it prints about it, its progress and its options."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -96,6 +96,9 @@ def timed_lines(console: Console) -> Callable[[str], None]:
     return report
 
 
-def warn_without_effect(console: Console, option: str, because: str) -> None:
-    """Say that an option changes nothing; the command continues as if it had not been given."""
-    say(console, f"[bold yellow]{option} changes nothing:[/] {escape(because)}")
+def warn_without_effect(
+    console: Console, option: str, because: str, among: Sequence[str] = ()
+) -> None:
+    """Say that an option changes nothing, or nothing for the names `among`; the command goes on."""
+    whom = f" for {escape(', '.join(among))}" if among else ""
+    say(console, f"[bold yellow]{option} changes nothing{whom}:[/] {escape(because)}")

@@ -46,9 +46,9 @@ class LiveTrace:
             self._live.update(self._table(), refresh=True)
         else:
             if number == 0:
-                self._console.print(f"{'iteration':>9} {'cost':>14} {'gradient':>9} {'step':>9}")
+                self._console.print(f"{'iteration':>9} {'cost':>14} {'optimality':>10} {'step':>9}")
             self._console.print(
-                f"{number:>9} {iterate.cost:>14.6g} {iterate.optimality:>9.1e} "
+                f"{number:>9} {iterate.cost:>14.6g} {iterate.optimality:>10.1e} "
                 f"{iterate.step_norm:>9.1e}"
             )
 
@@ -56,7 +56,7 @@ class LiveTrace:
         columns: tables.Columns[tuple[int, Iterate]] = {
             "iteration": lambda of: str(of[0]),
             "cost": lambda of: f"{of[1].cost:.6g}",
-            "gradient": lambda of: f"{of[1].optimality:.1e}",
+            "optimality": lambda of: f"{of[1].optimality:.1e}",
             "step": lambda of: f"{of[1].step_norm:.1e}",
             "damping": lambda of: f"{of[1].damping:.1e}",
             "seconds": lambda of: f"{of[1].seconds:.2f}",
@@ -123,7 +123,8 @@ def _seen(what: str, d: Diagnosis) -> str:
         said = f"{len(d.null_directions)} directions change no residual"
     if d.weak_count:
         said += (
-            f", {d.weak_count} hardly any (by less than one sigma for a yardstick, such as 1 rad)"
+            f"; along {d.weak_count} more, a change by a whole yardstick (such as 1 rad) changes "
+            "the residuals by less than one sigma"
         )
     named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
     short = list(dict.fromkeys(named))[:3]

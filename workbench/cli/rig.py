@@ -37,8 +37,8 @@ def rig(
     rest: Annotated[
         str | None,
         typer.Option(
-            help="The mesh in the pose in which the body is to be drawn: a mesh file, or a body; "
-            "else the first mesh."
+            help="The mesh whose pose becomes the body's rest pose: a mesh file, or a body; else "
+            "the first mesh."
         ),
     ] = None,
     bones: Annotated[

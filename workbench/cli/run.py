@@ -46,7 +46,10 @@ SolverName = Annotated[
     ),
 ]
 Compare = Annotated[
-    bool, typer.Option(help="Also solve with the solvers that the experiment compares.")
+    bool,
+    typer.Option(
+        help="Also solve with other solvers that are named for this problem, and compare."
+    ),
 ]
 
 

@@ -32,7 +32,7 @@ def sample(
     block: Annotated[
         list[str] | None,
         typer.Option(
-            help="What to sample together, such as betas,trans,pose[left_elbow], or everything. "
+            help=r"What to sample together, such as betas,trans,pose\[left_elbow], or everything. "
             "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,

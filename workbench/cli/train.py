@@ -46,7 +46,8 @@ def train(
     start: Annotated[
         str | None,
         typer.Option(
-            help="Template, tree and segments: an embedded body, a body's file, or an .npz; "
+            help="The template, its tree of joints and its division into segments: an embedded "
+            "body, a body's file, or an .npz; "
             f"{START} in the folder if there is one, else default."
         ),
     ] = None,
@@ -78,7 +79,8 @@ def train(
 ) -> None:
     """Train a body model from registrations; a run that was killed continues where it stopped.
 
-    Writes runs/NAME/: checkpoint.npz after every block, body.npz and its model card at the end.
+    Writes runs/NAME/: checkpoint.npz after every block (a step of the alternation), body.npz and
+    its model card at the end.
     """
     console = Console()
     if betas < 1 or rounds < 1:

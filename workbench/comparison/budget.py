@@ -12,8 +12,8 @@ class Budget:
     """Limits of one run; `given` hands them to a solver, and the metered problem enforces them.
 
     `gradient_tolerance` is far below what the judgement asks for, so that nobody's stopping rule
-    decides; whether a point is stationary is judged at `stationary` (both of Problem.optimality).
-    Raises BadArgument for a limit that is not above zero.
+    decides; whether a point is stationary is judged at `stationary` (both are values of
+    `Problem.optimality`). Raises BadArgument for a limit that is not above zero.
 
     Attributes:
         max_evaluations: evaluations of residual, gradient, Jacobian and Hessian together.

@@ -13,8 +13,8 @@ from workbench.solvers import Status
 class Cause(Enum):
     """Why an end costs more than 1.01 times the lowest cost known.
 
-    The first two are stationary points. Of the others, a solver found out the next two by its own
-    evaluations; at the rest, it was stopped on its way, or gave up.
+    SECOND_BASIN and SADDLE are stationary points. VALLEY and LOST were noticed by the solver
+    itself. In all other cases the solver was stopped on its way, or gave up.
     """
 
     SECOND_BASIN = "it is another minimum"

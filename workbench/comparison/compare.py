@@ -46,8 +46,8 @@ def compare(
     cluster.
 
     Effort is counted at the prices of `workbench.comparison.prices`, in evaluations of the
-    residual: gradient 4, Jacobian 1 + 1.5 n, Hessian 4 + 6 n, constraints 1. Times are kept, and
-    rank no solver.
+    residual: gradient 4, Jacobian 1 + 1.5 n, Hessian 4 + 6 n, constraints 1. Times are stored,
+    but no solver is ranked by them.
 
     Raises UnknownName, BadFile or BadArgument before anything runs; WorkbenchError if no
     experiment can be built. What a solver does wrong is in its records.
@@ -124,7 +124,7 @@ def _described(
         i.name: Describe(chosen.key("problem", i.identity()), i.sent(), i.name, chosen.budget)
         for i in chosen.instances
     }
-    found, failed = dispatcher.do("looking at the problems", jobs.values(), Description.of)
+    found, failed = dispatcher.do("looking at the starts", jobs.values(), Description.of)
     unbuilt = {}
     for instance in chosen.instances:
         wrong = failed.get(jobs[instance.name].key)

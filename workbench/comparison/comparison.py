@@ -74,12 +74,12 @@ class Comparison:
 
     @cached_property
     def unknowns(self) -> dict[str, int]:
-        """n by problem: the free numbers, the most if starts differ in that."""
+        """The number of free numbers of each problem, the largest one if starts differ in it."""
         return {p: max(self.described[i.name].unknowns for i in self.of(p)) for p in self.problems}
 
     @cached_property
     def prices(self) -> dict[str, dict[str, float]]:
-        """By problem and kind, in evaluations of the residual: the published ones of `prices`."""
+        """The price of each kind of evaluation on each problem, in evaluations of the residual."""
         return {problem: prices(n) for problem, n in self.unknowns.items()}
 
     def units(self, problem: str, counts: Array) -> Array:
@@ -174,16 +174,20 @@ class Comparison:
         return yardstick.met(record, tau) is not None or yardstick.ends_below(record, tau)
 
     def delivered(self, instance: str, solver: str, tau: float) -> bool:
-        """Whether a run gave an answer by itself that meets a target, in no worse basin."""
+        """Whether a run returned a point that meets a target and that is an answer.
+
+        A point at a saddle or in another basin is none, nor is one that was not compared.
+        """
         record = self.records[instance, solver]
         meets = self.yardsticks[instance].ends_below(record, tau)
         fine = self.outcomes[instance, solver] not in NO_ANSWER
         return record.ending is Ending.RETURNED and meets and fine
 
     def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
-        """Whether what a run took to a target is not known: it took a graph to where evaluations
-        cannot be counted, or it ended at a point that meets the target and never asked the problem
-        about such a point.
+        """Whether it is not known what a run needed to meet a target.
+
+        Then it evaluated the problem's graph in its own code, where evaluations are not counted, or
+        ended at a point that meets the target and never asked the problem about such a point.
         """
         if self.records[instance, solver].observed.taken:
             return True

@@ -37,7 +37,10 @@ class NamedSolver:
         return {"solver": identity(self.solver), "file": file_digest(self.source)}
 
     def sent(self) -> "SentSolver":
-        """For another process; raises BadArgument if it cannot go there."""
+        """What is sent to another process: its file and name, or the pickled solver.
+
+        Raises BadArgument if it cannot be pickled.
+        """
         if self.source:
             return SentSolver(self.name, self.source, self.called)
         return SentSolver(self.name, blob=pickled(self.solver, f"solver {self.name}"))

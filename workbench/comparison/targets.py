@@ -97,7 +97,10 @@ class Yardstick:
         return record.finite and record.inside and record.cost <= self.target(tau)
 
     def near(self, cost: float) -> bool:
-        """Whether a cost is the lowest one: a millionth above, or 1e-9 of the whole way."""
+        """Whether a cost counts as the lowest one.
+
+        It is at most a millionth above it, or 1e-9 of the decrease from the cost at the start.
+        """
         return relative_excess(cost, self.best, self.start) <= AS_GOOD or cost <= self.target(
             NEARLY
         )

@@ -48,7 +48,7 @@ class Correspondence:
         places: (N, M) rows that sum to one: each place as a mean of the source's vertices.
         matched: (N,) whether the vertex has a place that faces as it does and is not far from it.
         distances: (N,) m from the vertex to its place, in the rest pose of the source.
-        rest: pose, betas and trans at which the target was there.
+        rest: pose, betas and trans at which the target lies on the source's rest pose.
         same: whether both meshes have the same triangles, so that vertices correspond.
     """
 
@@ -75,8 +75,8 @@ class Correspondence:
 def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Correspondence:
     """Find the places of a target's vertices on a source, in the source's rest pose.
 
-    The result serves all motions of the source. Raises BadArgument if the bodies have fewer than
-    three joints of the same names and other triangles.
+    The result serves all motions of the source. Raises BadArgument if their triangles
+    differ and fewer than three joints have the same names.
     """
     N = target.n_vertices
     if source.n_vertices == N and np.array_equal(source.faces, target.faces):

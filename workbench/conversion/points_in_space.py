@@ -83,12 +83,12 @@ def motion_from_points(
 
     `kind` is the set of the body's points that they are (`point_sets`): a joint and a keypoint of
     one name are different places. None takes the set that has most of the names. `sigma` is in m.
-    One shape is found for all frames, and what the points leave open follows the priors on pose
-    and shape. All frames are found together in the end, with joints at nearly constant speed,
-    so that points that some frames do not show are where the motion leads. Frames that show less
-    than four points are said in the motion's `notes`, and left out at both ends; so are points that
-    the body does not have. Raises BadArgument for other arrays and if
-    no frame shows four points, UnknownName for a set, and NotNumbers.
+    One shape is found for all frames, and what the points leave open follows the priors on pose and
+    shape. All frames are found together in the end, with joints at nearly constant speed, so that
+    points that some frames do not show are where the motion leads. Frames that show fewer than four
+    points follow from the others, or are left out at the beginning and the end. Points that the
+    body does not have are left out. The motion's `notes` say both. Raises BadArgument for other
+    arrays and if no frame shows four points, UnknownName for a set, and NotNumbers.
     """
     given = reals("the observed points", observed)
     labels = [plain_name(name) for name in names]

@@ -1,6 +1,6 @@
 """What lectures are made of, and what grades their exercises.
 
-A lecture is a folder of four files in `lectures/`; what they import from here is short.
+A lecture is a folder of four files in `lectures/`.
 """
 
 from workbench.course.checks import Missed, check, equal, holds, mistake

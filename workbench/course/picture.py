@@ -23,8 +23,8 @@ class Picture:
     Attributes:
         figure: the figure.
         caption: what to see in it.
-        moving: makes the same for the hand, a page or a replay, where a page is wanted; a run in a
-            terminal does not call it. It keeps its own caption.
+        moving: makes an interactive version, a page or a replay with a caption of its own. It is
+            called where a page is wanted, and not by a run in a terminal.
     """
 
     figure: Figure
@@ -38,7 +38,7 @@ class Picture:
 
     @cached_property
     def page(self) -> ReplayPage | None:
-        """What answers to the hand, as a page of its own; None for a figure that stands still."""
+        """The interactive version as a page of its own; None if there is none."""
         made = None if self.moving is None else self.moving()
         return replay_page(made) if isinstance(made, Recording) else made
 

@@ -34,7 +34,7 @@ def diagnose(
 
     `priors` are the names of the residuals that are priors and not data, or one such name; the
     diagnosis separates what they contribute. `gauges` are motions that the problem is invariant to
-    if other unknowns undo them, where this is not found without; see `Gauge`.
+    if other unknowns undo them, and that the diagnosis does not find by itself; see `Gauge`.
 
     Raises UnknownName for a name that no residual has, BadArgument for anything but a problem,
     TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no small parts,

@@ -117,7 +117,7 @@ class Diagnosis:
 
     @cached_property
     def not_finite(self) -> tuple[tuple[int, int], ...]:
-        """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
+        """Rows and columns of entries that are NaN or infinite; column -1 means the residual."""
         return not_finite(self.here)
 
     @property

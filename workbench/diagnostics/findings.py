@@ -197,9 +197,10 @@ def _priors(d: Diagnosis) -> Iterator[Finding]:
     if not d.priors:
         return
     known = d.identifiability
+    rest = ", the priors the rest" if known.effective < d.shape[1] - 0.05 else ""
     text = (
-        f"the data determine {known.effective:.1f} of {d.shape[1]} directions, the priors the "
-        f"rest; the data say more than the priors about {known.better_from_data} directions"
+        f"the data determine {known.effective:.1f} of {d.shape[1]} directions"
+        f"{rest}; the data say more than the priors about {known.better_from_data} directions"
     )
     yield Finding("identifiability", text, False)
 
@@ -244,7 +245,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     if d.weak_count:
         yield (
             f"{counted(d.weak_count, 'weak direction')} (a whole yardstick changes the residuals "
-            f"by less than one sigma; a yardstick is {d.point.yardsticks})"
+            f"by less than one sigma; a yardstick is, {d.point.yardsticks})"
         )
 
 

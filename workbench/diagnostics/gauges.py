@@ -47,12 +47,13 @@ from workbench.problem.nonzeros import tied_columns
 
 @dataclass(frozen=True, eq=False)
 class Gauge:
-    """A motion that a user declares to be a gauge, where it is not found without.
+    """A motion that a user declares to be a gauge, as the diagnosis does not find it by itself.
 
     Attributes:
         name: what it is called, such as `a translation along x`.
-        change: from the values of all blocks to how some of them change, by name and of their
-            shapes. All other unknowns may undo it.
+        change: a function of the values of all blocks that returns how some of them change: a
+            dict with an array of the block's shape for each. Changes of all other unknowns may undo
+            it.
     """
 
     name: str

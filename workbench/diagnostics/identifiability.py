@@ -34,7 +34,10 @@ class EntryIdentifiability(Enum):
 
     STRUCTURAL = "no residual depends on it, or too few rows depend on it and its neighbours"
     NUMERICAL = "it takes part in a null direction"
-    PRACTICAL = "the residuals depend on it, but determine it no better than its prior or yardstick"
+    PRACTICAL = (
+        "the residuals depend on it, but its sigma is not below 0.9 of its prior's, or of a "
+        "yardstick without a prior"
+    )
     IDENTIFIED = "the residuals determine it"
 
 
@@ -46,7 +49,8 @@ class Identifiability:
         sigma: (n,) posterior standard deviations; infinite where a null direction takes part.
         prior_sigma: (n,) standard deviations by the priors alone; infinite where they say nothing.
         correlations: pairs of entries and their correlation, the strongest first.
-        data_share: c^2 (rank,), falling: the data's share of the information on each direction;
+        data_share: c^2 (rank,), falling: the data's share of the information on each direction,
+            from 1 (the data alone) to 0 (the priors alone);
             None where unknowns were eliminated part after part, without singular values.
         effective: effective degrees of freedom: how many directions the data decide, the sum of
             c^2.

@@ -57,7 +57,7 @@ def only_rounding(lengths: Array, x: Array, free: Layout, m: int) -> Mask:
 
 
 def not_finite(here: Linearization) -> tuple[tuple[int, int], ...]:
-    """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
+    """Rows and columns of entries that are NaN or infinite; column -1 means the residual."""
     if here.finite:
         return ()
     r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(here.residual))]

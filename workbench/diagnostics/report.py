@@ -104,7 +104,8 @@ def _rank(d: Diagnosis) -> Iterator[str]:
     yield f"with columns of length 1: rank {d.scaled_rank}"
     if d.nearby.ranks:
         yield (
-            f"at {len(d.nearby.ranks)} points a tenth of a yardstick away: rank "
+            f"at {len(d.nearby.ranks)} points drawn nearby (a tenth of a yardstick away, see "
+            "STANDARD DEVIATIONS): rank "
             f"{', '.join(map(str, d.nearby.ranks))}; the smallest nonzero singular value is "
             f"{d.nearby.weaker_here:.2g} times as large there"
         )
@@ -134,7 +135,7 @@ def _weak(d: Diagnosis) -> Iterator[str]:
         return
     shown = d.weak_directions[:MOST]
     yield "a whole yardstick along each of these changes the residuals by less than one sigma"
-    yield f"(a yardstick is {d.point.yardsticks})"
+    yield f"(a yardstick is, {d.point.yardsticks})"
     yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown])
     if d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
@@ -172,6 +173,10 @@ def _conditioning(d: Diagnosis) -> Iterator[str]:
         )
 
 
+# How well entries are identified, from well to not at all: heads of tables.
+VERDICTS = ("identified", "practically not", "numerically not", "structurally not")
+
+
 def _known(d: Diagnosis) -> Iterator[str]:
     known = d.identifiability
     rows = []
@@ -181,12 +186,15 @@ def _known(d: Diagnosis) -> Iterator[str]:
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
         counts = [str(known.verdicts[at].count(v)) for v in reversed(EntryIdentifiability)]
         rows.append((block.name, block.unit, spread, *counts))
-    header = ("block", "unit", "sigma", "identified", "practical", "numerical", "structural")
+    header = ("block", "unit", "sigma", *VERDICTS)
     yield from table(header, rows)
     yield (
         f"identified: sigma is below {UNCHANGED} of the prior's or, without a prior, below a "
-        f"yardstick ({d.point.yardsticks})"
+        "yardstick; practically not: the residuals depend on it, but sigma is not below that; "
+        "numerically not: it has a part in a null direction; structurally not: the sparsity "
+        "pattern alone leaves it open"
     )
+    yield f"a yardstick is, {d.point.yardsticks}"
     if d.priors:
         yield (
             f"the data determine {known.effective:.1f} of {d.shape[1]} directions (effective "

@@ -94,7 +94,7 @@ class SequenceDiagnosis:
     Attributes:
         problem: the sequence.
         values: the values of all blocks that it reads.
-        here: its linearization at these values, without columns of rounding errors.
+        here: its linearization at these values; columns that hold only rounding errors are zero.
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
@@ -138,7 +138,7 @@ class SequenceDiagnosis:
 
     @cached_property
     def not_finite(self) -> tuple[tuple[int, int], ...]:
-        """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
+        """Rows and columns of entries that are NaN or infinite; column -1 means the residual."""
         return not_finite(self.here)
 
     # Rank and null directions.

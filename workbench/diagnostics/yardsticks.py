@@ -44,18 +44,18 @@ class Yardsticks:
 
     Attributes:
         sizes: (n,) the yardstick of each entry, above zero.
-        words: by block, such as `a radian` or `1000 px (its size here)`.
+        words: by block, such as `a radian` or `1000 px, its size here`.
     """
 
     sizes: Array
     words: Mapping[str, str]
 
     def __str__(self) -> str:
-        """`a radian for pose; 1000 px (its size here) for focal`."""
+        """`for pose: a radian; for focal: 1000 px, its size here`."""
         blocks: dict[str, list[str]] = {}
         for block, words in self.words.items():
             blocks.setdefault(words, []).append(block)
-        return "; ".join(f"{words} for {joined(names)}" for words, names in blocks.items())
+        return "; ".join(f"for {joined(names)}: {words}" for words, names in blocks.items())
 
 
 def yardsticks(
@@ -76,7 +76,7 @@ def yardsticks(
         known = np.isfinite(prior)
         sizes[part] = np.where(known, prior, size)
         if known.any():
-            rest = "" if known.all() else f" (without one {words[block.name]})"
+            rest = "" if known.all() else f", or {words[block.name]}, where it has no prior"
             words[block.name] = f"the standard deviation of its prior{rest}"
     return Yardsticks(sizes, words)
 
@@ -84,12 +84,12 @@ def yardsticks(
 def _size(block: Block, read: Iterable[Block], at: Mapping[str, ArrayLike]) -> tuple[float, str]:
     size = _root_mean_square([at[block.name]])
     if size:
-        return size, f"{with_unit(size, block.unit)} (its size here)"
+        return size, f"{with_unit(size, block.unit)}, its size here"
     if block.unit != "1":
         alike = [at[other.name] for other in read if other.unit == block.unit]
         if size := _root_mean_square(alike):
-            return size, f"{with_unit(size, block.unit)} (the size of all values in its unit)"
-    return 1.0, f"{with_unit(1.0, block.unit)} (it is zero here and has no prior)"
+            return size, f"{with_unit(size, block.unit)}, the size of all values in its unit"
+    return 1.0, f"{with_unit(1.0, block.unit)}, since it is zero here and has no prior"
 
 
 def _root_mean_square(values: list[ArrayLike]) -> float:

@@ -63,7 +63,7 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
                 f"{name} is a suite; give one of its {len(SUITES[name])} problems, such as "
                 f"{SUITES[name][0].name}: `workbench run {name} --list` names them"
             )
-        others = "the members of suites (workbench run --list says which), or give a FILE.py"
+        others = "the members of suites (workbench run SUITE --list names them), or give a FILE.py"
         raise UnknownName("experiment", name, EXPERIMENTS, hint=others)
     changed = dict(arguments or {})
     with user_errors(experiment.source):
@@ -106,4 +106,8 @@ def _described(module: Any, path: Path) -> Experiment:
             gauges=getattr(module, "gauges", ()),
         )
         return Experiment(path.stem, lambda: made, path.name)
-    raise BadFile(f"it defines no experiment; it needs {ENOUGH}; {BESIDE}")
+    lacks = "it defines no experiment"
+    for there, missing in (("problem", "start"), ("start", "problem")):
+        if hasattr(module, there):
+            lacks = f"it defines `{there}`, but no `{missing}`"
+    raise BadFile(f"{lacks}; it needs {ENOUGH}; {BESIDE}")

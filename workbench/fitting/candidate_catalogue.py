@@ -103,8 +103,9 @@ def sd_named(name: str, setup: Setup, values: Values) -> Criterion:
 def _body(setup: Setup) -> Body:
     if setup.body is None or setup.moving is not None:
         raise BadArgument(
-            "these candidates and quantities are of a body at one moment, and this problem has "
-            f"none; give candidates of your own (--candidates {OWN})"
+            "cameras, markers, keypoints, stature and depth are of a problem that fits a body in "
+            "one frame, and this one does not; define `candidates` in the file of the problem and "
+            f"give --candidates {OWN}"
         )
     return setup.body
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.errors import BadArgument, BadFile, UnknownName, shown, some
+from workbench.errors import BadArgument, BadFile, shown, some
 from workbench.fitting.calibration_files import read_calibration
-from workbench.fitting.detected_person import DetectedPerson
+from workbench.fitting.detected_person import DetectedPerson, no_such_person
 from workbench.fitting.detector_layouts import BODIES_FILES, COCO_FILES, OPENPOSE, Layout
 from workbench.fitting.mediapipe_files import (
     is_mediapipe,
@@ -76,7 +76,7 @@ def person_of(
             "or OpenPose JSON (`people` with `pose_keypoints_2d`)"
         )
     if person is not None and not 0 <= person < len(people):
-        raise UnknownName("person", str(person), hint=f"0 to {len(people) - 1} in {path}")
+        raise no_such_person(path, person, len(people))
     best = max(range(len(people)), key=lambda i: people[i][:, 2].sum() if len(people[i]) else -1.0)
     number = best if person is None else person
     where, given = entries[number]

@@ -131,7 +131,7 @@ def keypoint_candidates(
 ) -> dict[str, Candidate]:
     """Each of the body's keypoints by itself, seen by one camera with these numbers; sigma in px.
 
-    So is each point of a detector's layout that the body has as a landmark.
+    Points of a detector's layout are candidates too, if the body has them as landmarks.
     """
     labels = body.landmark_names(landmark_set(body))
     seen, one = _one_of(labels)

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.errors import BadFile, UnknownName, shown, some
-from workbench.fitting.detected_person import DetectedPerson
+from workbench.errors import BadFile, shown, some
+from workbench.fitting.detected_person import DetectedPerson, no_such_person
 from workbench.fitting.detector_layouts import HANDS, MEDIAPIPE_33
 
 SIDES = ("left", "right")
@@ -60,7 +60,7 @@ def mediapipe_person(
     if not hands and not bodies:
         raise BadFile(f"{path} holds no person's keypoints: MediaPipe found no hand and no body")
     if person is not None and not 0 <= person < max(len(bodies), 1):
-        raise UnknownName("person", str(person), hint=f"0 to {max(len(bodies), 1) - 1} in {path}")
+        raise no_such_person(path, person, max(len(bodies), 1))
     notes = _notes(path, said, bodies, person)
     known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if _has_hands(said) else {}
     if bodies:

@@ -105,9 +105,10 @@ def other_minima(
 ) -> OtherMinima:
     """Fit from four starts along each of the weakest directions at the minimum `values`.
 
-    A start is three standard deviations away along its direction, or one and a half yardsticks
-    where that is less, or half as far. `progress` is told how many fits are done, and of how many.
-    Minima that lie in no such direction are not found. Raises BadArgument for no directions.
+    On each side of the minimum there are two starts: at three standard deviations along the
+    direction, but at most 1.5 yardsticks, and at half this distance. `progress` is told how many
+    fits are done, and of how many. Minima that lie in no such direction are not found. Raises
+    BadArgument for no directions.
 
     >>> import casadi, workbench as wb
     >>> from workbench.fitting import other_minima

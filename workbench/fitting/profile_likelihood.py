@@ -65,7 +65,10 @@ class Profile:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Where the cost has risen so far, on either side; infinite where it was not seen to."""
+        """The values of the entry, on either side, at which the cost has risen by `rise`.
+
+        One is infinite if the cost does not rise so far within the profile.
+        """
         roots = np.sqrt(np.maximum(self.costs - self.costs.min(), 0))
         least, end = int(np.argmin(self.costs)), sqrt(self.rise)
         return (

@@ -44,7 +44,7 @@ class RepeatedFits:
 
     @property
     def errors(self) -> Array:
-        """The ends without the truth, (N, n)."""
+        """The ends minus the truth, (N, n)."""
         return self.ends - self.truth
 
     def values(self, fit: int, values: Values) -> Values:
@@ -64,7 +64,7 @@ class RepeatedFits:
         return np.array(found)
 
     def spread(self, criterion: Criterion, values: Values) -> float:
-        """The standard deviation that `sd_of` predicts, as the ends have it."""
+        """The standard deviation that `sd_of` predicts, as it is among the ends."""
         if criterion.quantity is not None:
             numbers = self.numbers(criterion.quantity, values)
         else:

@@ -144,7 +144,7 @@ def several(holder: dict[str, Any], key: str) -> list[dict[str, Any]]:
 
 
 def children(holder: dict[str, Any], key: str) -> list[Any]:
-    """The numbers of nodes in a list, which may be missing, the last one first."""
+    """The numbers of nodes in `holder[key]`, the last one first; empty if there is no such list."""
     found = holder.get(key, [])
     if not isinstance(found, list):
         raise ValueError(f"its {key} are no list of numbers")

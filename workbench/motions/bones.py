@@ -31,7 +31,7 @@ class Bones:
     Attributes:
         parents: (K,) with parents[0] == -1 and 0 <= parents[k] < k.
         offsets: (K, 3) m from the parent to each joint at rest; the root's is its place at rest.
-        end_parents: the joint from which each of E ends of bones that carry no joint goes out.
+        end_parents: for each of the E bones with no joint at their end, the joint where it begins.
         end_offsets: (E, 3) m from that joint to the end at rest.
     """
 

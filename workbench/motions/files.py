@@ -33,4 +33,7 @@ def read_motion(
         return read_glb(path, unit=unit, up=up, fps=fps)
     if suffix == ".npz":
         return read_amass(path, up=up, fps=fps, body=body)
-    raise BadFile(f"{path} is no file of a motion, which ends in {' or '.join(SUFFIXES)}")
+    raise BadFile(
+        f"the name of {path} does not say what it holds; a motion is a file that ends in "
+        f"{', '.join(SUFFIXES)}"
+    )

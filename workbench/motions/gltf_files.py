@@ -38,8 +38,8 @@ def read_glb(
     that of the key frames, unless `fps` is given; the motion is read off the tracks at that rate. A
     file is in metres, y up; `unit` and `up` say otherwise, and a skeleton of more than 3 m is taken
     to be in cm or mm. The betas of a file that the workbench wrote are read too; morph targets and
-    scales are not. `notes` say all of this. Joints at the root whose child moves away from them, as
-    a point on the floor, are left out.
+    scales are not. `notes` say all of this. A root joint from which its only child
+    moves away, such as a marker on the floor, is left out.
 
     Raises BadFile for a file that is damaged, has no skin or no animation of it, whose bones change
     their length by more than a centimetre, or are mirrored; UnknownName for a unit or an axis.

@@ -132,7 +132,7 @@ class Motion:
         """The same motion at another rate, from the first frame to the last one or just before it.
 
         Joints turn along the shortest arc from frame to frame (slerp), and the root moves along a
-        line. Frames at a time at which there was one are as they were. Raises BadArgument for a
+        line. New frames at the time of an old one are equal to it. Raises BadArgument for a
         rate that is not above zero, or that makes more than ten million frames.
         """
         if not _above_zero(fps):
@@ -150,7 +150,8 @@ class Motion:
 
         The root joint rests at `root` (3,) m. SMPL's trans is not the place of the root: with R the
         turn, J_0 the root at rest and t the trans, R (J_0 + t) = J_0 + t' for
-        t' = R t + (R - I) J_0. The root of a motion with bones is theirs, unless it is given.
+        t' = R t + (R - I) J_0. Without `root`, a motion with bones takes the
+        place at rest of their root, and any other motion zero.
         """
         R = np.asarray(turn, dtype=float)
         if root is None:
@@ -165,11 +166,11 @@ class Motion:
 
         Joints go by their names. Those that the motion lacks do not turn, and those that the body
         lacks are left out; `notes` name both. Betas and expression beyond the body's are left out
-        too, and said. On a body with a face, betas are the person's shape where the motion has an
-        expression, so that those beyond its directions of shape are left out.
-        The root is where it was, also if the motion's own bones rest elsewhere.
-        These are the same angles, which are not the same places on a body of other proportions.
-        Raises BadArgument if the names have no joint in common.
+        too, and said. If the motion has an expression and the body a face, betas are coefficients
+        of shape alone, and those beyond the body's directions of shape are left out. The root is
+        where it was, also if the motion's own bones rest elsewhere. These are the same angles,
+        which are not the same places on a body of other proportions. Raises BadArgument if the
+        names have no joint in common.
         """
         ours = {name: k for k, name in enumerate(self.joint_names)}
         if not ours.keys() & set(body.joint_names):

@@ -43,14 +43,17 @@ SAME_RATE = 1e-6  # relative
 class SoftTissue:
     """Dynamic blend shapes of a body of N vertices and the second-order model that drives them.
 
+    The coefficients of frame t are phi_t = A_1 phi_(t-1) + A_2 phi_(t-2) + B x_t, x_t being inputs
+    that follow from the motion.
+
     Raises BadArgument if the arrays do not fit together, or if the model is not stable: a spectral
     radius of `LARGEST_RADIUS` or more.
 
     Attributes:
         directions: (N, 3, C) m per unit of a coefficient, orthonormal up to a factor.
-        first: (C, C), A_1, of the frame before.
-        second: (C, C), A_2, of the frame before that.
-        response: (C, X), B, of the inputs.
+        first: (C, C), A_1.
+        second: (C, C), A_2.
+        response: (C, X), B.
         part: (N,) the soft part of each vertex; -1 if it is in none.
         fps: frames a second of the model.
         joint_names: of the body.
@@ -164,7 +167,7 @@ class SoftTissue:
     # In symbols: coefficients as a block like any other, to be fitted as DMPL's are.
 
     def block(self, prefix: str = "") -> Block:
-        """`tissue` (C,), the coefficients as an unknown; their unit is that of `coefficients`."""
+        """`tissue` (C,), the coefficients phi as an unknown; they have no unit."""
         return Block(f"{prefix}tissue", (self.n_coefficients,), "1")
 
     def points(

@@ -70,12 +70,16 @@ def caption_singular_values(diagnosis: Diagnosis) -> str:
             f"from {s[0]:.3g} to {s[-1]:.3g}, so that the condition number is "
             f"{diagnosis.condition:.3g}."
         )
-    gap = f" The values fall from {s[k - 1]:.2g} to {s[k]:.2g}" if 0 < k < s.size else ""
-    where = f"{gap} at the rank." if gap else ""
+    where = (
+        f" The singular values fall from {s[k - 1]:.2g} (number {k}) to {s[k]:.2g} "
+        f"(number {k + 1})."
+        if 0 < k < s.size
+        else ""
+    )
     return (
         f"{first}The residuals change along {k} of {n} directions; along the other {n - rank} the "
-        f"free numbers can change without changing any residual.{where} The table below names all "
-        "of these."
+        f"free numbers can change without changing any residual.{where} The table below names "
+        "these directions."
     )
 
 

@@ -98,7 +98,10 @@ class Problem:
         return Problem(residuals, names, bounds, self._named, kept)
 
     def for_judging(self) -> "Problem":
-        """This problem, or of a metered one a copy whose points are never the best of the run."""
+        """This problem, to judge points of a run with.
+
+        A metered problem returns a copy whose evaluations are not points of the run.
+        """
         return self
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:

@@ -26,10 +26,15 @@ DAMAGE: tuple[type[Exception], ...] = (
 
 @contextmanager
 def taken_for(path: str | Path, what: str, do: str) -> Iterator[None]:
-    """Turn BadFile with a reason into BadFile with a sentence: `PATH is no WHAT (REASON); DO`."""
+    """Turn BadFile with a reason into BadFile with a sentence: `PATH is no WHAT (REASON); DO`.
+
+    Where there is no such file, that is the sentence.
+    """
     try:
         yield
     except BadFile as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise BadFile(f"there is no file {path}") from error
         raise BadFile(f"{path} is no {what} ({cut(error, LONGEST_REASON)}); {do}") from error
 
 

@@ -14,8 +14,10 @@ Coupling = Callable[[cs.MX, Points, Index, float], Residual]
 
 
 def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual:
-    """E_C = |A V - A M|^2, the differences of all edges (SMPL, section 4.1; Hirshberg et al.,
-    Coregistration, 2012, use those of triangles).
+    """E_C = |A V - A M|^2, where A takes the differences along all edges.
+
+    V are the free vertices and M the model's (SMPL, section 4.1; Hirshberg et al., Coregistration,
+    2012, take the differences along two edges of each triangle).
 
     The sigma is in m. The term is a membrane: what the scan moves takes its surroundings along,
     also where nothing was seen. It is blind to translation. On a surface its sum does not depend on
@@ -25,7 +27,7 @@ def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual
 
 
 def by_vertices(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual:
-    """E_C = |V - M|^2: every vertex is drawn to its place on the model, whatever its neighbours do.
+    """E_C = |V - M|^2: each free vertex is drawn to its place on the model, whatever others do.
 
     The sigma is in m. A vertex that was not seen stays where the model puts it, even if all around
     it are elsewhere.

@@ -20,18 +20,17 @@ from workbench.residuals.free_space import BESIDE, Shadow
 
 @dataclass(frozen=True)
 class Doubts:
-    """From where on a fit is doubted.
+    """The thresholds above which a fit is doubted.
 
     Attributes:
         tie: two hypotheses tie whose costs differ by at most this share.
         apart: in m, the mean distance of vertices from which on hypotheses differ.
         turned: in rad, the angle from which on two hypotheses face different ways.
-        stray: the share of points without contact that is too large.
-        rough: in m, the robust standard deviation of the distances that is too large.
-        open: in m, the expected error of the vertices that is too large.
-        before: the share of vertices that is too large where the camera looked through.
-        missed: the share of the scan's points that is too large for points that touch no surface
-            and hang together.
+        stray: the largest share of points without contact.
+        rough: in m, the largest robust standard deviation of the distances.
+        open: in m, the largest expected error of the vertices.
+        before: the largest share of vertices in space that the camera saw to be empty.
+        missed: the largest share of the scan's points that form one cluster and touch no surface.
     """
 
     tie: float = 0.05

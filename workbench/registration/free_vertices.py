@@ -156,13 +156,14 @@ class Registered:
 
 @dataclass(frozen=True, eq=False)
 class FreeVertices:
-    """A body and a scan as problems over pose, betas, trans and vertices, for every stage one.
+    """A body and a scan as problems over pose, betas, trans and vertices, one for each stage.
 
         E = E_S(scan to V) + E_C(V to M(pose, betas, trans)) + E_pose + E_betas
 
     in stages: with an infinite coupling V is M, and this is the fit of the model; then the
     coupling is finite (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV
-    2012; Bogo et al., FAUST, CVPR 2014). All are the same terms with other names free.
+    2012; Bogo et al., FAUST, CVPR 2014). All stages have the same
+    terms, and differ in the names that are free.
 
     Attributes:
         body: its template has the faces of the registration.

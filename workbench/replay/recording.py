@@ -27,7 +27,7 @@ MOST_ENDS = 12  # hypotheses that are shown
 GAUSSIAN = "the Gaussian about the solution, whose covariance is (J'J)^-1"
 OF_RUN = (
     "The body at the iterates of each solver. The slider and the play button move all solvers "
-    "along one clock. The curves follow; drag one to go to a place of it. "
+    "along one clock. A mark moves along the curves; drag it to go to another iterate. "
 )
 OF_MOVES = (
     "The body moves along a direction that the data hardly determine, to both sides of the "

@@ -27,7 +27,7 @@ def recorded_registration(found: Registration) -> Recording | None:
     """The surface at the start, at the end of each stage and at last, with points of the scan.
 
     Distances are signed in a `Registration`, and are shown without their sign. None for a
-    registration that does not know its surfaces.
+    registration that was made without `surfaces`.
     """
     if not found.surfaces:
         return None

@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.diagnostics import Diagnosis, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.report import changed, compared_blocks
+from workbench.diagnostics.report import VERDICTS, changed, compared_blocks
 from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
 from workbench.reports import tables
 from workbench.reports.tables import Columns, Table, number
@@ -91,7 +91,7 @@ def known_table(d: Diagnosis) -> Table:
         verdicts = d.identifiability.verdicts[d.free.slices[block.name]]
         counts = (str(verdicts.count(v)) for v in reversed(EntryIdentifiability))
         rows.append((block.name, block.unit, *counts))
-    head = ("block", "unit", "identified", "practically not", "numerically not", "structurally not")
+    head = ("block", "unit", *VERDICTS)
     return Table(head, tuple(rows), (2, 3, 4, 5))
 
 

@@ -22,8 +22,8 @@ Content = str | Callable[[Path], object]  # a text, or a function that writes to
 def refuse_foreign(folder: Path, source: str | None = None) -> None:
     """Raise BadFile if `folder` exists and is not one that we wrote, nor empty.
 
-    Nor one that we wrote about something else: `source` is the file that a report is about, or
-    "" where there is none.
+    It is also raised for a folder with a report about another source: `source` is the file that a
+    report is about, or "" where there is none.
     """
     if folder.exists() and not folder.is_dir():
         raise BadFile(f"{folder} is a file, and a folder is to be written; choose another name")

@@ -88,7 +88,7 @@ def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup)
             columns["ratio"] = [number(float(ratio), 2) for ratio in held.ratios]
     if truth is not None:
         columns["truth (synthetic)"] = [number(float(one), 3) for one in truth]
-    columns["tau (steps)"] = [number(float(time), 2) for time in p.mixing.times]
+    columns["autocorrelation time (steps)"] = [number(float(time), 2) for time in p.mixing.times]
     columns["effective draws"] = [f"{count:,.0f}" for count in p.mixing.effective]
     columns["R-hat"] = [f"{scale:.3f}" for scale in p.mixing.scales]
     numbers = tuple(range(2, len(columns) + p.mixed))

@@ -45,7 +45,7 @@ class Form:
     Attributes:
         name: what a row is called.
         numbers: d, the numbers of each point.
-        of: from offsets to the numbers (M, d) in m and their derivatives by o, (M, d, 3).
+        of: from offsets to the numbers (M, d) in m and their derivatives by the offset, (M, d, 3).
     """
 
     name: str

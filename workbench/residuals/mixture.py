@@ -34,6 +34,9 @@ def max_mixture(
 ) -> Residual:
     """The rows of the likeliest component, L_j^-1 (x - mu_j), and sqrt(2 (c_j - min c)).
 
+    The likeliest one is that with the least e_j(x) = 1/2 |L_j^-1 (x - mu_j)|^2 + c_j, where
+    L_j L_j' is its covariance and c_j = log det L_j - log g_j.
+
     The cost is min over j of e_j(x), less the smallest c_j. It has kinks where two components are
     equally likely, and no derivative there; on either side it is one Gaussian. x is a block's
     symbol or an expression of D numbers, read in the order of the array that a user sees; shares

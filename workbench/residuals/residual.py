@@ -91,11 +91,12 @@ class Residual:
             )
         counts = tuple(dict.fromkeys((self.size, self.size // d)))
         sigma = reals(f"the sigma of residual {self.name!r}", self.sigma)
+        each = [f"row ({self.size})"] + ([f"point ({self.size // d})"] if d > 1 else [])
         fits = sigma.shape in ((), *((n,) for n in counts))
         if not fits or not ((sigma > 0) & np.isfinite(sigma)).all():
             raise BadResidual(
-                f"residual {self.name!r} needs a finite sigma above zero in {self.unit}, one or "
-                f"{' or '.join(map(str, counts))} of them, not {self.sigma}"
+                f"the sigma of residual {self.name!r} is finite and above zero, in {self.unit}: "
+                f"one number, or one for each {' or '.join(each)}; not {self.sigma}"
             )
         if not callable(self.kernel):
             raise BadResidual(

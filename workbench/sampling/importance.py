@@ -100,7 +100,9 @@ class Importance:
         return told and off <= share * OFF and bool((self._wider <= share * WIDTH).all())
 
     def __str__(self) -> str:
-        told = [f"{self.effective / self.tried:.0%} of the draws left by importance weights"]
+        told = [
+            f"importance weights leave {self.effective / self.tried:.0%} of the draws effective"
+        ]
         if self.outside:
             told.append(f"{self.outside:.1%} of the draws outside bounds or constraints")
         if self.cut_off:

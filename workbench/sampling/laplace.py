@@ -51,10 +51,10 @@ def laplace(
     says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off (see
     `cut`), which is exact where residuals and constraints are linear. The verdict compares the
     Gaussian with the posterior by importance weights, and looks for other modes, of which the
-    Gaussian knows nothing. Where the weights of all free numbers do not hold, the named entries
-    alone are compared with draws: with those of `against`, which `sample` made of the same entries,
-    or with some that are made for this. Raises what `sample` raises, and BadArgument if `against`
-    is of other entries.
+    Gaussian knows nothing. Where the weights say that the Gaussian of all free numbers does not
+    fit, the named entries alone are compared with draws: with those of `against`, which `sample`
+    made of the same entries, or with some that are made for this. Raises what `sample` raises, and
+    BadArgument if `against` is of other entries.
     """
     x, given = problem.split(at)
     if draws < CHAINS:
@@ -126,7 +126,11 @@ def _named_alone(
 
 @dataclass(frozen=True)
 class EntryComparison:
-    """One entry; shift in Laplace's standard deviations, ratio of the standard deviations."""
+    """One entry of draws beside Laplace's Gaussian.
+
+    `shift` is the distance of the means in Laplace's standard deviations, `ratio` the standard
+    deviation of the draws over Laplace's.
+    """
 
     label: str
     unit: str

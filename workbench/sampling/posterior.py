@@ -53,10 +53,10 @@ class Posterior:
         seconds: how long the sampling took.
         interrupted: whether it was stopped early.
         unsaved: why the last checkpoint could not be written; empty if it was.
-        whole: the draws of all free numbers, where these are some of their columns; whether chains
-            have mixed, and whether a mode is missed, is judged on all of them.
-        all_free: (R, n) some draws of all free numbers, where these were drawn with what is named
-            and only the latter is judged.
+        whole: the posterior of all free numbers from which `marginal` took these columns; whether
+            chains have mixed, and whether a mode is missed, is judged on all of them. Else None.
+        all_free: (R, n) some draws of all free numbers, if all were sampled, but only the named
+            ones are judged. Else None.
     """
 
     problem: Problem = field(repr=False)

@@ -53,7 +53,10 @@ class Improper(WorkbenchError):
 
 @dataclass(frozen=True, eq=False)
 class Subspace:
-    """See the module; n free numbers, k of them (or directions) sampled.
+    """x(z, w) = origin + along (z - centre) + rest w, for n free numbers x, of which z is sampled.
+
+    z (k,) are named entries or directions. w (c,) is standard normal and stands for what is
+    integrated out; see the module.
 
     Attributes:
         origin: (n,) the point at z = centre and w = 0.

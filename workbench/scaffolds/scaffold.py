@@ -109,8 +109,8 @@ def check_name(name: str) -> None:
     example = "write a name such as `my_problem`, without folder and without .py"
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name, re.ASCII) or iskeyword(name):
         raise BadArgument(
-            f"{name!r} is no name for a file: it begins with a small letter, goes on with small "
-            f"letters, digits and underscores, and is no word of Python's own; {example}"
+            f"{name!r} cannot be the name: a name begins with a small letter, goes on with small "
+            f"letters, digits and underscores, and is not a keyword of Python; {example}"
         )
     if len(name) > LONGEST:
         raise BadArgument(f"a name has at most {LONGEST} characters, not {len(name)}; {example}")

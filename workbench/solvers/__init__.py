@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from workbench.blocks import Values
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, some_of
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed, check_abilities
 from workbench.solvers.damping import Damped
@@ -83,6 +83,11 @@ def solve(
     """
     if not isinstance(problem, Problem):
         raise BadArgument(f"a Problem is solved, not something of type {type(problem).__name__}")
+    if isinstance(solver, str):
+        raise BadArgument(
+            f"solver is an object such as SOLVERS[{DEFAULT!r}] or TrustRegion(), not the text "
+            f"{solver!r}; SOLVERS has {some_of(tuple(SOLVERS))}"
+        )
     return (solver or SOLVERS[DEFAULT]).solve(problem, start, callback=callback)
 
 

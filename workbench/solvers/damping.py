@@ -48,7 +48,7 @@ class Damped:
     first_damping: float = 1e-3
 
     def along(self, run: Run) -> "DampedHessian":
-        """The Hessian along one run."""
+        """A function that gives the damped Hessian in one run, and remembers its damping."""
         constrained = run.problem.stacked_constraints is not None
         return DampedHessian(run, 0.0 if constrained else self.first_damping)
 

@@ -108,7 +108,9 @@ class Dogleg:
             Boxes.UNKNOWN,
             source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
             first_step=WHOLE if np.isinf(self.rule.first) else IN_A_RADIUS,
-            note="by the rules of the course's optimizer" if self.rule is chumpy else "",
+            note="with the radius rules of chumpy, with which SMPL was first fitted"
+            if self.rule is chumpy
+            else "",
         )
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:

@@ -24,6 +24,7 @@ def _everywhere(
 _DIRECT = "Jones, Perttunen and Stuckman 1993"
 _DIRECT_L = "Gablonsky and Kelley 2001"
 _MLSL = "Rinnooy Kan and Timmer 1987"
+_LOCAL = "its local searches are made by the algorithm of the option `local`"
 _TNEWTON = "Dembo and Steihaug 1982; Luksan"
 
 ALGORITHMS: Mapping[str, Abilities] = {
@@ -58,9 +59,9 @@ ALGORITHMS: Mapping[str, Abilities] = {
     "LN_PRAXIS": Abilities(COST, TAKEN, stochastic=True, source="Brent 1972"),
     "LN_NELDERMEAD": Abilities(COST, TAKEN, source="Nelder and Mead 1965"),
     "LN_SBPLX": Abilities(COST, TAKEN, source="Rowan 1990"),
-    "G_MLSL": _everywhere(_MLSL, derivative=GRADIENT, stochastic=True, note="with `local`"),
+    "G_MLSL": _everywhere(_MLSL, derivative=GRADIENT, stochastic=True, note=_LOCAL),
     "G_MLSL_LDS": _everywhere(
-        _MLSL + "; Kucherenko and Sytsko 2005", derivative=GRADIENT, note="with `local`"
+        _MLSL + "; Kucherenko and Sytsko 2005", derivative=GRADIENT, note=_LOCAL
     ),
     "GD_STOGO": _everywhere("Madsen and Zertchaninov 1998", derivative=GRADIENT),
     "GD_STOGO_RAND": _everywhere(

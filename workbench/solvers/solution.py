@@ -102,8 +102,8 @@ class Solution:
             feasible.
         lost: labels of the lost unknowns: the residual changed with them on the way, and no longer
             did where the run ended. If the status is LOST, this point is the best one before that.
-        lost_since: for each of the first of these, the number of the iterate from which on the
-            residual did not change with it; empty for any other status.
+        lost_since: for the first few of `lost`, one for each: the number of the iterate from which
+            on the residual did not change with it; empty for any other status.
         unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
             was computed.
         hypotheses: the minima that several starts led to, this one first; empty for one start.

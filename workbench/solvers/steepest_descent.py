@@ -14,7 +14,7 @@ from workbench.solvers.solution import Callback, Solution
 
 @dataclass(frozen=True)
 class SteepestDescent:
-    """Steps along the negative gradient to the Cauchy point, where the linear model is least there.
+    """Steps along the negative gradient to the point where the linear model is least along it.
 
     The difference between the cost and its minimum falls by ((k - 1) / (k + 1))^2 per step, where k
     is the condition of J'J in the metric D (Nocedal and Wright, Numerical Optimization, 2006,

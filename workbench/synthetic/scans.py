@@ -74,7 +74,7 @@ class SimulatedScan:
         return np.asarray(found)
 
     def some(self, chosen: Mask) -> "SimulatedScan":
-        """The points that a mask (M,) chooses, with their truth; which vertices were seen stays.
+        """The points that a mask (M,) chooses, with their truth; `seen` stays as it is.
 
         Raises BadScan if no point is left, or for a mask of another shape.
         """

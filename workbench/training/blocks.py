@@ -60,8 +60,9 @@ class BlockOptions:
     """When the inner iterations of a block may stop, and how many numbers it uses.
 
     Attributes:
-        linear_tolerance: of the equations of `surfaces` and `rest`, on the preconditioned slope.
-        together_tolerance: of the equations of `together` and `people`.
+        linear_tolerance: relative tolerance of the linear equations in the blocks `surfaces` and
+            `rest`, measured by the preconditioned gradient.
+        together_tolerance: the same for the blocks `together` and `people`.
         together_steps: the largest number of steps of Gauss and Newton.
         together_stop: a step that lowers the cost by a smaller share is the last.
         enough: in metres; no step is made once the root mean square of E_D is below it.

@@ -90,8 +90,10 @@ def bent_in_half(run: Run, rings: int) -> float:
 
 
 SAYS = {
-    "(The 20 cm³ that it lost at half a turn are the mesh's, whose straight edges cut the corner: with twice as "
-    "many rings it loses 5.)": lambda run: (bent_in_half(run, 61), bent_in_half(run, 121)),
+    "the tube that is bent by half a turn loses 20 cm³ with dual quaternions; with twice as many rings it loses 5.": lambda run: (
+        bent_in_half(run, 61),
+        bent_in_half(run, 121),
+    ),
     "so we try four ways to read this": lambda run: len(run["readings"]) == 5,
     "With weights of 0 the body is a point, and with 1 it is 24 times as tall.": lambda run: (
         0,
@@ -155,7 +157,7 @@ SAYS = {
         run.line("at other joints than after training")[1]
         < run.line("at other joints than after training")[0],
     ),
-    "a registration may be off by 2 mm, and a weight by 0.3": lambda run: (
+    "a registration (the body's mesh, laid onto a scan) may be off by 2 mm, and a weight by 0.3": lambda run: (
         1e3 * run["Sigmas"]().data,
         run["Sigmas"]().weights,
     ),

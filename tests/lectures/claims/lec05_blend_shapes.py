@@ -197,22 +197,22 @@ SAYS = {
     "kernels that are not divided add up to too much": lambda run: (
         error(run, "not divided", 40) > error(run, "none", 40)
     ),
-    "with coefficients that are solved for, kernels are exact at the examples.": lambda run: (
+    "with coefficients that are solved for (exact), kernels leave nothing at the examples.": lambda run: (
         at_examples(run, "exact").max() < 1e-6
     ),
-    "Between inner examples these are nearer to the truth than kernels divided by their sum": lambda run: (
+    "Between inner examples 'exact' is nearer to the truth than 'divided by the sum'": lambda run: (
         all(
             error(run, "exact", angle) < error(run, "divided by the sum", angle)
             for angle in (-60, -20, 20, 60)
         )
     ),
-    "between the last two on either side, at 105 degrees, it is the other way round: they leave 2.7 mm, and kernels divided by "
-    "their sum 0.6 mm.": lambda run: (
+    "between the last two on either side it is the other way round: at 105 degrees 'exact' leaves 2.7 mm, and 'divided by "
+    "the sum' 0.6 mm.": lambda run: (
         int(105 in np.degrees(run["turns"]).round()) * 105,
         error(run, "exact", 105),
         error(run, "divided by the sum", 105),
     ),
-    "Far from all examples, at 170 degrees, the kernels have faded, and hardly anything is repaired. If they are divided by "
+    "Far from all examples, at 170 degrees (beyond what the figure shows), the kernels have faded, and hardly anything is repaired. If they are divided by "
     "their sum, the nearest example is used instead": lambda run: (
         170,
         error(run, "not divided", 170) > 0.9 * error(run, "none", 170),

@@ -73,7 +73,8 @@ SAYS = {
         )
         and len(run.lines("CONVERGED: joints off by")) == 2
     ),
-    "brightest is the crown of the head, then the left upper arm, which is turned about its bone, then "
+    "brightest is the crown of the head (seen from behind, because the head is bent back), then the left upper arm, "
+    "which is turned about its bone, then "
     "both hands": lambda run: (
         furthest_parts(run)[:2] == ["head", "left_shoulder"],
         set(furthest_parts(run)[2:4]) == {"left_hand", "right_hand"},
@@ -147,8 +148,8 @@ SAYS = {
     "should move no joint, and yet move the skin of the forearm": lambda run: (
         run.line("0.001 rad: joints by")[2] > 1000 * run.line("0.001 rad: joints by")[1]
     ),
-    "With the 24 joints alone it gives the smallest standard deviation to the joints that nobody "
-    "sees.": lambda run: (
+    "With the 24 joints alone it gives the smallest standard deviation to the rotations that "
+    "nobody sees, those of the leaves.": lambda run: (
         run["body"].n_joints,
         max(by_pinv(run, "left_hand")) < min(by_pinv(run, "left_elbow") + by_pinv(run, "left_hip")),
     ),

@@ -130,8 +130,8 @@ SAYS = {
         abs(deviations(run)[0] - 1) < 0.03,
         deviations(run)[1] > 1.1,
     ),
-    "Here they have found three of the four. In the figure below the draws of one camera lie on a ring, and its "
-    "four thick places are the modes.": lambda run: (
+    "Here they have found two more, so that three of the four are known. In the figure below the draws of one camera "
+    "lie on a ring, and its four thick places are the modes.": lambda run: (
         modes(run).min() > 0.05,
         run.line("usable:", "modes in all")[-1] == 3,
         np.mean(np.hypot(*(run["draws"].flat / [0.6, 0.7]).T) < 0.4) < 0.02,
@@ -143,8 +143,8 @@ SAYS = {
     ),
     "at least five times the sum up to there": lambda run: WINDOW == 5,
     "each bone may point towards it or away": lambda run: modes(run).min() > 0.05,
-    "Right, with a second camera from the side: there is one mode, and Laplace's draws "
-    "suffice.": lambda run: (
+    "Right, with a second camera from the side: there is one mode, and Laplace's "
+    "approximation suffices": lambda run: (
         np.allclose(run["better"].sd, run["exact"], rtol=0.05),
         np.allclose(run["clear"].values["angles"], run["true_angles"], atol=0.1),
     ),

@@ -15,7 +15,7 @@ class FileFinding:
     Attributes:
         part: the key of the file, or what the finding is about.
         text: the sentence.
-        warning: whether the model computes something wrong, or else is just told apart by it.
+        warning: True if the model would compute something wrong, False if it is only worth knowing.
     """
 
     part: str

@@ -57,6 +57,6 @@ def _entries(path: Path) -> Contents:
         if start.lstrip().startswith(magic):
             raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
     if not start.startswith(PICKLES):
-        what = "empty" if not start else "neither"
-        raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
+        what = "is empty" if not start else "is neither an .npz nor a .pkl file"
+        raise BadFile(f"{path} {what}; a body is one of these, in SMPL's layout")
     return read_pickled_arrays(path)

@@ -43,7 +43,10 @@ def blend_matrices(weights: Array, matrices: Array) -> Array:
 
 
 def dual_quaternion_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
-    """v'_i is moved by sum over k of w_ik s_ik q_k, normalised, q_k being the motions G'_k.
+    """v'_i is v_i, moved by the dual quaternion sum over k of w_ik s_ik q_k, normalised.
+
+    q_k are the motions G'_k as dual quaternions, and s_ik is 1 or -1, the sign that brings q_k to
+    the side of the joint that weighs most in vertex i.
 
     Dual quaternion blending (Kavan et al. 2008): every vertex is moved rigidly, so that twisted
     limbs keep their radius. If the rotations of two joints that a vertex blends are 180 degrees

@@ -78,7 +78,7 @@ class Criterion:
         return replace(self, name=words, names=chosen, quantity=None)
 
     def gradients(self, free: Layout, yardsticks: Array) -> tuple[Array, str]:
-        """Columns (n, q) for the entries that matter, by unknowns in yardsticks; and their unit.
+        """Derivatives (n, q) of what matters by the unknowns in their yardsticks, and their unit.
 
         Raises UnknownName for an entry that is not free.
         """
@@ -126,7 +126,9 @@ def total(half: Array) -> float:
     return float(np.linalg.norm(half))
 
 
-d_optimal = Criterion("D-optimality, the volume of the ellipsoid", geometric_mean, in_yardsticks)
+d_optimal = Criterion(
+    "D-optimality, the mean half axis of the uncertainty ellipsoid", geometric_mean, in_yardsticks
+)
 a_optimal = Criterion("A-optimality, the mean variance", root_mean_square, in_yardsticks)
 e_optimal = Criterion("E-optimality, the worst direction", largest, in_yardsticks)
 CRITERIA: Mapping[str, Criterion] = {"d": d_optimal, "a": a_optimal, "e": e_optimal}
