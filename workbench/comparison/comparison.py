@@ -174,7 +174,7 @@ class Comparison:
         return yardstick.met(record, tau) is not None or yardstick.ends_below(record, tau)
 
     def delivered(self, instance: str, solver: str, tau: float) -> bool:
-        """Whether a run returned a point that meets a target, at no saddle and in no other basin."""
+        """Whether a run returned a point that meets a target, at no saddle, in no other basin."""
         record = self.records[instance, solver]
         meets = self.yardsticks[instance].ends_below(record, tau)
         fine = self.outcomes[instance, solver] not in NO_ANSWER
