@@ -72,8 +72,8 @@ def null_directions(
     found = directions(
         constrained.stacked, null, point.problem.free, motions, constrained.tolerance
     )
-    stacked, tolerance = point.constrained.stacked, point.constrained.tolerance
-    return tuple(_in_own_units(d, units, stacked, tolerance) for d in found)
+    held = point.constrained
+    return tuple(_in_own_units(d, units, held.stacked, held.tolerance) for d in found)
 
 
 def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
@@ -85,8 +85,9 @@ def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
 
 def _stepped(vectors: Array, R: Array, tolerance: float) -> Array:
     """Vectors (n, d) after a Newton step to where R takes them to zero."""
-    cond = tolerance / float(np.linalg.norm(R))
-    return np.asarray(vectors - scipy.linalg.lstsq(R, R @ vectors, cond=cond)[0])
+    return np.asarray(
+        vectors - scipy.linalg.lstsq(R, R @ vectors, tolerance / np.linalg.norm(R))[0]
+    )
 
 
 def _in_own_units(
@@ -100,12 +101,10 @@ def _in_own_units(
         return direction
     v = direction.vector * units
     v, moved = v / np.linalg.norm(v), np.flatnonzero(v)
-    change = float(np.linalg.norm(here.along(v)))
-    if change > tolerance and isinstance(here.jacobian, np.ndarray):
+    if np.linalg.norm(here.along(v)) > tolerance and isinstance(here.jacobian, np.ndarray):
         v[moved] = _stepped(v[moved], here.R[:, moved], tolerance)
         v = v / np.linalg.norm(v)
-        change = float(np.linalg.norm(here.along(v)))
-    return replace(direction, vector=v, change=change)
+    return replace(direction, vector=v, change=float(np.linalg.norm(here.along(v))))
 
 
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
