@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
@@ -16,6 +15,7 @@ from workbench.diagnostics.gauges import Gauge, gauges
 from workbench.diagnostics.named_subspaces import NamedSubspace, in_sizes, named_subspaces
 from workbench.diagnostics.nearby_points import nearby_null_spaces
 from workbench.diagnostics.point import Point
+from workbench.diagnostics.polishing import polished, stepped
 from workbench.diagnostics.rest_gauges import rest_gauges
 from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparsest
 from workbench.diagnostics.turned_joints import named_by_joints
@@ -63,7 +63,7 @@ def null_directions(
         return ()
     units = point.block_units
     constrained = point.in_block_units
-    null = _polished(point.null_in(constrained, units), constrained.stacked, constrained.tolerance)
+    null = polished(point.null_in(constrained, units), constrained.stacked, constrained.tolerance)
     x = point.problem.split(point.values)[0] / units
     some = len(silent_places(null)) < len(null.T)
     nearby = nearby_null_spaces(point, pattern, units) if some else ()
@@ -72,21 +72,8 @@ def null_directions(
     found = directions(
         constrained.stacked, null, point.problem.free, motions, constrained.tolerance
     )
-    stacked, tolerance = point.constrained.stacked, point.constrained.tolerance
-    return tuple(_in_own_units(d, units, stacked, tolerance) for d in found)
-
-
-def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
-    """A null space (n, d) without what rounding leaves of long columns, by a Newton step."""
-    if not isinstance(here.jacobian, np.ndarray) or not here.jacobian.any():
-        return null
-    return np.asarray(np.linalg.qr(_stepped(null, here.R, tolerance))[0])
-
-
-def _stepped(vectors: Array, R: Array, tolerance: float) -> Array:
-    """Vectors (n, d) after a Newton step to where R takes them to zero."""
-    cond = tolerance / float(np.linalg.norm(R))
-    return np.asarray(vectors - scipy.linalg.lstsq(R, R @ vectors, cond=cond)[0])
+    held = point.constrained
+    return tuple(_in_own_units(d, units, held.stacked, held.tolerance) for d in found)
 
 
 def _in_own_units(
@@ -100,12 +87,10 @@ def _in_own_units(
         return direction
     v = direction.vector * units
     v, moved = v / np.linalg.norm(v), np.flatnonzero(v)
-    change = float(np.linalg.norm(here.along(v)))
-    if change > tolerance and isinstance(here.jacobian, np.ndarray):
-        v[moved] = _stepped(v[moved], here.R[:, moved], tolerance)
+    if np.linalg.norm(here.along(v)) > tolerance and isinstance(here.jacobian, np.ndarray):
+        v[moved] = stepped(v[moved], here.R[:, moved], tolerance)
         v = v / np.linalg.norm(v)
-        change = float(np.linalg.norm(here.along(v)))
-    return replace(direction, vector=v, change=change)
+    return replace(direction, vector=v, change=float(np.linalg.norm(here.along(v))))
 
 
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
