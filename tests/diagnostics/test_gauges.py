@@ -1,11 +1,14 @@
 """Gauges that are declared, gauges that are broken, and remedies in words of the problem."""
 
+from collections import Counter
+
 import casadi as cs
 import numpy as np
 import pytest
 
 from tests.diagnostics.second_zoo import equal_rates_at_a_point
 from tests.diagnostics.zoo import (
+    SIMILARITY,
     distances_in_space,
     joints_of_a_body,
     rows_and_columns,
@@ -157,3 +160,17 @@ def test_a_prior_is_put_on_the_fewest_blocks() -> None:
     assert [s.what.partition(" (")[0] for s in both] == ["add a Gaussian prior on amount and rate"]
     assert both[0].acts == 2
     assert both[0].cured
+
+
+def test_a_point_that_one_camera_sees_is_not_called_a_scale() -> None:
+    """It slides along its ray, while the others and the cameras keep their seven gauges."""
+    problem, at = three_cameras()
+    first, *others = problem.residuals
+    seen = [first, *(Residual(r.name, r.expression[:-2], 1.0, "px") for r in others)]
+    free = problem.free
+    found = diagnose(Problem(seen, free.names, blocks=free.blocks), at).null_directions
+    last = found[-1]
+    assert Counter(d.kind for d in found[:-1]) == SIMILARITY
+    assert last.kind == "trade-off"
+    assert last.name.startswith("a trade-off within points:")
+    assert np.count_nonzero(abs(last.vector) > 1e-9) == 3

@@ -154,5 +154,5 @@ def test_what_cannot_be_built_is_said() -> None:
         built("body-bounds", limit=-1.0)
     with pytest.raises(WorkbenchError, match="there is no image to fit"):
         built("body-four-cameras", cameras=0)
-    with pytest.raises(WorkbenchError, match="sigma above zero"):
+    with pytest.raises(WorkbenchError, match="is finite and above zero"):
         built("body-joints", noise=0.0)

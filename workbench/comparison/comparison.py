@@ -174,20 +174,15 @@ class Comparison:
         return yardstick.met(record, tau) is not None or yardstick.ends_below(record, tau)
 
     def delivered(self, instance: str, solver: str, tau: float) -> bool:
-        """Whether a run returned a point that meets a target and that is an answer.
-
-        A point at a saddle or in another basin is none, nor is one that was not compared.
-        """
+        """Whether a run returned a point that meets a target, at no saddle, in no other basin."""
         record = self.records[instance, solver]
         meets = self.yardsticks[instance].ends_below(record, tau)
         fine = self.outcomes[instance, solver] not in NO_ANSWER
         return record.ending is Ending.RETURNED and meets and fine
 
     def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
-        """Whether it is not known what a run needed to meet a target.
-
-        Then it evaluated the problem's graph in its own code, where evaluations are not counted, or
-        ended at a point that meets the target and never asked the problem about such a point.
+        """Whether it is not known what a run needed to meet a target: it evaluated the graph in its
+        own code, or ended at a point that meets it without asking the problem about such a point.
         """
         if self.records[instance, solver].observed.taken:
             return True

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
+from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout
@@ -58,8 +59,12 @@ def is_new(act: Act, null: Array) -> bool:
     return bool(s[-1] > INDEPENDENT * max(s[0], 1e-3)) and len(s) == act.size
 
 
-def things_to_hold(free: Layout, null: Array) -> list[Act]:
-    """What can be held as one thing, and is not known in any of its directions."""
+def things_to_hold(free: Layout, null: Array, pattern: csc_array) -> list[Act]:
+    """What can be held as one thing, and is not known in any of its directions.
+
+    `pattern` (m, n) says which unknowns a residual reads. Rows of the same number in two blocks are
+    one thing, unless a residual reads different rows of the two.
+    """
     k = null.shape[1]
     at = {b.name: range(free.slices[b.name].start, free.slices[b.name].stop) for b in free.blocks}
     found: dict[tuple[int, ...], str] = {}
@@ -76,16 +81,33 @@ def things_to_hold(free: Layout, null: Array) -> list[Act]:
         if len(block.shape) == 2 and block.shape[1] > 1 and 1 < block.shape[0] <= WIDE:
             by_count.setdefault(block.shape[0], []).append(block.name)
     for count, names in by_count.items():
+        pairs = [p for p in combinations(names, 2) if _row_by_row(free, p, count, pattern)]
         for row in range(count):
             wide = {name: free[name].shape[1] for name in names}
             some = {n: list(at[n][row * w : (row + 1) * w]) for n, w in wide.items()}
             called = {n: _row(free, n, row) for n in names}
             for name in names:
                 add(called[name], some[name])
-            for pair in combinations(names, 2):
+            for pair in pairs:
                 add(" and ".join(called[n] for n in pair), [i for n in pair for i in some[n]])
     acts = [held(what, entries) for entries, what in found.items()]
     return [act for act in acts if is_new(act, null)]
+
+
+def _row_by_row(free: Layout, pair: tuple[str, str], count: int, pattern: csc_array) -> bool:
+    """Whether what reads both blocks reads some row of the one and the same row of the other.
+
+    So do residuals of a star that has a place and a velocity. Markers and views, of which there may
+    be as many by chance, are read in any order.
+    """
+    reads = []
+    for name in pair:
+        part = pattern[:, free.slices[name]].tocoo()
+        row = part.col // (free[name].size // count)
+        reads.append(csr_array((np.ones(row.size), (part.row, row)), (pattern.shape[0], count)))
+    both = np.diff(reads[0].indptr).astype(bool) & np.diff(reads[1].indptr).astype(bool)
+    same = np.diff(csr_array(reads[0].multiply(reads[1])).indptr).astype(bool)
+    return bool(same[both].all())
 
 
 def _row(free: Layout, name: str, row: int) -> str:

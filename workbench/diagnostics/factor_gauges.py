@@ -20,12 +20,14 @@ from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.things import in_space
 from workbench.diagnostics.undoing import (
     CLOSE,
+    Field,
     Unseen,
     nothing,
     only,
     places,
     places_of,
     undone,
+    undone_by_few,
 )
 
 MOST = 600  # numbers in the matrix between two factors
@@ -166,9 +168,22 @@ def _mixed(
         said = f"a factor of {own}" if i == j else f"{what} {j} of {first.name} added to {own}"
         field = only(at, free.size, partial(moves, i=i, j=j))
         for v, _ in undone(field, rest, unseen):
+            if v[rest].any() and _without_second(field, at[: first.size], rest, unseen):
+                continue  # it is the rest that undoes this, and not the second
             kind = "scale" if i == j else "mixing"
             motion = single_gauge(kind, f"{said}, undone by {second.name}", v)
             yield FactorGauge(motion, (first.name, second.name), h)
+
+
+def _without_second(field: Field, first: Index, rest: Index, unseen: Unseen) -> bool:
+    """Whether the rest undoes what a field does at the first places alone."""
+
+    def alone(x: Array) -> Array:
+        v = np.zeros((len(x), 1))
+        v[first] = field(x)[first]
+        return v
+
+    return any(True for _ in undone(alone, rest, unseen))
 
 
 def offsets_of_factors(
@@ -176,7 +191,7 @@ def offsets_of_factors(
 ) -> Iterator[NamedSubspace]:
     """An amount is added to a column of a factor, or to what is added to the columns' product.
 
-    Unknowns of the island that are no factors themselves undo it.
+    Unknowns of the island that are no factors themselves undo it: one block, where it suffices.
     """
     factored = {name for factor in factors for name in factor.blocks}
     hidden = {(factor.size,) for factor in factors if factor.size}
@@ -185,6 +200,8 @@ def offsets_of_factors(
     for block in [b for b in inside if b.name in factored or b.shape in hidden]:
         at = places_of(free, block)
         others = np.setdiff1d(rest, at)
+        choices = [np.intersect1d(others, places_of(free, b)) for b in inside]
+        choices = [some for some in choices if some.size]
         bias = block.name not in factored
         wide = block.size if bias else block.shape[-1] if len(block.shape) > 1 else 1
         what = "an offset of entry {}" if bias else "a common offset of column {}"
@@ -194,5 +211,5 @@ def offsets_of_factors(
             if unseen.nearby and one.size > 1 and not unseen.fixed(one):
                 continue
             field = only(one, free.size, lambda x: np.ones((len(x), 1)))
-            for v, _ in undone(field, others, unseen):
+            for v, _ in undone_by_few(field, choices, unseen):
                 yield named_gauge("offset", what.format(k), v, free, [block], least=unseen.same)

@@ -1,4 +1,4 @@
-"""Gauges of frames: a place moves or a turn turns, of a body or a camera; a vector, or a size."""
+"""Gauges of frames: a place moves or a turn turns, of a body or a camera; a vector turns."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Layout, Values
+from workbench.blocks import Block, Layout
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.similarities import along_axes, axis_of, similarity, steps_of
@@ -14,6 +14,7 @@ from workbench.diagnostics.things import LENGTHS
 from workbench.diagnostics.undoing import (
     SAME,
     Field,
+    Found,
     Unseen,
     only,
     places,
@@ -25,6 +26,7 @@ from workbench.geometry.rotation import slopes_by_turns
 from workbench.problem import Problem
 
 ANGLES = ("rad", "deg")
+BEFORE_OR_AFTER = (("a rotation about", 1.0), ("a rotation about its own", -1.0))
 
 
 def posed(problem: Problem) -> set[str]:
@@ -70,10 +72,47 @@ def turn_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:
         if len(at) > 3 or (unseen.nearby and unseen.fixed(at) > 1):
             ways.append(np.setdiff1d(np.arange(n), at))
         for others in ways:
-            for words, sign in (("a rotation about", 1.0), ("a rotation about its own", -1.0)):
+            for words, sign in BEFORE_OR_AFTER:
                 if sign > 0 or unseen.nearby:
                     field = only(at, n, partial(_turning, sign=sign))
                     yield from _along("rotation", words, field, others, block, free, unseen)
+
+
+def free_turns(problem: Problem, unseen: Unseen, found: Found) -> Iterator[NamedSubspace]:
+    """A single turn about one axis that nothing sees, or that one other block undoes in any way.
+
+    The axis is one of the world, or one of what is turned: a cylinder may turn about its own.
+    """
+    free, n, poses = problem.free, problem.free.size, posed(problem)
+    turns = [b for b in free.blocks if b.unit in ANGLES and b.shape == (3,) and b.name not in poses]
+    for block in turns if unseen.nearby else ():
+        at = places_of(free, block)
+        for words, sign in BEFORE_OR_AFTER:
+            field = only(at, n, partial(_turning, sign=sign))
+            yield from by_one("rotation", words, field, block, free, unseen, found)
+
+
+def by_one(
+    kind: str,
+    said: str,
+    moves: Field,
+    main: Block,
+    free: Layout,
+    unseen: Unseen,
+    found: Found,
+) -> Iterator[NamedSubspace]:
+    """The motions of a block along axes that nothing undoes, or one other block.
+
+    Others are asked only if nothing found so far moves the block in all ways in which it may move.
+    """
+    at = places_of(free, main)
+    others = [places_of(free, b) for b in free.blocks if b is not main]
+    for some in (at[:0], *others) if found.left(at) else (at[:0],):
+        coefficients, whole = undoing(moves, some, unseen)
+        for a in along_axes(coefficients, slice(0, None)):
+            if (v := whole(a)).any():
+                name = f"{said} {axis_of(a)}"
+                yield named_gauge(kind, name, v, free, [main], least=unseen.same)
 
 
 def _turned_vector(x: Array) -> Array:
@@ -107,37 +146,6 @@ def _along(
         if v.any() and (several or np.linalg.norm(v[others]) > SAME * np.linalg.norm(v)):
             name = f"{said} {axis_of(a)}"
             yield named_gauge(kind, name, v, free, [main], least=unseen.same)
-
-
-def size_gauges(
-    problem: Problem, values: Values, unseen: Unseen, units: Array
-) -> Iterator[NamedSubspace]:
-    """A factor of points whose origin is not the camera: s (p + trans) + t, seen in proportion.
-
-    At twice the factor the residuals are the same with trans + t / (2 s), where t / s is how fast
-    trans undoes a relative change of s. This is tried out, for a number without a unit need not be
-    a factor.
-    """
-    free, x = problem.free, unseen.x
-    fixed = problem.split(values)[1]
-    others = places(free, [b for b in free.blocks if b.size == 3 and b.unit in LENGTHS[1:]])
-    for block in [b for b in free.blocks if b.size == 1 and b.unit == "1"]:
-        at = places_of(free, block)
-        if not others.size or not x[at[0]]:
-            continue
-        for v, _ in undone(only(at, free.size, lambda s: s[:, None]), others, _here(unseen)):
-            if not v[at[0]]:
-                continue
-            v = v * (x[at[0]] / v[at[0]])
-            twice = x + v * np.where(np.arange(free.size) == at[0], 1.0, 0.5)
-            before, after = (problem.residual(y * units, fixed) for y in (x, twice))
-            if np.linalg.norm(after - before) <= SAME * (1.0 + float(np.linalg.norm(before))):
-                yield named_gauge("scale", "a scale", v, free, [block], least=unseen.same)
-
-
-def _here(unseen: Unseen) -> Unseen:
-    """The same at the point alone."""
-    return Unseen(unseen.x, unseen.basis, unseen.same)
 
 
 def vector_gauges(problem: Problem, unseen: Unseen) -> Iterator[NamedSubspace]:

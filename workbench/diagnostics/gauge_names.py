@@ -46,11 +46,13 @@ def named_gauge(
             if np.allclose(like, whole[at], rtol=10 * least, atol=least * abs(v).max()):
                 alike.append(block.name)
                 blocks.remove(block)
-    name = f"{said} of {listed(alike)}"
-    if blocks:
-        back = things([b.name for b in free.blocks], [b.name for b in blocks])
-        name += f", undone by {listed(back)}"
-    return single_gauge(kind, name, whole)
+    return single_gauge(kind, f"{said} of {listed(alike)}{back_by(free, blocks)}", whole)
+
+
+def back_by(free: Layout, blocks: Sequence[Block]) -> str:
+    """`, undone by cam0, cam1 and cam2`; empty for no blocks."""
+    back = things([b.name for b in free.blocks], [b.name for b in blocks])
+    return f", undone by {listed(back)}" if back else ""
 
 
 def listed(names: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ Olver, Applications of Lie groups to differential equations (1993), section 2.1,
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array
@@ -24,19 +24,22 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics.factor_gauges import factor_gauges, offsets_of_factors
 from workbench.diagnostics.frame_gauges import (
     ANGLES,
+    free_turns,
     place_gauges,
     posed,
-    size_gauges,
     turn_gauges,
     vector_gauges,
 )
 from workbench.diagnostics.gauge_names import named_gauge
 from workbench.diagnostics.matrix_gauges import Maps
 from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.number_gauges import common_scales, number_gauges, trade_offs
+from workbench.diagnostics.number_gauges import common_scales, entry_gauges, number_gauges
 from workbench.diagnostics.point_gauges import are_points, bending_gauges, clouds, point_gauges
 from workbench.diagnostics.projective_gauges import homogeneous_factors
+from workbench.diagnostics.sliding_gauges import added_gauges, own_axis_gauges
 from workbench.diagnostics.things import in_space
+from workbench.diagnostics.trade_offs import few_numbers, trade_offs
+from workbench.diagnostics.tried_gauges import homogeneous_gauges, size_gauges
 from workbench.diagnostics.undoing import Found, Unseen, places, undone
 from workbench.problem import Problem
 from workbench.problem.nonzeros import tied_columns
@@ -71,18 +74,22 @@ def gauges(
     independently of each other. The motions are told in `units` (n,), the same for all of a block,
     if these are given. What a motion adds nothing to those before it is left out.
     """
-    found = Found(unseen)
+    found, told = Found(unseen), set[frozenset[str]]()
     units = np.ones(problem.free.size) if units is None else units
     for gauge in declared:
         for motion in _declared(gauge, problem.free, values, unseen, units):
             found.adds(motion.vector(problem.free.size))
+            told.add(_moved(motion, problem.free))
             yield motion
     islands = _islands(problem.free, pattern)
-    for stage in _stages(problem, values, unseen, found, islands, units):
+    for stage in _stages(problem, values, unseen, found, told, islands, units):
+        if found.all():
+            return
         for motion in stage:
-            if found.all:
+            if found.all():
                 return
             if found.adds(motion.vector(problem.free.size)):
+                told.add(_moved(motion, problem.free))
                 yield motion
 
 
@@ -91,10 +98,14 @@ def _stages(
     values: Values,
     unseen: Unseen,
     found: Found,
+    told: set[frozenset[str]],
     islands: Sequence[Index],
     units: Array,
 ) -> Iterator[Iterator[NamedSubspace]]:
-    """Where gauges are looked for: what acts on most unknowns in a known form comes first."""
+    """Where gauges are looked for: what acts on most unknowns in a known form comes first.
+
+    `told` are the names of the blocks that each motion found so far moves.
+    """
     free = problem.free
     poses = posed(problem)
     mixed = [*factor_gauges(free, unseen)]
@@ -129,13 +140,39 @@ def _stages(
     angles = [b for b in blocks if b.unit in ANGLES]
     if unseen.nearby and len(angles) > 1:
         yield number_gauges(free, angles, islands, unseen, found, units)
+        yield entry_gauges(free, angles, unseen, found, units)
     yield turn_gauges(problem, unseen)
     yield from (one.added() for one in maps)
     yield from (one.mixed() for one in maps)
+    yield from (_otherwise(replace(one, again=True).single(), free, told) for one in maps)
     yield number_gauges(free, blocks, islands, unseen, found, units)
+    yield homogeneous_gauges(problem, values, blocks, islands, unseen, found, units)
+    yield entry_gauges(free, blocks, unseen, found, units)
     yield size_gauges(problem, values, unseen, units)
     yield vector_gauges(problem, unseen)
+    yield own_axis_gauges(free, blocks, unseen, found)
+    yield added_gauges(free, blocks, unseen, found)
+    yield free_turns(problem, unseen, found)
+    yield few_numbers(free, blocks, unseen, found)
+    again = (point_gauges(c, free, unseen, found, o, units, again=True) for c, o in seen)
+    yield from (_otherwise(one, free, told) for one in again)
     yield trade_offs(free, blocks, unseen)
+
+
+def _moved(motion: NamedSubspace, free: Layout) -> frozenset[str]:
+    """The names of the blocks that a motion moves."""
+    return frozenset(free.block_of(int(i))[0].name for i in motion.entries)
+
+
+def _otherwise(
+    motions: Iterator[NamedSubspace], free: Layout, told: set[frozenset[str]]
+) -> Iterator[NamedSubspace]:
+    """The motions that move other blocks than those told so far.
+
+    What moves the same blocks in another way hides what is left to be named: a point that one
+    camera sees slides along its ray, which is no scale of all others.
+    """
+    yield from (motion for motion in motions if _moved(motion, free) not in told)
 
 
 def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:

@@ -80,7 +80,7 @@ def _searched(d: Diagnosis, null: Array) -> Iterator[list[Act]]:
     """Sets of acts that determine every direction of the null space (n, k)."""
     entries = _entries(d.free, null)
     yield entries
-    groups = things_to_hold(d.free, null)
+    groups = things_to_hold(d.free, null, d.structure.pattern)
     firsts = sorted(groups, key=lambda act: (-act.size, -_volume(act.seen(null))))
     wide = [act for act in firsts if act.size == firsts[0].size][:FIRST]
     distances = distances_to_measure(d, null)

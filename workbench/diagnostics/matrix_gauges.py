@@ -27,6 +27,7 @@ from workbench.diagnostics.undoing import (
     places_of,
     undoing,
     undone_maps,
+    with_fewer,
 )
 
 MOST = 600  # numbers in the matrix E
@@ -46,6 +47,7 @@ class Maps:
         points: whether the block's rows are points: these turn together, so that no columns are
             looked at, and rows are only scaled.
         found: what was found before, which is not told again with other unknowns to undo it.
+        again: whether it is, with the last of these, when other names were tried.
     """
 
     free: Layout = field(repr=False)
@@ -55,6 +57,7 @@ class Maps:
     units: Array = field(repr=False)
     points: bool
     found: Found = field(repr=False)
+    again: bool = False
 
     @property
     def size(self) -> int:
@@ -87,15 +90,23 @@ class Maps:
 
     @cached_property
     def undone(self) -> tuple[Array, Callable[[Array], Array]] | None:
-        """The coefficients (g, q) of the maps that others undo, and the whole motions of them."""
+        """The coefficients (g, q) of the maps that others undo, and the whole motions of them.
+
+        These are undone by as few blocks as may be.
+        """
         shape, at = self.block.shape, self.places if len(self.block.shape) == 2 else None
         if at is None or min(shape) < 2 or not self.unseen.fixed(at) or self.size > LARGEST:
             return None
         if self.points and self.what == "column":
             return None
         others = np.setdiff1d(np.arange(self.free.size), at)
-        Q, whole = undoing(only(at, self.free.size, self._moves), others, self.unseen)
-        return (Q, whole) if Q.shape[1] else None
+        field = only(at, self.free.size, self._moves)
+        Q, whole = undoing(field, others, self.unseen)
+        if not Q.shape[1] or not self.unseen.nearby or self.unseen.undone_in_one_way(at):
+            return (Q, whole) if Q.shape[1] else None
+        choices = [places_of(self.free, b) for b in self.free.blocks if b is not self.block]
+        choices = choices[::-1] if self.again else choices
+        return Q, lambda a: with_fewer(field, choices, a, self.unseen)
 
     def single(self) -> Iterator[NamedSubspace]:
         """Factors and common offsets of one row, or of one column."""
@@ -117,8 +128,9 @@ class Maps:
         at = self.places
         moves = self._moves(self.unseen.x[at])
         for kind, said, a in found:
-            v = self.undone[1](a)
-            if v.any() and not self.found.does(moves @ a, at):
+            if not self.again and self.found.does(moves @ a, at):
+                continue
+            if (v := self.undone[1](a)).any():
                 yield named_gauge(kind, said, v, self.free, [self.block], least=self.unseen.same)
 
 

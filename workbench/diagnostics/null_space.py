@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
@@ -16,10 +15,11 @@ from workbench.diagnostics.gauges import Gauge, gauges
 from workbench.diagnostics.named_subspaces import NamedSubspace, in_sizes, named_subspaces
 from workbench.diagnostics.nearby_points import nearby_null_spaces
 from workbench.diagnostics.point import Point
+from workbench.diagnostics.polishing import polished, stepped
 from workbench.diagnostics.rest_gauges import rest_gauges
 from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparsest
 from workbench.diagnostics.turned_joints import named_by_joints
-from workbench.diagnostics.undoing import SAME, Unseen, unit_vectors
+from workbench.diagnostics.undoing import SAME, Unseen, silent_places, unit_vectors
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 from workbench.threads import limited_threads
@@ -63,33 +63,33 @@ def null_directions(
         return ()
     units = point.block_units
     constrained = point.in_block_units
-    null = _polished(point.null_in(constrained, units), constrained.stacked, constrained.tolerance)
+    null = polished(point.null_in(constrained, units), constrained.stacked, constrained.tolerance)
     x = point.problem.split(point.values)[0] / units
-    silent = np.linalg.norm(null, axis=1) > 1 - ZERO
-    nearby = nearby_null_spaces(point, pattern, units) if np.sum(silent) < len(null.T) else ()
+    some = len(silent_places(null)) < len(null.T)
+    nearby = nearby_null_spaces(point, pattern, units) if some else ()
     unseen = Unseen(x, null, nearby=nearby)
     motions = _motions(point, pattern, unseen, units, units, declared)
     found = directions(
         constrained.stacked, null, point.problem.free, motions, constrained.tolerance
     )
-    return tuple(_in_own_units(d, units, point.constrained.stacked) for d in found)
+    held = point.constrained
+    return tuple(_in_own_units(d, units, held.stacked, held.tolerance) for d in found)
 
 
-def _polished(null: Array, here: Linearization, tolerance: float) -> Array:
-    """A null space (n, d) without what rounding leaves of long columns, by a Newton step."""
-    if not isinstance(here.jacobian, np.ndarray) or not here.jacobian.any():
-        return null
-    R = here.R
-    missed = scipy.linalg.lstsq(R, R @ null, cond=tolerance / float(np.linalg.norm(R)))[0]
-    return np.asarray(np.linalg.qr(null - missed)[0])
+def _in_own_units(
+    direction: Direction, units: Array, here: Linearization, tolerance: float
+) -> Direction:
+    """A direction that was measured in units, as a vector of length 1 of the unknowns.
 
-
-def _in_own_units(direction: Direction, units: Array, here: Linearization) -> Direction:
-    """A direction that was measured in units, as a vector of length 1 of the unknowns."""
+    What rounding then leaves of long columns goes by a Newton step of the unknowns that move.
+    """
     if (units == 1).all():
         return direction
     v = direction.vector * units
-    v = v / np.linalg.norm(v)
+    v, moved = v / np.linalg.norm(v), np.flatnonzero(v)
+    if np.linalg.norm(here.along(v)) > tolerance and isinstance(here.jacobian, np.ndarray):
+        v[moved] = stepped(v[moved], here.R[:, moved], tolerance)
+        v = v / np.linalg.norm(v)
     return replace(direction, vector=v, change=float(np.linalg.norm(here.along(v))))
 
 

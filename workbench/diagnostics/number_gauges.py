@@ -1,4 +1,4 @@
-"""Gauges of numbers: common offsets, common factors, and sums of which only the whole is seen.
+"""Gauges of numbers: common offsets and common factors of groups of unknowns.
 
 Offsets and factors of single unknowns commute, so that all of them that cancel are found at once.
 A combination c of the columns 1 and x_i of groups of unknowns is a gauge if residuals notice D(x) c
@@ -8,29 +8,28 @@ at no point. Groups are blocks first, then rows, columns and entries; combinatio
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
-from workbench.blocks.directions import dominant
 from workbench.diagnostics.gauge_names import listed, named_gauge, rows_of, single_gauge
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.sparse_bases import sparsest
 from workbench.diagnostics.things import in_space
+from workbench.diagnostics.trade_offs import PART, SLICES, trade_off
 from workbench.diagnostics.undoing import (
     SAME,
     Found,
     Unseen,
     nothing,
-    only,
     places_of,
     undone_by_few,
 )
 
+WITHIN = 10  # of the least share that a motion may have elsewhere: of one in many parts
 MANY = 400  # groups up to which combinations of few are looked for
-SLICES = 24  # rows or columns up to which each may have an offset that others undo in any way
-PART = 1e-5  # of the largest coefficient: less takes no part
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,21 +64,28 @@ def number_gauges(
     units: Array,
 ) -> Iterator[NamedSubspace]:
     """Offsets and factors of these blocks that cancel; `islands` are unknowns that rows tie."""
-    whole = [*_whole(free, blocks, islands)]
+    whole = [*blocks_whole(free, blocks, islands)]
     for one in _by_kind(whole, unseen, found, units):
         # at one point alone, single numbers undo each other in ways that say nothing
         if unseen.nearby or max(group.places.size for group, _ in one.parts) > 1:
-            yield from _named(free, one, unseen)
+            yield from named_combination(free, one, unseen)
     if not unseen.nearby:
         return
     yield from _undone_in_any_way(free, whole, unseen, found, units)
     slices = [*_slices(free, blocks)]
     for one in _by_kind(slices, unseen, found, units):
-        yield from _named(free, one, unseen)
+        if not one.crosses:
+            yield from named_combination(free, one, unseen)
     few = [group for group in slices if group.places.size > 1]
     yield from _undone_in_any_way(free, few, unseen, found, units)
-    for one in _by_kind([*_entries(free, blocks)], unseen, found, units):
-        yield from _named(free, one, unseen)
+
+
+def entry_gauges(
+    free: Layout, blocks: Sequence[Block], unseen: Unseen, found: Found, units: Array
+) -> Iterator[NamedSubspace]:
+    """Offsets and factors of single entries that cancel."""
+    for one in _by_kind([*_entries(free, blocks)] if unseen.nearby else [], unseen, found, units):
+        yield from named_combination(free, one, unseen)
 
 
 def common_scales(
@@ -92,38 +98,15 @@ def common_scales(
     units: Array,
 ) -> Iterator[NamedSubspace]:
     """The factors of blocks that cancel, in which points take part: a change of scale."""
-    groups = [g for g in _whole(free, blocks, islands) if g.factor]
-    for combination in _combinations(groups, unseen, found, units):
+    groups = [g for g in blocks_whole(free, blocks, islands) if g.factor]
+    for combination in combinations_of(groups, unseen, found, units):
         if any(group.block.name in points for group, _ in combination.parts):
-            yield from _named(free, combination, unseen, "a scale")
+            yield from named_combination(free, combination, unseen, "a scale")
 
 
-def trade_offs(free: Layout, blocks: Sequence[Block], unseen: Unseen) -> Iterator[NamedSubspace]:
-    """A single number may have any value, since a few other unknowns undo its change.
-
-    Of the entries of a block that is so where one other block undoes them.
-    """
-    for block in blocks if unseen.nearby else ():
-        choices = [places_of(free, b) for b in free.blocks if b is not block]
-        for at in places_of(free, block) if block.size <= SLICES else ():
-            field = only(np.array([at]), free.size, lambda x: np.ones((1, 1)))
-            for v, _ in undone_by_few(field, choices, unseen):
-                moved = sum(1 for some in choices if abs(v[some]).max() > SAME * abs(v).max())
-                if block.size == 1 or moved < 2:
-                    yield _trade_off(free, v)
-
-
-def _trade_off(free: Layout, v: Array) -> NamedSubspace:
-    """`a trade-off within slide: 0.71 slide[0] - 0.71 slide[2]`, or one of several blocks."""
-    entries = ((b.name, abs(v[places_of(free, b)])) for b in free.blocks)
-    moved = [name for name, own in entries if own.max(initial=0.0) > SAME * abs(v).max()]
-    among = f"within {moved[0]}" if len(moved) == 1 else f"of {listed(moved)}"
-    largest = v[abs(v) > (1 - PART) * abs(v).max()]  # up to rounding; the first of them is positive
-    unit = v * np.sign(largest[0]) / np.linalg.norm(v)
-    return single_gauge("trade-off", f"a trade-off {among}: {dominant(unit, free)}", unit)
-
-
-def _whole(free: Layout, blocks: Sequence[Block], islands: Sequence[Index]) -> Iterator[Group]:
+def blocks_whole(
+    free: Layout, blocks: Sequence[Block], islands: Sequence[Index]
+) -> Iterator[Group]:
     """Blocks, as far as rows tie them; of what may be points each column may shift by itself."""
     for block in blocks:
         for island in islands:
@@ -174,23 +157,30 @@ class Combination:
     parts: Sequence[tuple[Group, float]]
     v: Array = field(repr=False)
 
+    @property
+    def crosses(self) -> bool:
+        """Whether a row and a column of one block take part: then entries say it better."""
+        pairs = combinations([group for group, _ in self.parts], 2)
+        alike = ((a, b) for a, b in pairs if a.block is b.block and a.factor == b.factor)
+        return any(np.intersect1d(a.places, b.places).size for a, b in alike)
+
 
 def _by_kind(
     groups: Sequence[Group], unseen: Unseen, found: Found, units: Array
 ) -> Iterator[Combination]:
     """Combinations of offsets, of factors, and then of both, where more than one point is known."""
-    yield from _combinations([g for g in groups if not g.factor], unseen, found, units)
-    yield from _combinations([g for g in groups if g.factor], unseen, found, units)
+    yield from combinations_of([g for g in groups if not g.factor], unseen, found, units)
+    yield from combinations_of([g for g in groups if g.factor], unseen, found, units)
     if unseen.nearby:
-        yield from _combinations(groups, unseen, found, units)
+        yield from combinations_of(groups, unseen, found, units)
 
 
-def _combinations(
+def combinations_of(
     groups: Sequence[Group], unseen: Unseen, found: Found, units: Array
 ) -> Iterator[Combination]:
     """The combinations of groups that cancel everywhere, those of few groups first."""
     groups = [g for g in groups if np.linalg.norm(g.column(unseen.x, units)) > 0]
-    if found.all or not groups or len(groups) > MANY:
+    if found.all() or not groups or len(groups) > MANY:
         return
 
     moves = partial(_columns, groups, units)
@@ -209,7 +199,9 @@ def _combinations(
         v = D @ a
         inside = unseen.basis @ (unseen.basis.T @ v)  # without the rounding of a linear program
         v = np.where(v == 0, 0.0, inside) if unseen.exact else inside
-        if np.linalg.norm(v) > SAME * np.linalg.norm(D * a):
+        whole = D @ a  # what is a small difference of large parts has to be a motion by itself
+        lies_in = np.linalg.norm(whole - inside) <= WITHIN * unseen.same * np.linalg.norm(whole)
+        if lies_in and np.linalg.norm(v) > SAME * np.linalg.norm(D * a):
             yield Combination([(g, float(b)) for g, b in zip(groups, a, strict=True) if b], v)
 
 
@@ -227,7 +219,7 @@ def _of_few(basis: Array, known: Array) -> Array:
     return sparsest(basis, known)
 
 
-def _named(
+def named_combination(
     free: Layout, combination: Combination, unseen: Unseen, scale: str = "a common factor"
 ) -> Iterator[NamedSubspace]:
     """A combination by its name: `a common factor of ability, undone by slope`."""
@@ -235,7 +227,7 @@ def _named(
     factors = [(group, c) for group, c in parts if group.factor]
     main = factors or [(g, c) for g, c in parts if g.places.size > 1] or _alike(parts)
     if not main:
-        yield _trade_off(free, v)
+        yield trade_off(free, v)
         return
     least = min((c for _, c in main), key=abs)
     first = main[0][1]

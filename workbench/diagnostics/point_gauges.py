@@ -105,9 +105,20 @@ def are_points(cloud: Cloud, unseen: Unseen, others: Index) -> bool:
 
 
 def point_gauges(
-    cloud: Cloud, free: Layout, unseen: Unseen, found: Found, others: Index, units: Array
+    cloud: Cloud,
+    free: Layout,
+    unseen: Unseen,
+    found: Found,
+    others: Index,
+    units: Array,
+    *,
+    again: bool = False,
 ) -> Iterator[NamedSubspace]:
-    """Similarities of the rows; stretches and shears; projective maps. All others may undo them."""
+    """Similarities of the rows, which all others may undo.
+
+    What moves the rows as a motion before did is told only `again`, when other names were tried: a
+    frame of its own turns by itself as well as with the world.
+    """
     own, d = cloud.places.ravel(), cloud.places.shape[1]
     n, x = free.size, unseen.x
     size = float(np.sqrt(np.mean(x[own] ** 2))) or 1.0  # so that no unit matters
@@ -117,10 +128,11 @@ def point_gauges(
     main = list(cloud.blocks)
     choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
     choices = [some for some in choices if some.size]
+    choices = choices[::-1] if again else choices  # so that others are left out
     only_way = not unseen.nearby or not choices or unseen.undone_in_one_way(own)
     for step in named_steps(coefficients, d, size * units[own[0]]):
         a = step.coefficients
-        if found.does((moves @ a)[own], own):
+        if not again and found.does((moves @ a)[own], own):
             continue
         v = whole(a) if only_way else with_fewer(steps, choices, a, unseen)
         if np.linalg.norm(moves @ a) <= SAME or not v.any():

@@ -74,11 +74,9 @@ class Found:
     """The motions that were found so far, as an orthonormal basis (n, k); not their names."""
 
     def __init__(self, unseen: Unseen) -> None:
-        silent = np.linalg.norm(unseen.basis, axis=1) > 1 - SAME  # unknowns that nothing reads
-        self.basis = unit_vectors(np.flatnonzero(silent), len(unseen.basis))
+        self.basis = unit_vectors(silent_places(unseen.basis), len(unseen.basis))
         self._unseen = unseen
 
-    @property
     def all(self) -> bool:
         """Whether nothing is left to be found."""
         return self._unseen.exact and len(self.basis.T) >= self._unseen.count
@@ -92,6 +90,11 @@ class Found:
         U = U[:, s > self._unseen.same]
         outside = move - U @ (U.T @ move)
         return self._unseen.exact and bool(np.linalg.norm(outside) <= CLOSE * np.linalg.norm(move))
+
+    def left(self, places: Index) -> bool:
+        """Whether these unknowns may move in ways in which nothing found so far moves them."""
+        ways = len(places) - self._unseen.fixed(places)
+        return ways > int(np.sum(np.linalg.svd(self.basis[places], compute_uv=False) > NEW))
 
     def adds(self, v: Array) -> bool:
         """Whether a motion (n,) is a new one, which then counts as found."""
@@ -140,6 +143,11 @@ def undoing(field: Field, others: Index, unseen: Unseen) -> tuple[Array, Callabl
     return found, whole
 
 
+def at_the_point(unseen: Unseen) -> Unseen:
+    """The same at the point alone."""
+    return Unseen(unseen.x, unseen.basis, unseen.same)
+
+
 def undone(field: Field, others: Index, unseen: Unseen) -> Iterator[tuple[Array, Array]]:
     """The motions (n,) that `undoing` finds, each with its coefficients (g,)."""
     coefficients, whole = undoing(field, others, unseen)
@@ -182,13 +190,13 @@ def with_fewer(field: Field, choices: Sequence[Index], a: Array, unseen: Unseen)
 
     One group after the other is left out if the rest can undo the same combination, the last first.
     """
-    left = list(choices)
+    left, nobody = list(choices), np.zeros(0, dtype=np.int64)
     along: Field = lambda x: field(x) @ a[:, None]  # noqa: E731
     for one in reversed(choices):
         fewer = [some for some in left if some is not one]
-        if undoing(along, np.concatenate([one[:0], *fewer]), unseen)[0].shape[1]:
+        if undoing(along, np.concatenate([nobody, *fewer]), unseen)[0].shape[1]:
             left = fewer
-    found = [v for v, _ in undone(along, np.concatenate([choices[0][:0], *left]), unseen)]
+    found = [v for v, _ in undone(along, np.concatenate([nobody, *left]), unseen)]
     return found[0] if found else np.zeros(len(unseen.x))
 
 
@@ -198,6 +206,14 @@ def nothing(A: Array, same: float) -> Array:
     small = np.ones(len(Vt), dtype=bool)
     small[: len(s)] = s <= same
     return np.asarray(Vt[small].T)
+
+
+def silent_places(basis: Array) -> Index:
+    """The places of unknowns that nothing reads, by an orthonormal basis (n, d) of what is unseen.
+
+    Each may move by itself: its unit vector misses the space by rounding alone.
+    """
+    return np.flatnonzero(np.sum(basis**2, axis=1) >= 1 - SAME**2)
 
 
 def places_of(free: Layout, block: Block) -> Index:

@@ -98,10 +98,7 @@ class Problem:
         return Problem(residuals, names, bounds, self._named, kept)
 
     def for_judging(self) -> "Problem":
-        """This problem, to judge points of a run with.
-
-        A metered problem returns a copy whose evaluations are not points of the run.
-        """
+        """This problem; a metered one returns a copy that does not count as part of the run."""
         return self
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:
