@@ -47,10 +47,10 @@ def test_the_sentence_beside_an_interval_holds() -> None:
     unknown, known = ("report, unknown", "report, known")
     assert f"that lie {100 * OFFSET:g} cm (standard deviation" in FOUND
     depth = FOUND_NUMBERS[unknown][CHOSEN]["depth"]
-    assert f"On {depth['of']} images" in FOUND
-    assert f"found in {kept(unknown, CHOSEN, 'depth')}, and in" in FOUND
-    assert f"and in {kept(known, CHOSEN, 'depth')} where the stature was known" in FOUND
-    assert f"{factor(unknown)} and {factor(known)} times the width would do" in FOUND
+    assert f"on {depth['of']} images" in FOUND
+    assert f"in {kept(unknown, CHOSEN, 'depth')} of the images, and" in FOUND
+    assert f"and in {kept(known, CHOSEN, 'depth')} if the stature was given" in FOUND
+    assert f"{factor(unknown)} and {factor(known)} times as wide would" in FOUND
 
 
 def test_what_is_said_of_balance_holds() -> None:

@@ -45,7 +45,7 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
         for k in range(K):
             M += number(f.blended, w[k], part(G, K, k))
             if k:
-                rest += number(f.bent, part(P, K - 1, k - 1), part(features, K - 1, k - 1))
+                rest += bent(f.bent, part(P, K - 1, k - 1), part(features, K - 1, k - 1))
         point = number(f.moved, M, rest)
         np.testing.assert_allclose(point, points[rows].ravel(), rtol=0, atol=1e-13)
         hanging = [number(f.below, w[k], part(G, K, k), rest) for k in range(K)]
@@ -69,6 +69,11 @@ def number(f: cs.Function, *columns: object) -> np.ndarray:
     return np.asarray(f(*columns)).ravel()
 
 
+def bent(of_one: cs.Function, P: np.ndarray, features: np.ndarray) -> np.ndarray:
+    """The sum over the nine features of a joint, of which the function takes one."""
+    return sum(number(of_one, part(P, 9, n), features[n]) for n in range(9))
+
+
 def part(column: np.ndarray, count: int, i: int) -> np.ndarray:
     """The i-th of `count` parts of the same size."""
     return column.reshape(count, -1)[i]
@@ -83,7 +88,7 @@ def test_gradients_are_those_of_the_sums_they_belong_to() -> None:
     for gradient, forward, size in (
         (number(f.on_rest, M, pull), lambda u: number(f.moved, M, u), 3),
         (number(f.on_betas, S, pull), lambda u: number(f.shaped, nowhere, S, u), 2),
-        (number(f.on_features, P, pull), lambda u: number(f.bent, P, u), 9),
+        (number(f.on_features, P, pull), lambda u: bent(f.bent, P, u), 9),
         (number(f.on_motion, w, v, pull), lambda u: number(f.below, w, u, v)[:3], 12),
     ):
         u, step = rng.standard_normal(size), rng.standard_normal(size)

@@ -58,7 +58,7 @@ def test_what_cannot_be_read_has_exit_code_2(tmp_path: Path, workbench: Run) -> 
         ("code.pkl", "it asks for os.system"),
         ("motion.npz", "looks like a motion"),
         ("cut.npz", "cannot be read"),
-        ("a.json", "a body is an .npz or .pkl file"),
+        ("a.json", "is neither an .npz nor a .pkl file; a body is one of these"),
         ("missing.npz", "there is no file"),
     ):
         code, _, wrong = workbench("check-body", name)

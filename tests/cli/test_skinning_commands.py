@@ -66,7 +66,7 @@ def test_blendshapes_prints_the_table_and_writes_the_page(
     [
         (("--examples", "99999"), BadArgument, "99999 examples cannot be taken from"),
         (("--body", "full"), BadFile, "there is no teacher for body 'full'"),
-        (("--mocap", "nowhere.npz", *SMALL), BadFile, "nowhere.npz is no recording"),
+        (("--mocap", "nowhere.npz", *SMALL), BadFile, "there is no file nowhere.npz"),
     ],
 )
 def test_mistakes_are_said_in_a_sentence(

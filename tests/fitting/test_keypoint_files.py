@@ -50,7 +50,7 @@ def test_of_several_people_the_best_seen_is_taken_unless_one_is_named(tmp_path: 
     file = written(tmp_path / "a.json", {"people": people})
     assert read_keypoints(file)[1][0, 0] == 7
     assert read_keypoints(file, person=0)[1][0, 0] == 0
-    with pytest.raises(UnknownName, match="no person is called '2'; there are 0 to 1 in "):
+    with pytest.raises(UnknownName, match="no person is called '2'; there are 0, 1 "):
         read_keypoints(file, person=2)
 
 

@@ -155,7 +155,7 @@ def test_the_rate_and_the_axis_can_be_given(tmp_path: Path) -> None:
     found = read_motion(path, fps=12.0, up="y")
     assert found.fps == 12.0
     np.testing.assert_array_equal(found.trans, OLD["trans"])
-    with pytest.raises(BadFile, match=r"which ends in \.npz or \.bvh"):
+    with pytest.raises(BadFile, match=r"that ends in \.npz, \.bvh"):
         read_motion(tmp_path / "walk.fbx")
     with pytest.raises(BadFile, match=r"walk2\.npz is no motion"):
         read_motion(tmp_path / "walk2.npz")

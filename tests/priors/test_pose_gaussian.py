@@ -103,7 +103,7 @@ def test_frames_with_flipped_elbows_are_left_out(tmp_path: Path) -> None:
 
 
 def test_what_is_no_prior_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadFile, match="is no pose prior"):
+    with pytest.raises(BadFile, match="there is no file"):
         read_pose_gaussian(tmp_path / "nothing.npz")
-    with pytest.raises(BadFile, match="is no recording"):
+    with pytest.raises(BadFile, match="there is no file"):
         read_mocap(tmp_path / "nothing.npz")
