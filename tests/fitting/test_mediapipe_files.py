@@ -50,7 +50,7 @@ def test_bodies_are_read_and_the_best_seen_is_taken(tmp_path: Path) -> None:
     assert read_keypoints(file, size=SIZE, person=0)[1][7].tolist() == px(
         BODY, 7, BODY[7]["visibility"]
     )
-    with pytest.raises(UnknownName, match="there are 0, 1 .*holds 2 people"):
+    with pytest.raises(UnknownName, match=r"there are 0, 1 .*holds 2 people"):
         read_keypoints(file, size=SIZE, person=2)
     file = written(tmp_path / "b.json", RESULTS["bodies-of-javascript"])
     assert read_person(file, size=SIZE).notes == ("b.json: not read are world_landmarks",)
