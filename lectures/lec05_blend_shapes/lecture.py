@@ -169,11 +169,11 @@ Picture(
 )
 
 # %% [markdown]
-# Far from all examples, at 170 degrees (beyond what the figure shows), the kernels have faded, and hardly
-# anything is repaired. If they are divided by
-# their sum, the nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples
-# will do for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
-# that have to be kept and summed. Examples cannot fill 69 dimensions.
+# Far from all examples, at 170 degrees (where the curves have left the figure at its top), the kernels have faded, and
+# hardly anything is repaired. If they are divided by their sum, the nearest example is used instead, whether it fits or
+# not. And there is a bigger problem. Seven examples will do for one angle. A body has three angles for each of 23
+# joints, and each example is a whole body, $3 N$ numbers, that have to be kept and summed. Examples cannot fill 69
+# dimensions.
 #
 # ## The idea: a function of the pose that is linear in what is learned
 #
@@ -467,12 +467,13 @@ Picture(
 #
 # ## Shape is learned at rest
 #
-# Where do the people at rest come from? SMPL was trained on two sets of meshes: the multi-pose
-# set has few people, each in many poses, and the multi-shape set has many people, each in about one pose. The notes
-# *SMPL and SMPLify* say in one place that $S$ is learned from the multi-pose set. (They have exchanged the sets there:
-# $S$ comes from the multi-shape set, and the poses of its people are undone first.) We do what the notes
-# say, with 10 of our synthetic people in 36 poses each, drawn from a distribution of poses that was learned from motion capture (a mixture of Gaussians, lecture 10). We compute principal components of four sets of meshes: first the meshes as they are posed, moved
-# rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
+# Where do the people at rest come from? SMPL was trained on two sets of meshes: the multi-pose set has few people, each
+# in many poses, and the multi-shape set has many people, each in about one pose. The notes *SMPL and SMPLify* say in
+# one place that $S$ is learned from the multi-pose set. (They have exchanged the sets there: $S$ comes from the
+# multi-shape set, and the poses of its people are undone first.) We do what the notes say, with 10 of our synthetic
+# people in 36 poses each, drawn from a distribution of poses that was learned from motion capture (a mixture of
+# Gaussians, lecture 10). We compute principal components of four sets of meshes: first the meshes as they are posed,
+# moved rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
 # undone as at the beginning of this lecture; then three of the ten people alone; and last 360 people, who are at rest.
 
 # %%
@@ -547,14 +548,14 @@ Picture(
 #
 # $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
 #
-# Why these conditions? If the weights of a joint sum to one, the joint moves along with a person who stands elsewhere.
-# If none is negative, the joint lies among its vertices. This condition also makes
-# most weights zero. Without it, least squares would make many weights negative. If these are held at zero and the
-# others are found again, some of the others would become negative and are held at zero as well, and so on, until only
-# a few positive weights are left. `scipy.optimize.nnls` solves
-# least squares with weights that are not negative; one more equation, multiplied by a large number, says that they sum
-# to one. What if the joints of the mean person are kept instead? We try it with somebody tall, three standard
-# deviations along the first shape direction.
+# The weights of a joint are found by least squares, from the rest surfaces of many people and the places of their
+# joints (lecture 13). Why these conditions? If the weights of a joint sum to one, the joint moves along with a person
+# who stands elsewhere. If none is negative, the joint lies among its vertices. This condition also makes most weights
+# zero. Without it, least squares would make many weights negative. If these are held at zero and the others are found
+# again, some of the others would become negative and are held at zero as well, and so on, until only a few positive
+# weights are left. `scipy.optimize.nnls` solves least squares with weights that are not negative; one more equation,
+# multiplied by a large number, says that they sum to one. What if the joints of the mean person are kept instead? We
+# try it with somebody tall, three standard deviations along the first shape direction.
 
 # %%
 tall = along(body, 0, 3)

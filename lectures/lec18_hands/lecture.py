@@ -45,8 +45,9 @@ def beside(vertices):
 # %% [markdown]
 # ## Forty-five angles by themselves
 #
-# The wrist turns the hand as a whole, and its angles are left out here. Suppose that all we know is how far each of the joints of the fingers turns. The naive way to make up a hand is to draw each angle
-# by itself, with the standard deviation that it has in people's poses. What comes out?
+# The wrist turns the hand as a whole, and its angles are left out here. Suppose that all we know is how far each of the
+# joints of the fingers turns. The naive way to make up a hand is to draw each angle by itself, with the standard
+# deviation that it has in people's poses. What comes out?
 
 # %%
 space = pose_space(hand)
@@ -210,9 +211,9 @@ for name, far in wrong.items():
 #
 # ## What points of a hand leave open
 #
-# Detectors find 21 points: the wrist, three joints of each finger, and its tip, which is a vertex of the skin.
-# The joints alone are 16. How many of the 48 angles do they determine, if nothing else is known? Lecture 8
-# had the same question for a body.
+# Detectors find 21 points: the wrist, three joints of each finger, and its tip, which is a vertex of the skin. The
+# joints alone are 16. How many of the 48 angles do they determine, if shape and place are known and there is no prior?
+# Lecture 8 had the same question for a body.
 
 # %%
 TIPS = np.array([[name.endswith("_tip")] for name in HAND_POINTS])

@@ -143,8 +143,9 @@ print(f"a1 = {a1:.3f}, a2 = {a2:.3f}; a pole of size {abs(pole):.3f}")
 print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} ms")
 
 # %% [markdown]
-# Our springs of 5 Hz have 15 % of the damping at which nothing swings any more. Such a mass swings 4.94
-# times a second, and its swing halves in 147 ms. Half a second after a push, less than a tenth is left.
+# Our springs have 15 % of the damping at which nothing swings any more. Those of a layer of 6 cm have 5 Hz; thicker
+# layers are softer. Such a mass swings 4.94 times a second, and its swing halves in 147 ms. Half a second after a push,
+# less than a tenth is left.
 #
 # ## Dynamic blend shapes
 #
@@ -166,11 +167,12 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In
 # `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
 # (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
-# is the mean square of the input. Because of the first term the price does not depend on the unit in which the input is
-# measured: it grows with the square of the input, and the square of the input's factor shrinks by as much. The second is for
-# inputs that hardly move in the clips. Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a
-# hundredth: where the mean square of an input is much smaller than `HARDLY**2`, the price is large in comparison, and
-# least squares cannot use this input to explain noise. `penalised` solves the normal equations
+# is the mean square of the input. What it adds to the sum of squares is the price times the square of the input's
+# factor. Because of the first term this does not depend on the unit of the input: in another unit the price grows with
+# the square of the input, and the square of its factor shrinks by as much. The second is for inputs that hardly move in
+# the clips. Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a hundredth: where the mean square of
+# an input is much smaller than `HARDLY**2`, the price is large in comparison, and least squares cannot use this input
+# to explain noise. `penalised` solves the normal equations
 # $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 #
 # We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section

@@ -212,7 +212,7 @@ SAYS = {
         error(run, "exact", 105),
         error(run, "divided by the sum", 105),
     ),
-    "Far from all examples, at 170 degrees (beyond what the figure shows), the kernels have faded, and hardly anything is repaired. If they are divided by "
+    "Far from all examples, at 170 degrees (where the curves have left the figure at its top), the kernels have faded, and hardly anything is repaired. If they are divided by "
     "their sum, the nearest example is used instead": lambda run: (
         170,
         error(run, "not divided", 170) > 0.9 * error(run, "none", 170),

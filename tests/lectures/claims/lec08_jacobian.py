@@ -164,7 +164,7 @@ SAYS = {
         abs(run["solution"].values["pose"].ravel()[furthest(run, run["answers"]["from rest"])])
         < 1e-9,
     ),
-    "so that the twist changes all numbers of a joint, and none of them is determined.": lambda run: (
+    "so that these turns change all numbers of a joint, and none of them is determined.": lambda run: (
         all(
             bool(np.isinf(run["honest"][run["body"].joint_names.index(name)]).all())
             for name in ("left_elbow", "left_hip")

@@ -9,6 +9,7 @@ import numpy as np
 
 from tests.lectures.prose import Run
 from workbench.motions import load_tissue
+from workbench.synthetic.tissue import TissueLaw
 
 RESULTS = Path(__file__).parents[3] / "benchmarks" / "results" / "soft-tissue.json"
 
@@ -57,7 +58,13 @@ SAYS = {
         )[0, 1]
         < 0.6
     ),
-    "Our springs of 5 Hz have 15 % of the damping": lambda run: (run["HZ"], 100 * run["DAMPING"]),
+    "Our springs have 15 % of the damping at which nothing swings any more. Those of a layer of 6 cm have 5 Hz; "
+    "thicker layers are softer.": lambda run: (
+        100 * run["DAMPING"],
+        1e2 * TissueLaw().thickness,
+        run["HZ"],
+        (run["DAMPING"], run["HZ"]) == (TissueLaw().damping, TissueLaw().frequency),
+    ),
     "Such a mass swings 4.94 times a second, and its swing halves in 147 ms.": lambda run: (
         run["swings"],
         1e3 * run["halves"],
