@@ -167,12 +167,13 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In
 # `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
 # (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
-# is the mean square of the input. What it adds to the sum of squares is the price times the square of the input's
-# factor. Because of the first term this does not depend on the unit of the input: in another unit the price grows with
-# the square of the input, and the square of its factor shrinks by as much. The second is for inputs that hardly move in
-# the clips. Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a hundredth: where the mean square of
-# an input is much smaller than `HARDLY**2`, the price is large in comparison, and least squares cannot use this input
-# to explain noise. `penalised` solves the normal equations
+# is the mean square of the input. The library squashes each vector $v$ of inputs to $v / \sqrt{m^2 + |v|^2}$, with a
+# bound $m$ for its kind, so that inputs stay between -1 and 1 in every motion. What is added to the mean of the squares
+# is the price times the square of the input's factor. The part of the first term is the same for large and small
+# inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter. The
+# second term makes inputs dear that hardly move in the clips: `HARDLY` is a hundredth, and where the mean square of an
+# input is much smaller than `HARDLY**2`, the price is large in comparison, and least squares cannot use this input to
+# explain noise. `penalised` solves the normal equations
 # $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 #
 # We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section
@@ -331,9 +332,9 @@ for third in (-2.0, 0.0, 2.0):
 print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 
 # %% [markdown]
-# With a body mass index of 20 the skin moves by up to 25 mm in this hop, and with 29 by up to 30 mm. An
-# exaggeration of 3 makes 90 mm of these. The inputs are bounded and the model is stable, so that this is
-# bounded too, whatever the motion.
+# With a body mass index of 20 the skin moves by up to 25 mm in this hop, and with 29 by up to 30 mm. An exaggeration of
+# 3 makes 90 mm of these. The inputs are bounded, as they are squashed, and the model is stable, so that this is bounded
+# too, whatever the motion.
 #
 # ## Where bones come from
 #

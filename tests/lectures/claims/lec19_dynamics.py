@@ -148,7 +148,10 @@ SAYS = {
 }
 GIVEN = (
     r"it holds if $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$",
-    "Inputs are scaled so that they stay between -1 and 1, and `HARDLY` is a hundredth",
+    "so that inputs stay between -1 and 1 in every motion",
+    "to $v / \\sqrt{m^2 + |v|^2}$, with",
+    "an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter",
+    "`HARDLY` is a hundredth, and",
     "where the mean square of an input is much smaller than `HARDLY**2`",
     "w\\, z + r^2 = 0$, which gives",
     "(Pons-Moll et al., 2015; Loper et al., 2015)",
