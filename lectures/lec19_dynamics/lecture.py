@@ -168,7 +168,7 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
 # (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
 # is the mean square of the input. The library squashes each vector $v$ of inputs to $v / \sqrt{m^2 + |v|^2}$, with a
-# bound $m$ for its kind, so that inputs stay between -1 and 1 in every motion. What is added to the mean of the squares
+# scale $m$ for its kind, so that inputs stay between -1 and 1 in every motion. What is added to the mean of the squares
 # is the price times the square of the input's factor. The part of the first term is the same for large and small
 # inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter. The
 # second term makes inputs dear that hardly move in the clips: `HARDLY` is a hundredth, and where the mean square of an
@@ -260,9 +260,10 @@ source(second_differences, MovingFrames.forces)
 # %% [markdown]
 # ## A model that does not blow up
 #
-# A free run repeats its own output. As above, we ask for $\varphi_t = z^t v$, now with a vector $v$. Put into the
-# model, it gives $z^2 v = z A_1 v + A_2 v$. With $u = z v$ these are the two equations $A_1 u + A_2 v = z u$ and
-# $u = z v$, and so the poles of the matrices are the eigenvalues $z$ of
+# A free run feeds on its own output. What becomes of a push when nothing drives the model any more, so that $x_t = 0$?
+# As above, we ask for $\varphi_t = z^t v$, now with a vector $v$. Put into the model without inputs, it gives
+# $z^2 v = z A_1 v + A_2 v$. With $u = z v$ these are the two equations $A_1 u + A_2 v = z u$ and $u = z v$, and so the
+# poles of the matrices are the eigenvalues $z$ of
 #
 # $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} . $$
 #
@@ -275,7 +276,7 @@ source(second_differences, MovingFrames.forces)
 # %%
 tissue = tissues["with forces on parts"]
 pushed = np.zeros((600, tissue.n_coefficients))
-pushed[0] = 1.0
+pushed[0] = 1.0  # in place of the inputs: a push in the first frame, and nothing after it
 sizes = {}
 for wanted in (tissue.spectral_radius, 1.0, 1.02):
     rho = wanted / tissue.spectral_radius
@@ -333,8 +334,8 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 
 # %% [markdown]
 # With a body mass index of 20 the skin moves by up to 25 mm in this hop, and with 29 by up to 30 mm. An exaggeration of
-# 3 makes 90 mm of these. The inputs are bounded, as they are squashed, and the model is stable, so that this is bounded
-# too, whatever the motion.
+# 3 makes 90 mm of these. The inputs are bounded, as they are squashed, and the model is stable: what
+# each frame's input moves dies away like the push above. So the displacements are bounded too, whatever the motion.
 #
 # ## Where bones come from
 #
