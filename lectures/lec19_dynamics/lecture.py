@@ -300,9 +300,11 @@ with house_style():
 Picture(
     figure,
     "Left: the poles of the model that was learned, inside of the circle of size 1. Right: what is left of a "
-    "push, with all poles scaled by one factor. In the first frames, where the three curves lie nearly on each other, it "
-    "grows in all of them, because the coefficients of different shapes push each other; in the long run it dies "
-    "away where the largest pole is inside of the circle, stays where it is on it, and grows where it is outside.",
+    "push, with all poles scaled by one factor. In the first frames, where the three curves lie nearly on each other, "
+    "it grows in all of them: a push also gives the coefficients a velocity, and they swing on before they turn back. On "
+    "the circle the peaks grow for some seconds more, because the coefficients of different shapes push each other. In "
+    "the long run it dies away where the largest pole is inside of the circle, stays where it is on it, and grows where "
+    "it is outside.",
 )
 
 # %% [markdown]

@@ -93,10 +93,13 @@ SAYS = {
     "(That is of all vertices. Of the curve in the figure it explains 34 %.)": lambda run: (
         100 * explained_of_the_curve(run)
     ),
-    "In the first frames, where the three curves lie nearly on each other, it grows in all of them, because the coefficients "
-    "of different shapes push each other; in the long run it dies away where the largest pole is inside of the circle, stays where it is on it, and grows where it "
-    "is outside.": lambda run: (
-        all(sizes.max() > 1.5 * sizes[0] for sizes in run["sizes"].values())
+    "In the first frames, where the three curves lie nearly on each other, it grows in all of them: a push also gives "
+    "the coefficients a velocity, and they swing on before they turn back. On the circle the peaks grow for some seconds "
+    "more, because the coefficients of different shapes push each other. In the long run it dies away where the largest "
+    "pole is inside of the circle, stays where it is on it, and grows where it is outside.": lambda run: (
+        all(sizes[:4].max() > 1.5 * sizes[0] for sizes in run["sizes"].values())
+        and run["sizes"][1.0].argmax() > 2 * run["FPS"]
+        and run["sizes"][1.0].max() > 2 * run["sizes"][1.0][:30].max()
         and np.ptp([np.log(sizes[:4]) for sizes in run["sizes"].values()], axis=0).max() < 0.3,
         left_over(run)[0] < 1e-6,
         0.5 < left_over(run)[1] < 50,
@@ -147,6 +150,7 @@ SAYS = {
     "root mean square over 20 meshes": lambda run: len(run["meshes"]),
 }
 GIVEN = (
+    "when nothing drives the model any more, so that $x_t = 0$?",
     r"it holds if $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$",
     "so that inputs stay between -1 and 1 in every motion",
     "to $v / \\sqrt{m^2 + |v|^2}$, with",
