@@ -172,9 +172,9 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # is the price times the square of the input's factor. The part of the first term is the same for large and small
 # inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter. The
 # second term makes inputs dear that hardly move in the clips: `HARDLY` is a hundredth, and where the mean square of an
-# input is much smaller than `HARDLY**2`, the price is large in comparison, and least squares cannot use this input to
-# explain noise. `penalised` solves the normal equations
-# $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
+# input is much smaller than `HARDLY**2`, the price, compared with this mean square, is many times that of other inputs,
+# and least squares gives the input only a small factor, so that it does not explain noise. `penalised` solves the
+# normal equations $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 #
 # We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section
 # explains.
