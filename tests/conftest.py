@@ -14,6 +14,7 @@ TOGETHER = {  # files of tests that share what takes long, and a name for them
     "test_site.py": "site",
     "test_no_hang.py": "no hang",
     "test_triangle_study.py": "triangles",
+    "test_gauges_of_training.py": "gauges of training",
 }
 TAUGHT = ("tests/lectures/", "tests/test_examples", "tests/cli/test_lecture")
 

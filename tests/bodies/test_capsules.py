@@ -69,6 +69,7 @@ def test_both_sides_are_mirror_images_for_every_shape(name: str) -> None:
     assert (same | turned).all()
 
 
+@pytest.mark.long
 def test_fitting_again_gives_the_capsules_that_are_stored() -> None:
     body = load_body("small")
     again = fit_capsules(body)

@@ -23,7 +23,7 @@ from tests.fuzz.mutations import mutated
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/clear_refs").exists(), reason="peaks of memory as Linux tells them"
 )
-FEW, FEW_COMMANDS = 40, 5
+FEW, FEW_COMMANDS = 25, 5
 MANY = int(os.environ.get("WORKBENCH_FUZZ", "1000"))
 
 

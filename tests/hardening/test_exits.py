@@ -48,7 +48,15 @@ def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
 
 @FULL
 @pytest.mark.parametrize(
-    "arguments", [("--version",), ("--help",), ("run", "--list"), ("solvers",), ("lecture", "list")]
+    "arguments",
+    [
+        ("--version",),
+        ("solvers",),
+        *(
+            pytest.param(one, marks=pytest.mark.long)
+            for one in (("--help",), ("run", "--list"), ("lecture", "list"))
+        ),
+    ],
 )
 def test_a_full_output_is_a_sentence(arguments: tuple[str, ...]) -> None:
     with open("/dev/full", "w") as full:
@@ -230,7 +238,9 @@ def send():
     [(signal.SIGINT, 130, 1), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 2)],
     ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM twice"],
 )
-@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize(
+    "when", [pytest.param(one, marks=[pytest.mark.long] * (k % 2)) for k, one in enumerate(WHEN)]
+)
 def test_signals_have_their_code_and_no_traceback(
     when: str, number: signal.Signals, code: int, times: int
 ) -> None:

@@ -265,6 +265,11 @@ VARIANTS = {  # of others in the table, which every run of the tests tries
     "an array that agrees with everything",
     "a number that equals all others",
     "an array that is made anew each time",
+    "another standard output",
+    "a NumPy that finds all alike",
+    "an answering end that praises itself",
+    "messages of the course's own",
+    "a liar that equals everything",
 }
 
 

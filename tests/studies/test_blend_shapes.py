@@ -353,6 +353,7 @@ def study() -> PredictorStudy:
     return predictor_study(small_plan(), None, lambda text: None)
 
 
+@pytest.mark.long
 def test_it_comes_from_its_seeds(study: PredictorStudy) -> None:
     rng = np.random.default_rng(3)
     training, validation, test = (draw_poses(shipped_gaussian(), n, rng) for n in (120, 20, 24))
