@@ -90,7 +90,7 @@ def cache_folder() -> Path:
 
 def vectors() -> str:
     """The beginning of a C source that computes with the processor's vector registers."""
-    return files(__package__).joinpath("vectors.h").read_text(encoding="utf-8")
+    return source_beside(__package__, "vectors.h")
 
 
 def library(
@@ -116,6 +116,26 @@ def library(
             LOG.warning("not using %s: %s", kept, error)
             _discard(kept)
     return _compiled(name, key, source, [*compiler.command, *flags], trusted)
+
+
+def library_or_none(
+    name: str,
+    source: str,
+    trusted: Callable[[ctypes.CDLL], bool],
+    otherwise: str,
+    more: Sequence[str] = (),
+) -> ctypes.CDLL | None:
+    """The `library`, or None where there is none: the log says why, and what is done instead."""
+    try:
+        return library(name, source, trusted, more)
+    except NoLibrary as error:
+        LOG.info("%s: %s", otherwise, error)
+        return None
+
+
+def source_beside(package: str, name: str) -> str:
+    """The text of a C file of a package."""
+    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def _compiled(

@@ -4,7 +4,6 @@ import ctypes
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 
 import casadi as cs
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks.batched import Batched, Mapped, count
 from workbench.blocks.products import TOGETHER, rows_together
-from workbench.compiling import NoLibrary, library, vectors
+from workbench.compiling import NoLibrary, library, source_beside, vectors
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
@@ -122,7 +121,7 @@ class SimdFunction:
 
 def simd_code(function: cs.Function, shared: Sequence[bool], before: Before | None = None) -> str:
     """The C source of a function; raises NotSupported for an instruction that has no C here."""
-    head = files(__package__).joinpath("simd.h").read_text(encoding="utf-8")
+    head = source_beside(__package__, "simd.h")
     inputs = [(k, function.nnz_in(k), same) for k, same in enumerate(shared)]
     outputs = [(k, function.nnz_out(k)) for k in range(function.n_out())]
     of_run = ["integer M", *(f"const double *x{k}" for k, _, _ in inputs)]

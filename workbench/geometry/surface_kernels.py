@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import ctypes
-import logging
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
-from workbench.compiling import NoLibrary, library
+from workbench.compiling import library_or_none, source_beside
 from workbench.geometry.surface_boxes import ROWS, Boxes, widening
 from workbench.geometry.surface_order import WIDE, Order
 from workbench.geometry.surface_search import IN_NUMPY, Asked, Found, Way
 from workbench.geometry.triangles import FLAT
 
-LOG = logging.getLogger(__name__)
 NAME = "surface-tree"
 EXACT = ("-O3", "-ffp-contract=off", "-fno-math-errno")  # the rounding of NumPy, loops as vectors
 TRIED = 100  # triangles and points that a library is tried on
@@ -34,13 +31,12 @@ def quickest() -> Way:
 @cache
 def compiled() -> Way | None:
     """The search by compiled code, loaded once per process; None where there is no compiler."""
-    try:
-        source = files(__package__).joinpath("surface_tree.c").read_text(encoding="utf-8")
-        loaded = Loaded(library(NAME, source, _agrees, EXACT))
-        return Way(loaded.boxes, loaded.search)
-    except NoLibrary as error:
-        LOG.info("closest points are found by NumPy: %s", error)
+    source = source_beside(__package__, "surface_tree.c")
+    found = library_or_none(NAME, source, _agrees, "closest points are found by NumPy", EXACT)
+    if found is None:
         return None
+    loaded = Loaded(found)
+    return Way(loaded.boxes, loaded.search)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,18 +8,15 @@ in half of all places of an embedded body; `gram.c` leaves them out, block by bl
 from __future__ import annotations
 
 import ctypes
-import logging
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.compiling import NoLibrary, library, vectors
+from workbench.compiling import library_or_none, source_beside, vectors
 
-LOG = logging.getLogger(__name__)
 NAME = "normal-equations"
 MANY = 2e7  # multiplications, m n^2: below, BLAS is as fast as a call of anything else
 WIDEST = 200  # columns: beyond, their sums do not stay near the processor (measured)
@@ -50,12 +47,9 @@ def worthwhile(m: int, n: int) -> bool:
 @cache
 def compiled() -> CompiledGram | None:
     """The compiled products, loaded once per process; None where there is no compiler."""
-    try:
-        source = files(__package__).joinpath("gram.c").read_text(encoding="utf-8")
-        return CompiledGram(library(NAME, "\n".join([vectors(), source]), _agrees))
-    except NoLibrary as error:
-        LOG.info("normal equations are computed by BLAS: %s", error)
-        return None
+    source = "\n".join([vectors(), source_beside(__package__, "gram.c")])
+    loaded = library_or_none(NAME, source, _agrees, "normal equations are computed by BLAS")
+    return None if loaded is None else CompiledGram(loaded)
 
 
 @dataclass(frozen=True, eq=False)

@@ -162,8 +162,8 @@ class FreeVertices:
 
     in stages: with an infinite coupling V is M, and this is the fit of the model; then the
     coupling is finite (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV
-    2012; Bogo et al., FAUST, CVPR 2014). All stages have the same
-    terms, and differ in the names that are free.
+    2012; Bogo et al., FAUST, CVPR 2014). All stages have the same terms, and differ in the
+    names that are free.
 
     Attributes:
         body: its template has the faces of the registration.

@@ -144,8 +144,8 @@ def register(
     among the points is not used, and a finding says so. `progress` is told of every iterate of the
     fit of the body. Ctrl-C raises KeyboardInterrupt, and nothing is returned.
 
-    Raises BadScan for a scan that cannot be of a person, or of which nothing is
-    left without the points near its boundary.
+    Raises BadScan for a scan that cannot be of a person, or of which nothing is left
+    without the points near its boundary.
 
     >>> from workbench import load_body
     >>> from workbench.registration import FitStage, Recipe, register

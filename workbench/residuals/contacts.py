@@ -180,7 +180,7 @@ class HeldContacts:
         """The numbers where the blocks have these values."""
         here = self.arithmetic.evaluate(values)
         numbers = self._numbers(here.points)
-        held = ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), self._held)
+        held = ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), lambda: self.slopes)
         return ContactsAt(here, held)
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
@@ -196,9 +196,6 @@ class HeldContacts:
         found = csc_array(_with(np.ones(self.slopes.nnz), self.slopes) @ ones)
         found.sort_indices()
         return found
-
-    def _held(self) -> csr_array:
-        return self.slopes
 
     def _numbers(self, vertices: Array) -> Array:
         moved = self.slopes @ vertices.ravel()

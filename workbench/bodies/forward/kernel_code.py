@@ -1,14 +1,13 @@
 """The C source of compiled surfaces: functions of one vertex, written for several, and loops."""
 
 from collections.abc import Mapping
-from importlib.resources import files
 
 import casadi as cs
 
 from workbench.blocks.simd import C_OF, statements
 from workbench.bodies.forward.exact_storage import Stored
 from workbench.bodies.forward.vertex import ADDED, OF_JOINT
-from workbench.compiling import vectors
+from workbench.compiling import source_beside, vectors
 
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
 STORED = ("shapedirs", "posedirs")  # what is read in the type in which it is stored
@@ -42,10 +41,7 @@ def vertex_code(
         "OF_JOINT": OF_JOINT,
         "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
     }
-    head, loops = (
-        files(__package__).joinpath(name).read_text(encoding="utf-8")
-        for name in ("stored.h", "vertex_loops.c")
-    )
+    head, loops = (source_beside(__package__, name) for name in ("stored.h", "vertex_loops.c"))
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
     kernels = [kernel(f, "+=" if name in ADDED else "=") for name, f in functions.items()]
     return "\n".join([vectors(), *defines, head, *kernels, loops])
