@@ -11,6 +11,7 @@ from benchmarks.bodies_made_up import Case, case_of
 from benchmarks.candidates import Candidate
 from workbench.arrays import Array
 from workbench.bodies.forward.arithmetic import arithmetic_of
+from workbench.bodies.forward.joint_kernels import joint_kernels
 from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
 from workbench.problem import gram
 
@@ -36,6 +37,7 @@ def compiling(allowed: bool) -> Iterator[None]:
 
 def _forget() -> None:
     kernels.cache_clear()
+    joint_kernels.cache_clear()
     gram.compiled.cache_clear()
 
 

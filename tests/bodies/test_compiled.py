@@ -18,6 +18,7 @@ from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.exact_storage import Stored
+from workbench.bodies.forward.joint_kernels import joint_kernels
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.packed_vertices import PackedVertices
@@ -41,8 +42,10 @@ def afresh(monkeypatch: pytest.MonkeyPatch, cache: Path) -> Iterator[None]:
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 1)
     kernels.cache_clear()
+    joint_kernels.cache_clear()
     yield
     kernels.cache_clear()
+    joint_kernels.cache_clear()
 
 
 def body_of(kind: str, N: int, nonzeros: int | None = None) -> SkinnedBody:
@@ -241,7 +244,7 @@ def test_a_compiler_that_makes_no_library(
     monkeypatch.setenv("CC", compiler_that(tmp_path, says))
     monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
     assert_falls_back(caplog, "does not load")
-    assert not list((tmp_path / "cache").glob("*.so"))
+    assert not list((tmp_path / "cache").glob("vertex-kernels-*.so"))
 
 
 @NEEDS_COMPILER
@@ -253,7 +256,7 @@ def test_a_library_with_wrong_numbers_is_not_kept(
     monkeypatch.setenv("CC", compiler_that(tmp_path, says))
     monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
     assert_falls_back(caplog, "numbers are wrong")
-    assert not list((tmp_path / "cache").glob("*.so"))
+    assert not list((tmp_path / "cache").glob("vertex-kernels-*.so"))
 
 
 @NEEDS_COMPILER
@@ -273,6 +276,7 @@ def test_a_damaged_library_is_made_anew(
         {"truncated": whole[: len(whole) // 2], "another's": b"MZ" * 999}.get(damage, b"")
     )
     kernels.cache_clear()
+    joint_kernels.cache_clear()
     with caplog.at_level(logging.WARNING, logger="workbench"):
         assert_right(body_of("small", 9))
     assert "it is damaged" in caplog.text
@@ -306,6 +310,7 @@ def test_compiled_once_and_said(
             body = random_body(N, n_vertices=N, parents=(-1, 0, 1), n_joints=3, n_betas=2)
             assert_right(body)
             kernels.cache_clear()
+    joint_kernels.cache_clear()
     assert caplog.text.count("compiling the vertex-kernels") == 1
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -366,6 +371,7 @@ def test_joints_that_leave_vertices_alone_are_left_out() -> None:
 def test_numpy_leaves_out_the_features_that_bend_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WORKBENCH_COMPILE", "0")
     kernels.cache_clear()
+    joint_kernels.cache_clear()
     body = body_of("smpl", 300)
     posedirs = body.posedirs.reshape(300, 3, 23, 9).copy()
     posedirs[256:, :, [0, 3, *range(5, 23)]] = 0

@@ -11,6 +11,7 @@ from workbench.bodies.forward.kernel_code import kernel
 from workbench.bodies.forward.vertex import (
     motion_column,
     shape_columns,
+    slopes_column,
     vertex_columns,
     vertex_functions,
 )
@@ -29,12 +30,9 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
     points, by_pose, by_betas = (np.asarray(a) for a in J(pose.T, betas, np.zeros(3)))
 
     f = SimpleNamespace(**vertex_functions(B))
-    motion = motion_column(
-        body.kinematics.motion(pose, betas), betas, body.kinematics.slopes(pose, betas)
-    )
-    features, G, joints, of_joints, of_betas = np.split(
-        motion[B:], np.cumsum([9 * (K - 1), 12 * K, 3 * K, 36 * K])
-    )
+    motion = motion_column(body.kinematics.motion(pose, betas))
+    features, G, joints = np.split(motion, np.cumsum([9 * (K - 1), 12 * K]))
+    of_joints, of_betas = np.split(slopes_column(body.kinematics.slopes(pose, betas)), [36 * K])
     for i in range(4):
         rows = slice(3 * i, 3 * i + 3)
         template, w = np.split(vertex_columns(body, np.arange(4))[:, i], [3])
@@ -53,9 +51,12 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
             hanging[body.parents[k]] += number(f.hung, hanging[k])
         for k in range(K):
             arm = number(f.arm, hanging[k], part(joints, K, k))
-            found = number(f.turned, arm, part(of_joints, K, k))
+            axes, slopes = np.split(part(of_joints, K, k), [9])
+            found = number(f.turned, arm, axes)
             if k:
-                found += number(f.bulged, part(P, K - 1, k - 1), M, part(of_joints, K, k))
+                P_k = part(P, K - 1, k - 1)
+                bulging = sum(number(f.bulging, part(P_k, 9, n), part(slopes, 9, n)) for n in range(9))
+                found += number(f.bulged, M, bulging)
             expected = by_pose[rows, 3 * k : 3 * k + 3]
             np.testing.assert_allclose(found.reshape(3, 3).T, expected, rtol=0, atol=1e-12)
         for b in range(B):

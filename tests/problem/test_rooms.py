@@ -3,6 +3,7 @@
 import gc
 
 import numpy as np
+import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
@@ -17,31 +18,42 @@ def place(array: np.ndarray) -> int:
 
 def test_a_room_is_used_again_once_all_views_are_gone() -> None:
     rooms = Rooms()
-    first = rooms.empty(ROWS, COLUMNS)
+    room, first = rooms.array(ROWS, COLUMNS)
+    room[:] = 7.0
+    del room
     at, view = place(first), first.T[3:]
     del first
-    second = rooms.empty(ROWS, COLUMNS)
+    room, second = rooms.array(ROWS, COLUMNS)
     assert place(second) != at  # a view of the first is still there
-    view[:] = 7.0
-    second[:] = 1.0
+    room[:] = 1.0
     assert (view == 7.0).all()
     del view
-    assert place(rooms.empty(ROWS, COLUMNS)) == at
+    room, third = rooms.array(ROWS, COLUMNS)
+    assert place(third) == at
+    assert (third == 7.0).all()  # what the last one left
+
+
+def test_nobody_else_can_write_to_a_room() -> None:
+    _, found = Rooms().array(ROWS, COLUMNS)
+    with pytest.raises(ValueError, match="read-only"):
+        found[0, 0] = 1.0
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        found.flags.writeable = True
 
 
 def test_few_rooms_wait_and_small_arrays_need_none() -> None:
     rooms = Rooms()
-    made = [rooms.empty(ROWS, COLUMNS) for _ in range(KEPT + 2)]
+    made = [rooms.array(ROWS, COLUMNS)[1] for _ in range(KEPT + 2)]
     made.clear()
     assert len(rooms._free) == KEPT
-    other = rooms.empty(ROWS, COLUMNS + 1)
+    _, other = rooms.array(ROWS, COLUMNS + 1)
     assert other.shape == (ROWS, COLUMNS + 1)
     small = Rooms()
-    some = small.empty(3, 4)
+    _, some = small.array(3, 4)
     assert some.nbytes < WORTH_KEEPING
     del some
     assert not small._free
-    assert small.empty(0, 5).shape == (0, 5)
+    assert small.array(0, 5)[1].shape == (0, 5)
 
 
 def test_jacobians_that_are_kept_keep_their_numbers() -> None:

@@ -66,6 +66,15 @@ def evaluate_each(source: NumericPoints, values: Sequence[Mapping[str, Array]]) 
     )
 
 
+def tangent_over_zeros(here: PointsAt, into: Mapping[str, Array], scale: Array | None) -> None:
+    """`here.tangent`, into arrays that hold zeros wherever the derivative is always zero.
+
+    Points may have a method of this name, which leaves these entries as they are.
+    """
+    leaving = getattr(here, "tangent_over_zeros", None)
+    (here.tangent if leaving is None else leaving)(into, scale)
+
+
 class PointSource(Protocol):
     """Where points come from: an expression in the symbols of some blocks, arithmetic, or both.
 

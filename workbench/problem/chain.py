@@ -21,7 +21,7 @@ from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered, without_calls
 from workbench.blocks.layout import all_values
-from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of
+from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
 from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
@@ -57,6 +57,9 @@ class Chain:
         read = cs.veccat(*graph.points)
         if self.sources and not any(cs.depends_on(J, read) for J in jacobians):
             self._slopes = Buffered(cs.Function("slopes", arguments[:2], jacobians))
+        self._constant: list[Array] = []  # their numbers, if they read nothing at all
+        if self._slopes and not any(cs.depends_on(J, cs.veccat(*arguments[:2])) for J in jacobians):
+            self._constant = self._slopes(*(np.zeros(a.numel()) for a in arguments[:2]))
         self.by_x, *self.by_points = (Pattern(J.sparsity()) for J in jacobians)
         taken = [set(pattern.rows.tolist()) for pattern in self.by_points]
         self._own_rows = [  # where a source has rows for itself, coordinate by coordinate
@@ -92,7 +95,7 @@ class Chain:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
             J = self._jacobian(places, direct, by_points)
         else:  # the points come last, because they are a byproduct of their derivative
-            direct, *by_points = self._slopes(x, fixed)
+            direct, *by_points = self._constant or self._slopes(x, fixed)
             J = self._jacobian(places, direct, by_points)
             r = self.to_residual(x, fixed, *(here.points for here in places))[0]
         return r, J
@@ -136,9 +139,15 @@ class Chain:
     ) -> Stored:
         if self.sparse:
             return self._sparse(places, direct, by_points)
-        columns = self._columns(places, by_points)
-        columns[self.by_x.columns, self.by_x.rows] += direct
-        return columns.T
+        columns, found = self._rooms.array(self.free.size, self.by_x.shape[0])
+        for at, rows in self._left_alone:
+            columns[at, rows] = 0.0
+        if len(direct):
+            columns[self.by_x.columns, self.by_x.rows] = 0.0
+        self._write(columns, places, by_points)
+        if len(direct):
+            columns[self.by_x.columns, self.by_x.rows] += direct
+        return found.T
 
     def _sparse(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
@@ -184,12 +193,13 @@ class Chain:
             found[i].append((number, name, part))
         return found
 
-    def _columns(self, places: Sequence[PointsAt], by_points: list[Array]) -> Array:
-        """The part of J that comes through the points, transposed, (n, m)."""
-        m = self.by_x.shape[0]
-        columns = self._rooms.empty(self.free.size, m)
-        for at in self._not_all_written(m):
-            columns[at] = 0.0
+    def _write(
+        self, columns: Array, places: Sequence[PointsAt], by_points: Sequence[Array]
+    ) -> None:
+        """The part of J that comes through the points, transposed, into (n, m).
+
+        There are zeros where nothing is ever written, and elsewhere what was written the last time.
+        """
         for i, (here, pattern, rows, entries) in enumerate(
             zip(places, self.by_points, self._own_rows, by_points, strict=True)
         ):
@@ -203,22 +213,30 @@ class Chain:
             if not dense:
                 continue
             if rows is not None:
-                here.tangent({name: columns[at, rows] for name, at in dense.items()}, entries)
+                into = {name: columns[at, rows] for name, at in dense.items()}
+                tangent_over_zeros(here, into, entries)
                 continue
             parts = {n: np.empty((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
             here.tangent(parts, None)
             for name, at in dense.items():
                 columns[at] += (pattern.matrix(entries) @ parts[name].T).T
-        return columns
 
-    def _not_all_written(self, m: int) -> list[slice]:
-        """The columns of blocks for which no source writes every row; they must be zero before."""
-        whole = {
-            name
-            for i, name, part in self._parts
-            if isinstance(part, Part) and self._own_rows[i] == slice(0, m)
-        }
-        return [at for name, at in self.free.slices.items() if name not in whole]
+    @cached_property
+    def _left_alone(self) -> list[tuple[slice, slice]]:
+        """Columns and rows of J that no source writes whole; they must be zero before."""
+        found = []
+        for name, at in self.free.slices.items():
+            written = [
+                rows
+                for i, other, part in self._parts
+                if other == name and isinstance(part, Part) and (rows := self._own_rows[i])
+            ]
+            edge = 0
+            for rows in (*sorted(written, key=_first), slice(self.by_x.shape[0], None)):
+                if rows.start > edge:
+                    found.append((at, slice(edge, rows.start)))
+                edge = rows.stop
+        return found
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
@@ -289,6 +307,10 @@ def _part(
     if of_points is None:
         return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)
+
+
+def _first(rows: slice) -> int:
+    return int(rows.start)
 
 
 def _weighed(argument: cs.MX) -> cs.MX:

@@ -16,25 +16,32 @@ class Rooms:
     """Rooms for arrays of one size after the other.
 
     An operating system clears new memory page by page, which for a large Jacobian takes as long as
-    computing it. An array's room is free when the array and all views of it are gone.
+    computing it. An array's room is free when the array and all views of it are gone. Whoever gets
+    a room again finds in it what was written there before: hence others can only read it.
     """
 
     _free: list[Array] = field(default_factory=list)
 
-    def empty(self, rows: int, columns: int) -> Array:
-        """An array (rows, columns) of any numbers."""
+    def array(self, rows: int, columns: int) -> tuple[Array, Array]:
+        """An array (rows, columns) to write to, and the same for everybody else to read.
+
+        It holds zeros, or what the last array of this size held. It is free to be used again when
+        the second one is gone.
+        """
         size = 8 * rows * columns
         if size < WORTH_KEEPING:
-            return np.empty((rows, columns))
+            found = np.zeros((rows, columns))
+            return found, found
         try:
             room = self._free.pop()  # at once, whatever other threads do
         except IndexError:
-            room = np.empty(rows * columns)  # for which NumPy asks the system for large pages
+            room = np.zeros(rows * columns)  # for which NumPy asks the system for large pages
         if room.nbytes != size:
-            room = np.empty(rows * columns)
-        whole = np.frombuffer(room.data)  # which all views hold, as its base is no array
+            room = np.zeros(rows * columns)
+        # all views hold it, as its base is no array, and none can be made writeable
+        whole = np.frombuffer(memoryview(room).toreadonly())
         weakref.finalize(whole, self._back, room).atexit = False
-        return whole.reshape(rows, columns)
+        return room.reshape(rows, columns), whole.reshape(rows, columns)
 
     def _back(self, room: Array) -> None:
         if len(self._free) < KEPT:

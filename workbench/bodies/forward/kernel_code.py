@@ -27,9 +27,7 @@ def vertex_code(
     """The whole source, for this tree and B betas: the kernels, and loops around them."""
     K = len(parents)
     sizes: dict[str, int | str] = {
-        "PARENTS": "{" + ", ".join(map(str, parents)) + "}",
-        "JOINTS": K,
-        "BETAS": B,
+        **tree_sizes(parents, B),
         "WEIGHTS": 3,
         "ROWS": 3 + K,
         "STORED": kind.value,
@@ -47,12 +45,20 @@ def vertex_code(
     return "\n".join([vectors(), *defines, head, *kernels, loops])
 
 
-def kernel(function: cs.Function, put: str = "=") -> str:
+def tree_sizes(parents: tuple[int, ...], B: int) -> dict[str, int | str]:
+    """What C code has to know of a tree of joints and B betas."""
+    listed = "{" + ", ".join(map(str, parents)) + "}"
+    return {"PARENTS": listed, "JOINTS": len(parents), "BETAS": B}
+
+
+def kernel(
+    function: cs.Function, put: str = "=", c_of: Mapping[int, str] = SUMS_AND_PRODUCTS
+) -> str:
     """A function as C for several vertices; the input called `motion` is the same for all.
 
     Inputs that `STORED` names are read in the type in which they are stored. `put` says whether
     outputs are set or, with `+=`, added to what is there.
-    Raises NotSupported for any operation but sums and products.
+    Raises NotSupported for an operation that is not in `c_of`.
     """
     names = [function.name_in(i) for i in range(function.n_in())]
     shared = [name == "motion" for name in names]
@@ -65,7 +71,7 @@ def kernel(function: cs.Function, put: str = "=") -> str:
         f"{to} {put} {text.format(*map(read, of))};"
         if to.startswith("o")
         else f"const v {to} = {text.format(*map(read, of))};"
-        for to, of, text in statements(function, shared, SUMS_AND_PRODUCTS)
+        for to, of, text in statements(function, shared, c_of)
     ]
     inputs = []
     for i, name in enumerate(names):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import ChunkedArithmetic, ChunkedSurface, chunks_of
 from workbench.bodies.forward.packed_vertices import PackedVertices
 from workbench.bodies.forward.rows import Rows, Target
-from workbench.bodies.forward.vertex import motion_column, vertex_functions
+from workbench.bodies.forward.vertex import motion_column, slopes_column, vertex_functions
 from workbench.compiling import NoLibrary, library
 from workbench.errors import NotSupported
 
@@ -31,6 +31,8 @@ TRIED_SHARE = 0.1  # of its joints that carry and bend each of them
 STEP = 1e-3  # of the numbers that are tried
 WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
 BLOCKS = ("pose", "betas", "trans")
+MANY_SHAPES = 64  # of arrays whose rows' distances are remembered
+FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
 
 @cache
@@ -43,7 +45,8 @@ def kernels(
     """
     try:
         source = vertex_code(vertex_functions(B), parents, B, kind)
-        return library(NAME, source, lambda loaded: _agrees(loaded, parents, B, kind)), ""
+        agrees = partial(_agrees, parents=parents, B=B, kind=kind)
+        return library(NAME, source, agrees, FLAGS), ""
     except (NoLibrary, NotSupported) as error:
         LOG.info("surfaces are computed by NumPy: %s", error)
         return None, str(error)
@@ -155,11 +158,15 @@ class CompiledArithmetic:
         """The surface moved by a motion, of the person with these betas (B,)."""
         return CompiledSurface(self, motion, betas)
 
-    def run(self, name: str, numbers: Array, *words: int | None) -> None:
-        """A function of the library, for all vertices; `words` are addresses or integers."""
-        shared = _address(self.packed.structure), _address(numbers)
+    def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
+        """A function of the library, for all vertices, which is given the addresses of arrays."""
         function = getattr(self.library, name)
-        function(*(ctypes.c_ssize_t(word or 0) for word in (*shared, *words)))
+        words = (0 if array is None else _address(array) for array in arrays)
+        function(*map(ctypes.c_ssize_t, (self._here, *words)))
+
+    @cached_property
+    def _here(self) -> int:
+        return _address(self.packed.structure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,18 +181,25 @@ class CompiledSurface:
     def points(self) -> Array:
         """The posed vertices before translation, (N, 3) m."""
         found = np.empty((self.of.packed.count, 3))
-        self.of.run("points", self._column(), _address(found))
+        self.of.run("points", *self._moved, found)
         return found
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into[name] (size, 3 N); keep the points as well."""
+        if "pose" in into:
+            self.of.run("clear", _addresses(Rows.of(into["pose"]), []))  # what is copied has zeros
+        self.tangent_over_zeros(slopes, into, scale)
+
+    def tangent_over_zeros(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+    ) -> None:
+        """The same where `into` holds zeros for joints that leave vertices alone."""
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
         tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
-        column = self._column(slopes)
-        wanted = (factor, *(tables.get(name) for name in BLOCKS), found)
-        self.of.run("tangent", column, *(None if a is None else _address(a) for a in wanted))
+        wanted = factor, *(tables.get(name) for name in BLOCKS), found
+        self.of.run("tangent", *self._moved, slopes_column(slopes), *wanted)
         if found is not None:
             self.__dict__["points"] = found  # as if they had been asked for
         for array, room in copied:
@@ -196,18 +210,15 @@ class CompiledSurface:
         (K, B), features = self.of.packed.sizes, len(self.motion.features)
         pulled = np.ascontiguousarray(pull, dtype=np.float64)
         felt = np.empty(B + features + 12 * K)
-        self.of.run("adjoint", self._column(), _address(pulled), _address(felt))
+        self.of.run("adjoint", *self._moved, pulled, felt)
         on_betas, on_features, on_G = np.split(felt, [B, B + features])
         shape, bend = self.of.packed.steps
         return on_G.reshape(K, 3, 4), bend * on_features, shape * on_betas
 
-    def _column(self, slopes: Slopes | None = None) -> Array:
-        """The column that all vertices share, in the units of what is stored."""
-        shape, bend = self.of.packed.steps
-        motion = replace(self.motion, features=bend * self.motion.features)
-        if slopes is not None:
-            slopes = replace(slopes, d_features=bend * slopes.d_features)
-        return motion_column(motion, shape * self.betas, slopes)
+    @cached_property
+    def _moved(self) -> tuple[Array, Array]:
+        """Betas and the motion, as the library takes them."""
+        return np.ascontiguousarray(self.betas, dtype=np.float64), motion_column(self.motion)
 
 
 def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
@@ -216,15 +227,21 @@ def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp
     An array whose rows are not float64 in one piece is written aside, and appended to `copied`.
     """
     if (one := rows.whole) is not None and _plain(one):
-        return _address(one) + one.strides[0] * np.arange(rows.count)
+        return _address(one) + _distances(one.strides[0], rows.count)
     table = np.zeros(rows.count, dtype=np.intp)
     for first, array in rows.parts:
         room = array
         if not _plain(array):
-            room = np.empty(array.shape)
+            room = np.zeros(array.shape)
             copied.append((array, room))
         table[first : first + len(array)] = _address(room) + room.strides[0] * np.arange(len(array))
     return table
+
+
+@lru_cache(MANY_SHAPES)
+def _distances(stride: int, count: int) -> NDArray[np.intp]:
+    """How far each of some rows is from the first one, in bytes."""
+    return stride * np.arange(count)
 
 
 def _plain(array: Array) -> bool:

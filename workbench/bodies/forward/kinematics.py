@@ -29,9 +29,14 @@ def world_motions(
     local = cs.horzsplit(R, 3)
     world = [(local[0], bones[0])]
     for k, parent in enumerate(parents[1:], start=1):
-        R_up, t_up = world[parent]
-        world.append((R_up @ local[k], R_up @ bones[k] + t_up))
+        world.append(followed(world[parent], local[k], bones[k]))
     return world
+
+
+def followed(above: tuple[Matrix, Matrix], R: Matrix, bone: Matrix) -> tuple[Matrix, Matrix]:
+    """A joint in the world: its rotation and place in the frame of the parent, which is `above`."""
+    R_up, t_up = above
+    return R_up @ R, R_up @ bone + t_up
 
 
 def ancestors(parents: Sequence[int]) -> Array:
@@ -61,19 +66,19 @@ def local_slopes(pose: cs.SX, R: cs.SX) -> list[list[cs.SX]]:
 
 
 def turning_axes(
-    slopes: Sequence[Sequence[cs.SX]], R: cs.SX, world: Sequence[cs.SX], parents: Sequence[int]
+    slopes: Sequence[Sequence[cs.SX]], R: cs.SX, above: Sequence[cs.SX]
 ) -> list[cs.SX]:
     """The axis w (3, 1) of each number of a pose (3, K), joint by joint: 3 K of them.
 
     When pose[a, k] grows, everything at and below joint k turns about w in the world: its
     rotations change by [w]x R. R (3, 3 K) are the local rotations, `slopes` their derivatives, and
-    `world` the joints' rotations in the world.
+    `above` the rotations of the joints' parents in the world.
     """
     axes = []
     for k, R_k in enumerate(cs.horzsplit(R, 3)):
         for D in slopes[k]:  # [own axis]x R_k
             own = cs.vertcat(*[cs.dot(D[r, :], R_k[c, :]) for r, c in ((2, 1), (0, 2), (1, 0))])
-            axes.append(world[parents[k]] @ own if k else own)
+            axes.append(above[k] @ own)
     return axes
 
 
@@ -103,7 +108,13 @@ def binding_motions(
     posed = world_motions(R, bones, parents)
     bound = world_motions(R_bind, bones, parents)
     motions = []
-    for (R_k, t_k), (R_0, t_0) in zip(posed, bound, strict=True):
-        turn = R_k @ R_0.T
-        motions.append(cs.horzcat(turn, t_k - turn @ t_0))
+    for motion, (R_0, t_0) in zip(posed, bound, strict=True):
+        motions.append(bound_motion(motion, R_0.T, t_0))
     return motions, cs.horzcat(*[t for _, t in posed])
+
+
+def bound_motion(motion: tuple[Matrix, Matrix], unbind: Matrix, at_rest: Matrix) -> Matrix:
+    """G' (3, 4) of a joint that is moved like this, turned by unbind' and `at_rest` when bound."""
+    R, t = motion
+    turn = R @ unbind
+    return cs.horzcat(turn, t - turn @ at_rest)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import casadi as cs
 import numpy as np
@@ -32,11 +33,13 @@ class Motion:
         G: (..., K, 3, 4) the motion of each joint, which takes what is at rest to where it is.
         features: (..., 9 (K - 1)) what the pose blend shapes are multiplied with.
         joints: (..., K, 3) m, the posed joints.
+        column: features, G and joints as one array, of which they are parts, if they are.
     """
 
     G: Array
     features: Array
     joints: Array
+    column: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +50,23 @@ class Slopes:
         turns: (..., K, 9, 3) with rows (a, d), the map u -> (axis of pose[k, a] x u)_d.
         d_features: (..., K - 1, 3, 9) the features of joint k + 1 by its own three numbers.
         d_shift: (..., 3 B, K) with rows (b, d), the last column of G_k by betas[b].
+        column: these numbers in the order of `vertex.slopes_column`, if they are known in it.
     """
 
     turns: Array
     d_features: Array
     d_shift: Array
+    column: Array | None = None
+
+
+class JointNumbers(Protocol):
+    """The motion of a body's joints and its derivative at one pose (K, 3) rad and betas (B,)."""
+
+    def motion(self, pose: Array, betas: Array) -> Motion:
+        """The motion."""
+
+    def slopes(self, pose: Array, betas: Array) -> Slopes:
+        """Its derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,20 +119,44 @@ class Together:
         return [Slopes(*one) for one in zip(*parts, strict=True)]
 
 
-class Kinematics:
-    """A body's joints, motions and features as CasADi functions of pose and betas; adjoints."""
+class _Functions(NamedTuple):
+    """CasADi functions of pose and betas, and the adjoint of the first."""
 
-    def __init__(self, skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]) -> None:
+    motion: Buffered
+    slopes: Buffered
+    back: Buffered
+
+
+class Kinematics:
+    """A body's joints, motions and features as functions of pose and betas; their adjoints.
+
+    CasADi computes them, and `at_one`, if it is given, those at a single pose.
+    """
+
+    def __init__(
+        self,
+        skeleton: Skeleton,
+        bind_pose: Array,
+        parents: Sequence[int],
+        at_one: JointNumbers | None = None,
+    ) -> None:
         K, _, B = skeleton.slopes.shape
         self._sizes, self.skeleton, self.ancestors = (K, B), skeleton, ancestors(parents)
+        self._bind_pose, self._parents, self._at_one = bind_pose, tuple(parents), at_one
+        self._last: tuple[tuple[bytes, bytes], Posed] | None = None
+
+    @cached_property
+    def _functions(self) -> _Functions:
+        (K, B), parents = self._sizes, self._parents
         pose, betas = cs.SX.sym("pose", 3, K), cs.SX.sym("betas", B)
-        rest = skeleton.joints(betas)
-        R, R_bind = rodrigues(pose), rodrigues(cs.SX(cs.DM(bind_pose.T)))
+        rest = self.skeleton.joints(betas)
+        R, R_bind = rodrigues(pose), rodrigues(cs.SX(cs.DM(self._bind_pose.T)))
         G, joints = binding_motions(R, R_bind, rest, parents)
         features = pose_features(R, R_bind)
         world = world_motions(R, bones_of(rest, R_bind, parents), parents)
         by_angle = local_slopes(pose, R)
-        axes = turning_axes(by_angle, R, [R_k for R_k, _ in world], parents)
+        above = [cs.SX.eye(3), *(world[parent][0] for parent in parents[1:])]
+        axes = turning_axes(by_angle, R, above)
         d_features = [cs.vec(D.T) for own in by_angle[1:] for D in own]
         stacked = cs.horzcat(*G)  # (3, 4 K)
         turns = [cs.SX.eye(3), *(motion[:, :3] for motion in G)]
@@ -128,16 +167,17 @@ class Kinematics:
             cs.vertcat(*d_features) if d_features else cs.SX(0, 1),
             cs.vertcat(*[cs.vec(step.T) for step in steps]),
         ]
-        self._motion, self._slopes = (
-            Buffered(cs.Function("kinematics", [pose, betas], [cs.densify(part) for part in parts]))
-            for parts in (outputs, slopes)
-        )
         pull_G = cs.SX.sym("pull_G", 3, 4 * K)
         pull_f = cs.SX.sym("pull_f", features.shape[0])
         felt = cs.dot(pull_G, stacked) + cs.dot(pull_f, features)
         back = [cs.densify(cs.gradient(felt, pose)), cs.densify(cs.gradient(felt, betas))]
-        self._back = Buffered(cs.Function("adjoint", [pose, betas, pull_G, pull_f], back))
-        self._last: tuple[tuple[bytes, bytes], Posed] | None = None
+        return _Functions(
+            *(
+                Buffered(cs.Function("kinematics", [pose, betas], list(map(cs.densify, parts))))
+                for parts in (outputs, slopes)
+            ),
+            Buffered(cs.Function("adjoint", [pose, betas, pull_G, pull_f], back)),
+        )
 
     def evaluate(self, pose: Array, betas: Array) -> Posed:
         """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for.
@@ -157,7 +197,9 @@ class Kinematics:
 
     def motion(self, pose: Array, betas: Array) -> Motion:
         """The motion at pose (K, 3) rad and betas (B,)."""
-        return self._shaped(self._motion(pose, betas))
+        if self._at_one is not None:
+            return self._at_one.motion(pose, betas)
+        return self._shaped(self._functions.motion(pose, betas))
 
     def motions(self, poses: Array, betas: Array) -> Motion:
         """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
@@ -165,7 +207,9 @@ class Kinematics:
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
-        return self._shaped_slopes(self._slopes(pose, betas))
+        if self._at_one is not None:
+            return self._at_one.slopes(pose, betas)
+        return self._shaped_slopes(self._functions.slopes(pose, betas))
 
     def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
         """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
@@ -175,11 +219,11 @@ class Kinematics:
 
     @cached_property
     def _motions(self) -> Batched:
-        return Mapped(self._motion.function, (False, False))
+        return Mapped(self._functions.motion.function, (False, False))
 
     @cached_property
     def _slopes_batch(self) -> Batched:
-        return Mapped(self._slopes.function, (False, False))
+        return Mapped(self._functions.slopes.function, (False, False))
 
     def _shaped(self, outputs: Sequence[Array]) -> Motion:
         (K, _), (G, features, joints) = self._sizes, outputs
@@ -203,5 +247,5 @@ class Kinematics:
         self, pose: Array, betas: Array, on_G: Array, on_features: Array
     ) -> tuple[Array, Array]:
         """The gradients (K, 3) and (B,) of sum(on_G * G) + on_features . f, on_G (K, 3, 4)."""
-        on_pose, on_betas = self._back(pose, betas, on_G.transpose(0, 2, 1), on_features)
+        on_pose, on_betas = self._functions.back(pose, betas, on_G.transpose(0, 2, 1), on_features)
         return on_pose.reshape(pose.shape), on_betas

@@ -10,11 +10,12 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.forward import surface
+from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
 from workbench.bodies.forward.joint_batch import JointBatch
+from workbench.bodies.forward.joint_kernels import CompiledJoints
 from workbench.bodies.forward.joint_numbers import JointArithmetic
 from workbench.bodies.forward.landmark_numbers import LandmarkArithmetic
 from workbench.bodies.forward.landmark_symbols import posed_landmarks
@@ -41,7 +42,9 @@ class NumericBody:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives."""
-        return Kinematics(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
+        of = self.skeleton, self.arrays.bind_pose, self.arrays.parents
+        worthwhile = self.arrays.n_vertices >= arithmetic.WORTH_COMPILING
+        return Kinematics(*of, CompiledJoints.of(*of) if worthwhile else None)
 
     @cached_property
     def joint_batch(self) -> JointBatch:
@@ -56,8 +59,8 @@ class NumericBody:
     @cached_property
     def joints(self) -> PosedPoints:
         """The posed joints in numbers."""
-        arithmetic = JointArithmetic(self.skeleton, self.kinematics.ancestors)
-        return PosedPoints(self.kinematics, arithmetic, self.joint_batch)
+        of_joints = JointArithmetic(self.skeleton, self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, of_joints, self.joint_batch)
 
     def surface(self, vertices: Vertices) -> PosedPoints:
         """All vertices of an SMPL body, or some."""
@@ -100,12 +103,12 @@ class NumericBody:
         points = self.capsule_rest(capsules)
         return self._at_rest_points(LandmarkArithmetic(points, self.kinematics.ancestors))
 
-    def _at_rest_points(self, arithmetic: LandmarkArithmetic) -> PosedPoints:
+    def _at_rest_points(self, of_landmarks: LandmarkArithmetic) -> PosedPoints:
         def many(poses: Array, betas: Array, *offsets: Array) -> Array:
             motions = self.joint_batch.motions(poses, betas)
-            return arithmetic.evaluate_batch(motions, betas, *offsets)
+            return of_landmarks.evaluate_batch(motions, betas, *offsets)
 
-        return PosedPoints(self.kinematics, arithmetic, many)
+        return PosedPoints(self.kinematics, of_landmarks, many)
 
     def displaced_rest(self, landmarks: Landmarks) -> cs.Function:
         """A function (pose, betas, offsets) -> the untranslated landmarks (3, L), any skinning."""

@@ -22,6 +22,9 @@ from workbench.bodies.forward.motion import Kinematics, Posed
 from workbench.bodies.forward.rows import Target
 
 
+Writer = Callable[[Mapping[str, Target], Array | None], None]  # see BodyPointsAt.tangent
+
+
 class BodyPointsAt(Protocol):
     """Points of a body at one pose, betas and translation, and offsets if any; see PointsAt."""
 
@@ -124,19 +127,27 @@ class NamedAt:
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the transposed derivative into[block] (size, 3 N)."""
+        self._write(self.here.tangent, into, scale)
+
+    def tangent_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """The same where `into` holds zeros wherever the derivative is always zero."""
+        leaving = getattr(self.here, "tangent_over_zeros", self.here.tangent)
+        self._write(leaving, into, scale)
+
+    def _write(self, by: Writer, into: Mapping[str, Array], scale: Array | None) -> None:
         if self.of.plain is not None:
             ours = zip(ROLES, self.of.plain, strict=False)
-            self.here.tangent({our: into[name] for our, name in ours if name in into}, scale)
+            by({our: into[name] for our, name in ours if name in into}, scale)
         elif into:
-            self._put_together(self.of.assembly(tuple(into)), into, scale)
+            self._put_together(by, self.of.assembly(tuple(into)), into, scale)
 
     def _put_together(
-        self, assembly: Assembly, into: Mapping[str, Array], scale: Array | None
+        self, by: Writer, assembly: Assembly, into: Mapping[str, Array], scale: Array | None
     ) -> None:
         width = next(iter(into.values())).shape[1]
-        rooms = {role: np.empty((part.held, width)) for role, part in assembly.parts.items()}
+        rooms = {role: np.zeros((part.held, width)) for role, part in assembly.parts.items()}
         targets = {role: part.target(into, rooms[role]) for role, part in assembly.parts.items()}
-        self.here.tangent(targets, scale)
+        by(targets, scale)
         for name, entries in assembly.combined.items():
             total = np.zeros((len(entries), width))
             for role, part in assembly.parts.items():
@@ -219,6 +230,11 @@ class PosedPointsAt:
     def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
         self.here.tangent(self.posed.slopes, into, scale)
+
+    def tangent_over_zeros(self, into: Mapping[str, Target], scale: Array | None) -> None:
+        """The same where `into` holds zeros wherever the derivative is always zero."""
+        leaving = getattr(self.here, "tangent_over_zeros", self.here.tangent)
+        leaving(self.posed.slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""

@@ -7,9 +7,9 @@ columns of numbers whose order is known here only:
     shapedirs  (B, 3) of one vertex
     posedirs   (9, 3) of one vertex and one joint; most are zero, and left out
     motion     what the kinematics say at one pose and shape, the same for all vertices: betas,
-               features, G (K, 3, 4), joints (K, 3), then per joint three axes and its features'
-               derivative (9 + 27; zeros for the root's), then per beta and joint its shift of G
-               (3,)
+               features, G (K, 3, 4), joints (K, 3), then per joint three axes and the slopes of
+               its nine features by its three numbers (9 + 27; zeros for the root's), then per beta
+               and joint its shift of G (3,)
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.motion import Motion, Slopes
 
 ADDED = frozenset(
-    ("bent", "blended", "hung", "bulged", "shifted", "on_features", "on_motion", "on_betas")
+    (
+        *("bent", "bulging", "blended", "hung", "turned", "shifted"),
+        *("on_features", "on_motion", "on_betas"),
+    )
 )
 OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
 
@@ -40,17 +43,25 @@ def shape_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
     return by_beta.reshape(prod(by_beta.shape[:2]), len(vertices))
 
 
-def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) -> Array:
-    """The column that all vertices share."""
-    K = len(motion.G)
-    parts = [betas, motion.features, motion.G, motion.joints]
-    if slopes is not None:
-        of_joints = np.zeros((K, OF_JOINT))
-        turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
-        of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
-        of_joints[1:, 9:] = slopes.d_features.reshape(K - 1, 27)
-        parts += [of_joints, slopes.d_shift.reshape(-1, 3, K).swapaxes(1, 2)]
+def motion_column(motion: Motion) -> Array:
+    """The part of the column that all vertices share which is the motion itself."""
+    if motion.column is not None:
+        return motion.column
+    parts = motion.features, motion.G, motion.joints
     return np.concatenate([part.ravel() for part in parts])
+
+
+def slopes_column(slopes: Slopes) -> Array:
+    """The part of the column that is the derivative of the motion."""
+    if slopes.column is not None:
+        return slopes.column
+    K = len(slopes.turns)
+    of_joints = np.zeros((K, OF_JOINT))
+    turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
+    of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
+    of_joints[1:, 9:] = slopes.d_features.swapaxes(1, 2).reshape(K - 1, 27)
+    shifts = slopes.d_shift.reshape(-1, 3, K).swapaxes(1, 2)
+    return np.concatenate([of_joints.ravel(), shifts.ravel()])
 
 
 def vertex_functions(B: int) -> dict[str, cs.Function]:
@@ -70,8 +81,9 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         below        (w_k, G_k, v) -> y_k and w_k, (4,)
         hung         (hanging_k) -> itself, which is added to what hangs from the parent, (4,)
         arm          (hanging_k, joint_k) -> sum_{j at or below k} w_j (G'_j v - t_k), (3,) m
-        turned       (arm_k, motion_k) -> axes x arm_k, which is d(point)/d(pose_k), (3, 3) m/rad,
-        bulged       (posedirs_k, M, motion_k) -> but for R P_k df_k/d(pose_k), (3, 3) m/rad
+        bulging      (posedirs_kn, slopes_kn) -> what it adds to P_k df_k/d(pose_k), (3, 3) m/rad
+        bulged       (M, P_k df_k/d(pose_k)) -> the same, turned by R, (3, 3) m/rad; with
+        turned       (arm_k, motion_k) -> axes x arm_k it is d(point)/d(pose_k), (3, 3) m/rad
         by_beta      (shapedirs_b, M) -> R S_b, which is d(point)/d(beta_b), (3,) m,
         shifted      (w_k, motion_bk) -> but for the sum over k of w_k dG_k/d(beta_b), (3,) m
         on_rest      (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
@@ -85,11 +97,10 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
     v, pull = cs.SX.sym("v", 3), cs.SX.sym("pull", 3)
     G, M = cs.SX.sym("G", 12), cs.SX.sym("M", 12)
     S_b, arm, shift = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3), cs.SX.sym("shift", 3)
-    of_joint = cs.SX.sym("of_joint", OF_JOINT)
+    axes, slopes_n, bulging = cs.SX.sym("axes", 3, 3), cs.SX.sym("df", 3), cs.SX.sym("Pdf", 3, 3)
 
     R = _rows(M, 3, 4)[:, :3]
     moved, carried = _moved(M, v), w * _moved(G, v)
-    axes, slopes = cs.reshape(of_joint[:9], 3, 3), cs.reshape(of_joint[9:], 9, 3)
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
     made = (
         _function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
@@ -99,8 +110,9 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         _function("below", cs.vertcat(carried, w), weight=w, motion=G, v=v),
         _function("hung", hanging, hanging=hanging),
         _function("arm", hanging[:3] - hanging[3] * joint, hanging=hanging, motion=joint),
-        _function("turned", turned, arm=arm, motion=of_joint),
-        _function("bulged", R @ (P @ slopes), posedirs=P, M=M, motion=of_joint),
+        _function("bulging", P[:, 0] @ slopes_n.T, posedirs=P[:, 0], motion=slopes_n),
+        _function("bulged", R @ bulging, M=M, bulging=bulging),
+        _function("turned", turned, arm=arm, motion=axes),
         _function("by_beta", R @ S_b, shapedirs=S_b, M=M),
         _function("shifted", w * shift, weight=w, motion=shift),
         _function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),

@@ -1,8 +1,10 @@
 /* Loops over vertices around the kernels above.
 
-A group is LANES vertices, the last ones filled up with zeros. motion: numbers shared by all.
+A group is LANES vertices, the last ones filled up with zeros. `motion` is the column of numbers that all
+of them share; `column_of` puts it together from betas, the motion of the joints and its slopes.
 The many rows that a derivative is written to make the processor's own guess at what is read next
-fail: memory is asked for ahead of use there.
+fail: memory is asked for ahead of use there, into the second cache, from which more can be on its way at
+a time than into the first one.
 */
 
 typedef struct {
@@ -10,7 +12,7 @@ typedef struct {
     const double *vertices; /* ROWS x LANES numbers for every group */
     const STORED *shapes;   /* 3 BETAS x LANES for every group */
     const STORED *bends;    /* 27 x LANES for every group and every joint that bends it */
-    const double *steps;    /* what a stored 1 of shapes and of bends is worth; `motion` is in these units */
+    const double *steps;    /* what a stored 1 of shapes and of bends is worth; columns are in these units */
     const integer *joints;  /* for every group three lists, each after its length: the joints that
                                carry it, bend it, and have joints that carry it at or below them */
     const integer *still;   /* joint, first vertex, number of vertices: stretches that a joint
@@ -46,8 +48,7 @@ static inline const integer *read_lists(const integer *from, lists_t *lists)
     return from + lists->movers;
 }
 
-/* into the second cache: one group may fill the first one */
-static inline void look_ahead(const void *next, integer bytes)
+static ALWAYS_INLINE void look_ahead(const void *next, integer bytes)
 {
     for (integer i = 0; i < bytes; i += 64) __builtin_prefetch((const char *)next + i, 0, 2);
 }
@@ -72,8 +73,24 @@ static inline integer at_most_all(integer left) { return left < LANES ? left : L
 
 EXPORT integer lanes(void) { return LANES; }
 
+#define COLUMN (OF_BETAS + 3 * JOINTS * BETAS)
+
+/* the column in the units of what is stored; without slopes, the part before OF_JOINTS */
+static void column_of(const body_t *body, const double *betas, const double *motion, const double *slopes,
+                      double *restrict found)
+{
+    const double shape = body->steps[0], bend = body->steps[1];
+    for (integer b = 0; b < BETAS; ++b) found[b] = shape * betas[b];
+    for (integer i = 0; i < MOTIONS - FEATURES; ++i) found[FEATURES + i] = bend * motion[i];
+    memcpy(found + MOTIONS, motion + MOTIONS - FEATURES, (OF_JOINTS - MOTIONS) * sizeof(double));
+    if (!slopes) return;
+    memcpy(found + OF_JOINTS, slopes, (COLUMN - OF_JOINTS) * sizeof(double));
+    for (integer k = 0; k < JOINTS; ++k)
+        for (integer i = 9; i < OF_JOINT; ++i) found[OF_JOINTS + OF_JOINT * k + i] *= bend;
+}
+
 /* (3, LANES) to (LANES, 3) */
-static inline void interleave(const v *restrict from, v *restrict to)
+static ALWAYS_INLINE void interleave(const v *restrict from, v *restrict to)
 {
     const v x = from[0], y = from[1], z = from[2];
 #if LANES == 8
@@ -96,61 +113,85 @@ static inline void interleave(const v *restrict from, v *restrict to)
 #endif
 }
 
-/* (rows, 3, LANES) to rows of 3 count numbers, vertex by vertex, times factor (LANES, 3); row r is
-written to places[r] + first, or left out where there is no such place */
-static inline void spread(const v *from, integer rows, integer count, const v *factor,
-                          double *const *places, integer first)
+/* one row: (3, LANES) to 3 count numbers, vertex by vertex, times factor (LANES, 3) */
+static ALWAYS_INLINE void put(v x, v y, v z, integer count, const v *factor, double *to)
 {
-    for (integer row = 0; row < rows; ++row, from += 3) {
-        if (!places[row]) continue;
-        double *to = places[row] + first;
-        v whole[3];
-        for (int i = 0; i < 3; ++i) __builtin_prefetch(to + 48 + LANES * i, 1);
-        interleave(from, whole);
-        for (int i = 0; i < 3; ++i) whole[i] *= factor[i];
-        if (count == LANES) {
-            for (int i = 0; i < 3; ++i) ((anywhere *)to)[i] = whole[i];
-        } else {
-            memcpy(to, whole, 3 * count * sizeof(double));
-        }
+    const v from[3] = {x, y, z};
+    v whole[3];
+    interleave(from, whole);
+    for (int i = 0; i < 3; ++i) whole[i] *= factor[i];
+    if (count == LANES) {
+        look_ahead(to + 2 * 3 * LANES, sizeof whole);
+        for (int i = 0; i < 3; ++i) ((anywhere *)to)[i] = whole[i];
+    } else {
+        memcpy(to, whole, 3 * count * sizeof(double));
     }
 }
 
-/* the rest vertex, the motion M (12) of it, and where that takes it */
-static inline void posed(const group_t *of, const double *motion, v *restrict rest, v *restrict M,
-                         v *restrict found)
+/* (rows, 3, LANES) to rows of 3 count numbers, vertex by vertex, times factor (LANES, 3); row r is
+written to places[r] + first, or left out where there is no such place */
+static ALWAYS_INLINE void spread(const v *from, integer rows, integer count, const v *factor,
+                          double *const *places, integer first)
+{
+    _Pragma("GCC unroll 3") for (integer row = 0; row < rows; ++row)
+        if (places[row])
+            put(from[3 * row], from[3 * row + 1], from[3 * row + 2], count, factor, places[row] + first);
+}
+
+/* the motion M (12) of a group */
+static ALWAYS_INLINE void motion_of(const group_t *of, const double *motion, v *restrict M)
+{
+    v sum[12] = {{0}};
+    for (integer i = 0; i < of->lists.carriers; ++i) {
+        const integer k = of->lists.carrier[i];
+        blended(of->weights + k, motion + MOTIONS + 12 * k, sum);
+    }
+    memcpy(M, sum, sizeof sum);
+}
+
+/* the rest vertex; and with `bulges` (9 for each joint that bends it), how the pose of these joints moves it
+through what they bend, turned by M */
+static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const v *restrict M,
+                                  v *restrict bulges, v *restrict rest)
 {
     const lists_t *lists = &of->lists;
-    v sum[3], M_sum[12] = {{0}};
+    v sum[3];
     shaped(of->vertex, of->shapes, motion, sum);
-    for (integer i = 0; i < lists->benders; ++i) /* in the order in which they are stored */
-        _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n)
-            bent(of->bends + 27 * i + 3 * n, motion + FEATURES + 9 * (lists->bender[i] - 1) + n, sum);
-    for (integer i = 0; i < lists->carriers; ++i) {
-        const integer k = lists->carrier[i];
-        blended(of->weights + k, motion + MOTIONS + 12 * k, M_sum);
+    for (integer i = 0; i < lists->benders; ++i) { /* in the order in which they are stored */
+        const integer k = lists->bender[i];
+        const double *feature = motion + FEATURES + 9 * (k - 1);
+        const double *slope = motion + OF_JOINTS + OF_JOINT * k + 9;
+        const stored *bend = of->bends + 27 * i;
+        v own[9] = {{0}};
+        _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n) {
+            bent(bend + 3 * n, feature + n, sum);
+            if (bulges) bulging(bend + 3 * n, slope + 3 * n, own);
+        }
+        if (bulges) bulged((const anywhere *)M, (const anywhere *)own, bulges + 9 * i);
     }
     memcpy(rest, sum, sizeof sum);
-    memcpy(M, M_sum, sizeof M_sum);
-    moved((const anywhere *)M, (const anywhere *)rest, found);
 }
 
 /* found (N, 3) */
-EXPORT void points(const body_t *body, const double *motion, double *found)
+EXPORT void points(const body_t *body, const double *betas, const double *moving, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
     const integer *joints = body->joints;
+    double motion[OF_JOINTS];
     group_t of;
+    column_of(body, betas, moving, NULL, motion);
     for (integer i = 0; i < body->N; i += LANES) {
         v rest[3], M[12], here[3];
         joints = next_group(body, i, joints, &of);
-        posed(&of, motion, rest, M, here);
-        spread(here, 1, at_most_all(body->N - i), one, &found, 3 * i);
+        motion_of(&of, motion, M);
+        at_rest(&of, motion, M, NULL, rest);
+        moved((const anywhere *)M, (const anywhere *)rest, here);
+        put(here[0], here[1], here[2], at_most_all(body->N - i), one, found + 3 * i);
     }
 }
 
 /* the derivative of a group by the pose, to rows from column 3 i on */
-static inline void by_pose(const group_t *of, const double *motion, const v *rest, const v *M,
+static ALWAYS_INLINE void by_pose(const group_t *of, const double *motion, const v *rest, const v *bulges,
                            integer count, const v *factor, double *const *pose, integer i)
 {
     const lists_t *lists = &of->lists;
@@ -168,82 +209,122 @@ static inline void by_pose(const group_t *of, const double *motion, const v *res
     for (integer m = 0, b = 0; m < lists->movers || b < lists->benders;) {
         v own[3], slope[9] = {{0}};
         const integer turns = m < lists->movers ? lists->mover[m] : JOINTS;
-        const integer bulges = b < lists->benders ? lists->bender[b] : JOINTS;
-        const integer k = turns < bulges ? turns : bulges;
+        const integer bends = b < lists->benders ? lists->bender[b] : JOINTS;
+        const integer k = turns < bends ? turns : bends;
         const double *of_joint = motion + OF_JOINTS + OF_JOINT * k;
         double *const *rows = pose + 3 * k;
-        const stored *bend = of->bends + 27 * b;
+        const v *bulge = bulges + 9 * b;
         m += turns == k;
-        b += bulges == k;
+        b += bends == k;
         if (!rows[0] && !rows[1] && !rows[2]) continue; /* a joint that is held */
+        if (bends == k) memcpy(slope, bulge, sizeof slope);
         if (turns == k) {
             arm((const anywhere *)hanging + 4 * k, motion + CENTRES + 3 * k, own);
             turned((const anywhere *)own, of_joint, slope);
-        }
-        if (bulges == k) {
-            look_ahead(bend + 27 * lists->benders, 27 * sizeof(stored));
-            bulged(bend, (const anywhere *)M, of_joint, slope);
         }
         spread(slope, 3, count, factor, rows, 3 * i);
     }
 }
 
-/* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of
-which some may be absent; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the
-points */
-EXPORT void tangent(const body_t *body, const double *motion, const double *scale,
-                    double *const *pose, double *const *betas, double *const *trans, double *found)
+/* what the derivative is written to: see `tangent` */
+typedef struct {
+    const double *scale;
+    double *const *pose, *const *betas, *const *trans;
+    double *points;
+} wanted_t;
+
+/* the derivatives and points of a group of `count` vertices, of which i is the first one */
+static ALWAYS_INLINE void of_group(const body_t *body, const group_t *of, integer i, integer count,
+                                   const double *motion, const wanted_t *into)
 {
-    const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-    const integer *joints = body->joints;
-    group_t of;
-    if (pose)
-        for (integer s = 0; s < body->stretches; ++s) {
-            const integer *stretch = body->still + 3 * s;
-            for (integer row = 3 * stretch[0]; row < 3 * stretch[0] + 3; ++row)
-                if (pose[row])
-                    memset(pose[row] + 3 * stretch[1], 0, 3 * stretch[2] * sizeof(double));
-        }
-    for (integer i = 0; i < body->N; i += LANES) {
-        const integer count = at_most_all(body->N - i);
-        v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-        v rest[3], M[12], here[3], slope[9];
-        joints = next_group(body, i, joints, &of);
-        if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
-        look_ahead(of.vertex + ROWS, ROWS * sizeof(v));
-        look_ahead(of.shapes + 3 * BETAS, 3 * BETAS * sizeof(stored));
-        posed(&of, motion, rest, M, here);
-        if (found) spread(here, 1, count, one, &found, 3 * i);
-        if (pose) by_pose(&of, motion, rest, M, count, factor, pose, i);
-        if (betas) {
-            for (int j = 0; j < 12; ++j) /* M is not needed any more but for stored shapes */
-                M[j] *= BROADCAST(body->steps[0]);
-            for (integer b = 0; b < BETAS; ++b) {
-                if (!betas[b]) continue;
-                by_beta(of.shapes + 3 * b, (const anywhere *)M, slope);
-                for (integer c = 0; c < of.lists.carriers; ++c) {
-                    const integer k = of.lists.carrier[c];
-                    shifted(of.weights + k, motion + OF_BETAS + 3 * (JOINTS * b + k), slope);
-                }
-                spread(slope, 1, count, factor, betas + b, 3 * i);
+    const v zero = BROADCAST(0.0), unit = BROADCAST(1.0), one[3] = {unit, unit, unit};
+    v factor[3] = {unit, unit, unit};
+    v rest[3], M[12], here[3], bulges[9 * JOINTS];
+    if (into->scale) memcpy(factor, into->scale + 3 * i, 3 * count * sizeof(double));
+    look_ahead(of->vertex + ROWS, ROWS * sizeof(v));
+    look_ahead(of->shapes + 3 * BETAS, 3 * BETAS * sizeof(stored));
+    motion_of(of, motion, M);
+    if (into->pose)
+        at_rest(of, motion, M, bulges, rest);
+    else
+        at_rest(of, motion, M, NULL, rest);
+    if (into->points) {
+        moved((const anywhere *)M, (const anywhere *)rest, here);
+        put(here[0], here[1], here[2], count, one, into->points + 3 * i);
+    }
+    if (into->pose) by_pose(of, motion, rest, bulges, count, factor, into->pose, i);
+    if (into->betas) {
+        for (int j = 0; j < 12; ++j) /* M is not needed any more but for stored shapes */
+            M[j] *= BROADCAST(body->steps[0]);
+        for (integer b = 0; b < BETAS; ++b) {
+            v slope[3];
+            if (!into->betas[b]) continue;
+            by_beta(of->shapes + 3 * b, (const anywhere *)M, slope);
+            for (integer c = 0; c < of->lists.carriers; ++c) {
+                const integer k = of->lists.carrier[c];
+                shifted(of->weights + k, motion + OF_BETAS + 3 * (JOINTS * b + k), slope);
             }
+            put(slope[0], slope[1], slope[2], count, factor, into->betas[b] + 3 * i);
         }
-        if (trans) {
-            v unit[9] = {{0}};
-            for (int d = 0; d < 3; ++d) unit[4 * d] = BROADCAST(1.0);
-            spread(unit, 3, count, factor, trans, 3 * i);
-        }
+    }
+    if (into->trans) {
+        double *const *rows = into->trans;
+        if (rows[0]) put(unit, zero, zero, count, factor, rows[0] + 3 * i);
+        if (rows[1]) put(zero, unit, zero, count, factor, rows[1] + 3 * i);
+        if (rows[2]) put(zero, zero, unit, count, factor, rows[2] + 3 * i);
     }
 }
 
+/* the last group, apart, so that the code for all others need not know of fewer vertices */
+static __attribute__((noinline)) void of_last(const body_t *body, const group_t *of, integer i,
+                                              const double *motion, const wanted_t *into)
+{
+    of_group(body, of, i, body->N - i, motion, into);
+}
+
+/* zeros where a joint leaves vertices alone; pose: see `tangent` */
+EXPORT void clear(const body_t *body, double *const *pose)
+{
+    for (integer s = 0; s < body->stretches; ++s) {
+        const integer *stretch = body->still + 3 * s;
+        for (integer row = 3 * stretch[0]; row < 3 * stretch[0] + 3; ++row)
+            if (pose[row]) memset(pose[row] + 3 * stretch[1], 0, 3 * stretch[2] * sizeof(double));
+    }
+}
+
+/* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of
+which some may be absent; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the
+points. Where a joint leaves vertices alone, nothing is written */
+EXPORT void tangent(const body_t *body, const double *person, const double *moving, const double *slopes,
+                    const double *scale, double *const *pose, double *const *betas,
+                    double *const *trans, double *found)
+{
+    const wanted_t into = {scale, pose, betas, trans, found};
+    const integer *joints = body->joints;
+    double motion[COLUMN];
+    group_t of;
+    integer i = 0;
+    column_of(body, person, moving, slopes, motion);
+    for (; i + LANES <= body->N; i += LANES) {
+        joints = next_group(body, i, joints, &of);
+        of_group(body, &of, i, LANES, motion, &into);
+    }
+    if (i == body->N) return;
+    next_group(body, i, joints, &of);
+    of_last(body, &of, i, motion, &into);
+}
+
 /* felt (MOTIONS + 12 JOINTS): by betas, features and motions, the sum of pull (N, 3) times the points */
-EXPORT void adjoint(const body_t *body, const double *motion, const double *pull, double *felt)
+EXPORT void adjoint(const body_t *body, const double *betas, const double *moving, const double *pull,
+                    double *felt)
 {
     v sum[MOTIONS + 12 * JOINTS] = {{0}};
     const integer *joints = body->joints;
+    double motion[OF_JOINTS];
     group_t of;
+    column_of(body, betas, moving, NULL, motion);
     for (integer i = 0; i < body->N; i += LANES) {
-        v planar[3], rest[3], M[12], here[3], inside[3];
+        v planar[3], rest[3], M[12], inside[3];
         double some[3 * LANES] = {0};
         joints = next_group(body, i, joints, &of);
         memcpy(some, pull + 3 * i, 3 * at_most_all(body->N - i) * sizeof(double));
@@ -251,7 +332,8 @@ EXPORT void adjoint(const body_t *body, const double *motion, const double *pull
             for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
         look_ahead(of.vertex + ROWS, ROWS * sizeof(v));
         look_ahead(of.shapes + 3 * BETAS, 3 * BETAS * sizeof(stored));
-        posed(&of, motion, rest, M, here);
+        motion_of(&of, motion, M);
+        at_rest(&of, motion, M, NULL, rest);
         on_rest((const anywhere *)M, (const anywhere *)planar, inside);
         on_betas(of.shapes, (const anywhere *)inside, sum);
         for (integer b = 0; b < of.lists.benders; ++b)

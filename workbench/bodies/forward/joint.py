@@ -1,0 +1,77 @@
+"""One joint of a kinematic tree in symbols: what compiled kinematics are made from.
+
+The formulas are those of `kinematics`, which writes them for whole bodies. Matrices are columns of
+numbers, row by row; a motion [R t] (3, 4) is 12 of them. Loops over the tree are in
+`joint_loops.c`.
+"""
+
+from __future__ import annotations
+
+import casadi as cs
+
+from workbench.bodies.forward.kinematics import bound_motion, followed, local_slopes, turning_axes
+from workbench.geometry.rotation import rodrigues
+
+
+def joint_functions() -> dict[str, cs.Function]:
+    """Functions of columns by name.
+
+    `above` is the motion of the parent in the world, `unbind` the transpose of the joint's rotation
+    in the bind pose.
+
+        local        (pose_k) -> R_k, (9,)
+        local_slopes (pose_k) -> R_k and its derivative by each of the three numbers, (36,)
+        placed       (unbind of the parent, from the parent to k at rest) -> in its frame, (3,) m
+        follow       (above, R_k, place in the parent's frame) -> the motion in the world, (12,)
+        bound        (motion in the world, unbind, joint at rest) -> G_k, (12,)
+        axes         (above, R_k and its slopes) -> the axes about which pose_k turns, (9,)
+    """
+    pose, R, unbind = cs.SX.sym("pose", 3), cs.SX.sym("R", 9), cs.SX.sym("unbind", 9)
+    above, world, place = cs.SX.sym("above", 12), cs.SX.sym("world", 12), cs.SX.sym("place", 3)
+    sloped = cs.SX.sym("sloped", 36)
+    turn = rodrigues(pose)
+    ((by_x, by_y, by_z),) = local_slopes(pose, turn)
+    R_up, t_up = _motion(above)
+    R_k, t_k = _motion(world)
+    own, *slopes = (_square(part) for part in cs.vertsplit(sloped, 9))
+    axes = turning_axes([slopes], own, [R_up])
+    made = (
+        _function("local", _rows(turn), pose=pose),
+        _function("local_slopes", cs.vertcat(*map(_rows, (turn, by_x, by_y, by_z))), pose=pose),
+        _function("placed", _square(unbind) @ place, unbind=unbind, place=place),
+        _function(
+            "follow",
+            _rows(cs.horzcat(*followed((R_up, t_up), _square(R), place))),
+            above=above,
+            R=R,
+            place=place,
+        ),
+        _function(
+            "bound",
+            _rows(bound_motion((R_k, t_k), _square(unbind), place)),
+            world=world,
+            unbind=unbind,
+            place=place,
+        ),
+        _function("axes", cs.vertcat(*axes), above=above, sloped=sloped),
+    )
+    return {function.name(): function for function in made}
+
+
+def _function(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:
+    return cs.Function(name, [*inputs.values()], [cs.densify(output)], [*inputs], ["out"])
+
+
+def _rows(matrix: cs.SX) -> cs.SX:
+    """A matrix as a column of its numbers, row by row."""
+    return cs.vec(matrix.T)
+
+
+def _square(column: cs.SX) -> cs.SX:
+    return cs.reshape(column, 3, 3).T
+
+
+def _motion(column: cs.SX) -> tuple[cs.SX, cs.SX]:
+    """The rotation (3, 3) and the place (3, 1) of a motion."""
+    matrix = cs.reshape(column, 4, 3).T
+    return matrix[:, :3], matrix[:, 3]

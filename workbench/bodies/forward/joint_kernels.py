@@ -1,0 +1,146 @@
+"""The kinematics of a body at one pose by compiled code, after trying it out."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.blocks.simd import C_OF
+from workbench.bodies.forward.joint import joint_functions
+from workbench.bodies.forward.kernel_code import kernel, tree_sizes
+from workbench.bodies.forward.kinematics import world_rotations
+from workbench.bodies.forward.motion import Kinematics, Motion, Slopes
+from workbench.bodies.forward.skeleton import Skeleton
+from workbench.bodies.forward.vertex import OF_JOINT, motion_column, slopes_column
+from workbench.compiling import library_or_none, source_beside
+from workbench.geometry.rotation import matrix_from_vector
+
+NAME = "joint-kernels"
+SMALL = 1e-3  # rad: so near to zero, rotations are series
+
+
+@cache
+def joint_kernels(parents: tuple[int, ...], B: int) -> ctypes.CDLL | None:
+    """The library for bodies with B betas on this tree, once per process; None without compiler."""
+    defines = [f"#define {name} {size}" for name, size in tree_sizes(parents, B).items()]
+    written = [kernel(function, "=", C_OF) for function in joint_functions().values()]
+    head, loops = (source_beside(__package__, name) for name in ("one_number.h", "joint_loops.c"))
+    source = "\n".join([head, *defines, *written, loops])
+    return library_or_none(
+        NAME, source, lambda loaded: _agrees(loaded, parents, B), "CasADi computes kinematics"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledJoints:
+    """The motion of a body's joints and its derivative at one pose; see JointNumbers.
+
+    Attributes:
+        library: the compiled functions for bodies on this tree.
+        skeleton: the joints at rest.
+        bind: (K, 3, 3) each joint's rotation in its parent's frame, in the bind pose.
+        unbind: (K, 3, 3) the transpose of its rotation in the world, in the bind pose.
+    """
+
+    library: ctypes.CDLL
+    skeleton: Skeleton
+    bind: Array
+    unbind: Array
+
+    @staticmethod
+    def of(
+        skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]
+    ) -> CompiledJoints | None:
+        """The joints of a body on this tree; None where nothing can be compiled."""
+        loaded = joint_kernels(tuple(parents), skeleton.slopes.shape[2])
+        if loaded is None:
+            return None
+        return CompiledJoints.made(loaded, skeleton, bind_pose, parents)
+
+    @staticmethod
+    def made(
+        loaded: ctypes.CDLL, skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]
+    ) -> CompiledJoints:
+        """By this library, which is trusted."""
+        arrays = skeleton.mean, skeleton.slopes, matrix_from_vector(bind_pose)
+        plain = [np.ascontiguousarray(array) for array in (*arrays, unbinding(bind_pose, parents))]
+        return CompiledJoints(loaded, Skeleton(*plain[:2]), *plain[2:])
+
+    def motion(self, pose: Array, betas: Array) -> Motion:
+        """The motion at pose (K, 3) rad and betas (B,)."""
+        K = len(self.bind)
+        bent, turned = 9 * (K - 1), 9 * (K - 1) + 12 * K
+        found = np.empty(turned + 3 * K)
+        self._run("motion", pose, betas, found)
+        G, joints = found[bent:turned].reshape(K, 3, 4), found[turned:].reshape(K, 3)
+        return Motion(G, found[:bent], joints, found)
+
+    def slopes(self, pose: Array, betas: Array) -> Slopes:
+        """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
+        K, B = len(self.bind), self.skeleton.slopes.shape[2]
+        own = OF_JOINT * K + 3 * B * K
+        turned, bulged = own + 27 * K, own + 27 * K + 27 * (K - 1)
+        found = np.empty(bulged + 3 * B * K)
+        self._run("slopes", pose, betas, found)
+        return Slopes(
+            found[own:turned].reshape(K, 9, 3),
+            found[turned:bulged].reshape(K - 1, 3, 9),
+            found[bulged:].reshape(3 * B, K),
+            found[:own],
+        )
+
+    @cached_property
+    def structure(self) -> NDArray[np.intp]:
+        """The `skeleton_t` of `joint_loops.c`."""
+        arrays = self.skeleton.mean, self.skeleton.slopes, self.bind, self.unbind
+        return np.array([array.ctypes.data for array in arrays], dtype=np.intp)
+
+    @cached_property
+    def _here(self) -> int:
+        return int(self.structure.ctypes.data)
+
+    def _run(self, name: str, pose: Array, betas: Array, found: Array) -> None:
+        K, _, B = self.skeleton.slopes.shape
+        assert pose.size == 3 * K and betas.size == B  # the library trusts it
+        arrays = np.ascontiguousarray(pose), np.ascontiguousarray(betas), found
+        function = getattr(self.library, name)
+        words = (self._here, *(array.ctypes.data for array in arrays))
+        function(*map(ctypes.c_ssize_t, words))
+
+
+def unbinding(bind_pose: Array, parents: Sequence[int]) -> Array:
+    """The transposed rotation of each joint in the world, in the bind pose (K, 3) rad: (K, 3, 3)."""
+    return np.array([np.asarray(R).T for R in world_rotations(cs.DM(bind_pose.T), parents)])
+
+
+def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
+    """Whether the library says what CasADi says, at a random pose of a random skeleton."""
+    rng, K = np.random.default_rng(0), len(parents)
+    pose, bind = rng.standard_normal((2, K, 3))
+    pose[-1] *= SMALL
+    skeleton = Skeleton(rng.standard_normal((K, 3)), rng.standard_normal((K, 3, B)))
+    betas = rng.standard_normal(B)
+    answers = [
+        _answers(way.motion(pose, betas), way.slopes(pose, betas))
+        for way in (
+            CompiledJoints.made(loaded, skeleton, bind, parents),
+            Kinematics(skeleton, bind, parents),
+        )
+    ]
+    return all(
+        np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
+        for got, expected in zip(*answers, strict=True)
+    )
+
+
+def _answers(motion: Motion, slopes: Slopes) -> list[Array]:
+    parts = [motion.G, motion.features, motion.joints, motion_column(motion)]
+    return [*parts, slopes.turns, slopes.d_features, slopes.d_shift, slopes_column(slopes)]
