@@ -55,7 +55,9 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
             found = number(f.turned, arm, axes)
             if k:
                 P_k = part(P, K - 1, k - 1)
-                bulging = sum(number(f.bulging, part(P_k, 9, n), part(slopes, 9, n)) for n in range(9))
+                bulging = sum(
+                    number(f.bulging, part(P_k, 9, n), part(slopes, 9, n)) for n in range(9)
+                )
                 found += number(f.bulged, M, bulging)
             expected = by_pose[rows, 3 * k : 3 * k + 3]
             np.testing.assert_allclose(found.reshape(3, 3).T, expected, rtol=0, atol=1e-12)

@@ -2,12 +2,15 @@
 
 import gc
 
+import casadi as cs
 import numpy as np
 import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench.problem.rooms import KEPT, WORTH_KEEPING, Rooms
+from workbench.residuals.kernels import quadratic
+from workbench.residuals.residual import Residual
 
 ROWS, COLUMNS = 400, 500  # 1.6 MB
 
@@ -67,3 +70,27 @@ def test_jacobians_that_are_kept_keep_their_numbers() -> None:
     gc.collect()
     for x, J in zip(xs, kept, strict=True):
         np.testing.assert_array_equal(problem.linearize_at(x, np.zeros(0)).jacobian, J)
+
+
+def test_what_was_in_a_room_before_never_shows() -> None:
+    """Rows that read x directly, where a joint leaves a vertex alone; and rows of other sources."""
+    body = wb.load_body("default")
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    points = body.points(pose, betas, trans)
+    sway = 0.1 * cs.sin(cs.sum1(cs.vec(pose)) * cs.DM(np.arange(1.0, body.n_vertices + 1)).T)
+    swaying = cs.vec(points.symbol + cs.repmat(sway, 3, 1))
+    moved = Residual("moved", swaying, 0.01, "m", quadratic, (points,))
+    calm = wb.residuals.gaussian(betas)
+    at = body.joint_points(pose, betas, trans)
+    joints = wb.residuals.landmarks(at, np.zeros((24, 3)), sigma=1.0)
+
+    def problem() -> wb.Problem:
+        return wb.Problem([calm, moved, joints], ["pose", "betas", "trans"])
+
+    used, rng = problem(), np.random.default_rng(0)
+    for _ in range(4):
+        x = 0.3 * rng.standard_normal(used.free.size)
+        expected = problem().linearize_at(x, np.zeros(0)).jacobian
+        np.testing.assert_array_equal(used.linearize_at(x, np.zeros(0)).jacobian, expected)
+        gc.collect()
+    assert used._chain._rooms._free  # it was used again

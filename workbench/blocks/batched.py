@@ -10,6 +10,7 @@ import numpy as np
 from workbench.arrays import Array
 
 LONGEST = 20_000  # instructions; above, operations on whole matrices are faster
+LARGE = 1000  # numbers, from which on they are read and written in place
 TOGETHER = 32  # calls that one evaluation serves
 CALLS = 20  # of other functions, from which on a graph is evaluated in scalar instructions
 LONGEST_OF_CALLS = 400_000  # instructions, up to which it is
@@ -36,10 +37,23 @@ class Buffered:
     def __call__(self, *arguments: Array) -> list[Array]:
         """Arrays as a user sees them, (N, 3) for a (3, N) input; copies of the outputs, flat."""
         with self._lock:
-            for memory, argument in zip(self._inputs, arguments, strict=True):
-                memory[:] = argument.ravel()
+            held = []  # until the function has read them
+            for i, (memory, argument) in enumerate(zip(self._inputs, arguments, strict=True)):
+                if memory.size < LARGE:
+                    memory[:] = argument.ravel()
+                    continue
+                flat = np.ascontiguousarray(argument, dtype=np.float64).ravel()
+                assert flat.size == memory.size  # CasADi trusts it
+                self._buffer.set_arg(i, memoryview(flat.data))
+                held.append(flat)
+            found = [
+                output if output.size < LARGE else np.empty(output.size) for output in self._outputs
+            ]
+            for i, output in enumerate(found):
+                if output.size >= LARGE:
+                    self._buffer.set_res(i, memoryview(output.data))
             self._trigger()
-            return [output.copy() for output in self._outputs]
+            return [output.copy() if output.size < LARGE else output for output in found]
 
 
 class Batched(Protocol):

@@ -25,7 +25,7 @@ from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangen
 from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
-from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, merged
+from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, gaps, merged
 from workbench.problem.rooms import Rooms
 from workbench.problem.rounding import Support, half_squared
 from workbench.problem.storage import Stored, check_fits, is_sparse
@@ -71,7 +71,7 @@ class Chain:
         parts = [cs.jtimes(r, a, _weighed(a)) for a in arguments if a.numel()]
         size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
         self.to_size = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
-        self._last: tuple[bytes, list[PointsAt]] = (b"", [])
+        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
         self._rooms = Rooms()
 
     @staticmethod
@@ -139,14 +139,13 @@ class Chain:
     ) -> Stored:
         if self.sparse:
             return self._sparse(places, direct, by_points)
+        # zeros where nothing is ever written, and elsewhere what was written the last time
         columns, found = self._rooms.array(self.free.size, self.by_x.shape[0])
         for at, rows in self._left_alone:
             columns[at, rows] = 0.0
-        if len(direct):
-            columns[self.by_x.columns, self.by_x.rows] = 0.0
+        columns[self.by_x.columns, self.by_x.rows] = 0.0
         self._write(columns, places, by_points)
-        if len(direct):
-            columns[self.by_x.columns, self.by_x.rows] += direct
+        columns[self.by_x.columns, self.by_x.rows] += direct
         return found.T
 
     def _sparse(
@@ -196,10 +195,7 @@ class Chain:
     def _write(
         self, columns: Array, places: Sequence[PointsAt], by_points: Sequence[Array]
     ) -> None:
-        """The part of J that comes through the points, transposed, into (n, m).
-
-        There are zeros where nothing is ever written, and elsewhere what was written the last time.
-        """
+        """Write the part of J that comes through the points, transposed, (n, m)."""
         for i, (here, pattern, rows, entries) in enumerate(
             zip(places, self.by_points, self._own_rows, by_points, strict=True)
         ):
@@ -224,19 +220,12 @@ class Chain:
     @cached_property
     def _left_alone(self) -> list[tuple[slice, slice]]:
         """Columns and rows of J that no source writes whole; they must be zero before."""
-        found = []
-        for name, at in self.free.slices.items():
-            written = [
-                rows
-                for i, other, part in self._parts
-                if other == name and isinstance(part, Part) and (rows := self._own_rows[i])
-            ]
-            edge = 0
-            for rows in (*sorted(written, key=_first), slice(self.by_x.shape[0], None)):
-                if rows.start > edge:
-                    found.append((at, slice(edge, rows.start)))
-                edge = rows.stop
-        return found
+        own = [(n, self._own_rows[i]) for i, n, part in self._parts if isinstance(part, Part)]
+        return [
+            (at, rows)
+            for name, at in self.free.slices.items()
+            for rows in gaps([rows for n, rows in own if n == name and rows], self.by_x.shape[0])
+        ]
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
@@ -289,7 +278,7 @@ class Chain:
         """Each source's points as they are at x; kept for the next call there."""
         if not self.sources:
             return ()
-        last, key = self._last, x.tobytes() + fixed.tobytes()  # once: a thread may replace it
+        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
         if key != last[0]:
             values = all_values(self.free, x, self._fixed, fixed)
             self._last = last = key, [source.evaluate(values) for source in self.sources]
@@ -307,10 +296,6 @@ def _part(
     if of_points is None:
         return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)
-
-
-def _first(rows: slice) -> int:
-    return int(rows.start)
 
 
 def _weighed(argument: cs.MX) -> cs.MX:

@@ -124,6 +124,16 @@ class Moving(NamedTuple):
         return csc_array((entries.data, entries.indices, starts), shape=(entries.shape[0], n))
 
 
+def gaps(taken: Sequence[slice], count: int) -> list[slice]:
+    """The runs of `count` rows that are in none of some slices, which do not overlap."""
+    edges = [0, *(edge for rows in sorted(_edges(taken)) for edge in rows), count]
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+
+
+def _edges(taken: Sequence[slice]) -> list[tuple[int, int]]:
+    return [(rows.start, rows.stop) for rows in taken]
+
+
 def merged(pattern: Pattern, parts: Sequence[Part | Scattered]) -> csc_array:
     """Where a sum of single entries and parts can be nonzero, (m, n)."""
     columns, rows = np.divmod(_places(pattern, parts), pattern.shape[0])

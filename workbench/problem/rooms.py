@@ -39,7 +39,7 @@ class Rooms:
         if room.nbytes != size:
             room = np.zeros(rows * columns)
         # all views hold it, as its base is no array, and none can be made writeable
-        whole = np.frombuffer(memoryview(room).toreadonly())
+        whole = np.frombuffer(memoryview(room.data).toreadonly())
         weakref.finalize(whole, self._back, room).atexit = False
         return room.reshape(rows, columns), whole.reshape(rows, columns)
 

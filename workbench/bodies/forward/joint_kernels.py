@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -56,9 +55,7 @@ class CompiledJoints:
     unbind: Array
 
     @staticmethod
-    def of(
-        skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]
-    ) -> CompiledJoints | None:
+    def of(skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]) -> CompiledJoints | None:
         """The joints of a body on this tree; None where nothing can be compiled."""
         loaded = joint_kernels(tuple(parents), skeleton.slopes.shape[2])
         if loaded is None:
@@ -109,7 +106,7 @@ class CompiledJoints:
 
     def _run(self, name: str, pose: Array, betas: Array, found: Array) -> None:
         K, _, B = self.skeleton.slopes.shape
-        assert pose.size == 3 * K and betas.size == B  # the library trusts it
+        assert (pose.size, betas.size) == (3 * K, B)  # the library trusts it
         arrays = np.ascontiguousarray(pose), np.ascontiguousarray(betas), found
         function = getattr(self.library, name)
         words = (self._here, *(array.ctypes.data for array in arrays))
@@ -117,7 +114,7 @@ class CompiledJoints:
 
 
 def unbinding(bind_pose: Array, parents: Sequence[int]) -> Array:
-    """The transposed rotation of each joint in the world, in the bind pose (K, 3) rad: (K, 3, 3)."""
+    """The transposes of the joints' rotations in the world at a pose (K, 3) rad, (K, 3, 3)."""
     return np.array([np.asarray(R).T for R in world_rotations(cs.DM(bind_pose.T), parents)])
 
 

@@ -39,10 +39,13 @@ def vertex_code(
         "OF_JOINT": OF_JOINT,
         "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
     }
-    head, loops = (source_beside(__package__, name) for name in ("stored.h", "vertex_loops.c"))
+    head, *loops = (
+        source_beside(__package__, name)
+        for name in ("stored.h", "vertex_groups.c", "vertex_loops.c")
+    )
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
     kernels = [kernel(f, "+=" if name in ADDED else "=") for name, f in functions.items()]
-    return "\n".join([vectors(), *defines, head, *kernels, loops])
+    return "\n".join([vectors(), *defines, head, *kernels, *loops])
 
 
 def tree_sizes(parents: tuple[int, ...], B: int) -> dict[str, int | str]:

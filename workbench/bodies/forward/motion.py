@@ -171,13 +171,13 @@ class Kinematics:
         pull_f = cs.SX.sym("pull_f", features.shape[0])
         felt = cs.dot(pull_G, stacked) + cs.dot(pull_f, features)
         back = [cs.densify(cs.gradient(felt, pose)), cs.densify(cs.gradient(felt, betas))]
-        return _Functions(
-            *(
-                Buffered(cs.Function("kinematics", [pose, betas], list(map(cs.densify, parts))))
-                for parts in (outputs, slopes)
-            ),
-            Buffered(cs.Function("adjoint", [pose, betas, pull_G, pull_f], back)),
+        of = [pose, betas]
+        moving, sloping = (
+            Buffered(cs.Function("kinematics", of, [cs.densify(part) for part in parts]))
+            for parts in (outputs, slopes)
         )
+        adjoint = cs.Function("adjoint", [*of, pull_G, pull_f], back)
+        return _Functions(moving, sloping, Buffered(adjoint))
 
     def evaluate(self, pose: Array, betas: Array) -> Posed:
         """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for.

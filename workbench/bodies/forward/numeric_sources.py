@@ -21,7 +21,6 @@ from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of
 from workbench.bodies.forward.motion import Kinematics, Posed
 from workbench.bodies.forward.rows import Target
 
-
 Writer = Callable[[Mapping[str, Target], Array | None], None]  # see BodyPointsAt.tangent
 
 
@@ -225,7 +224,11 @@ class PosedPointsAt:
     @cached_property
     def points(self) -> Array:
         """The points, (N, 3) m."""
-        return self.here.points + self.trans
+        at_origin = self.here.points
+        found = np.empty_like(at_origin)
+        for d in range(3):  # one coordinate at a time, so that the inner loop runs along points
+            np.add(at_origin[:, d], self.trans[d], out=found[:, d])
+        return found
 
     def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
