@@ -156,6 +156,28 @@ def test_every_joint_may_move_a_vertex() -> None:
 
 
 @NEEDS_COMPILER
+@pytest.mark.parametrize("threads", ["2", "3", "40"])
+def test_threads_share_the_vertices_and_change_no_bit(
+    threads: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiled_kernels, "WORTH_SHARING", 0)
+    body = body_of("smpl", 61)  # no whole number of groups
+    pose, betas = pose_at("anywhere", 24), np.linspace(-1, 1, 10)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    found = []
+    for count in ("1", threads):
+        monkeypatch.setenv("WORKBENCH_THREADS", count)
+        made = arithmetic_of(body, surface.ALL)
+        assert isinstance(made, CompiledArithmetic)
+        here = made.evaluate(motion, betas)
+        into = {n: np.full((r, 3 * 61), np.nan) for n, r in zip(NAMES, (72, 10, 3), strict=True)}
+        here.tangent(slopes, into, np.linspace(1, 2, 3 * 61))
+        found.append(np.concatenate([*into.values(), here.points.reshape(1, -1)]))
+    assert np.isfinite(found[1]).all()
+    np.testing.assert_array_equal(*found)
+
+
+@NEEDS_COMPILER
 def test_some_vertices_in_any_order() -> None:
     body, some = body_of("small", 40), [31, 2, 2, 17]
     motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))

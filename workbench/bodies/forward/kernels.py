@@ -23,6 +23,7 @@ from workbench.bodies.forward.rows import Rows, Target
 from workbench.bodies.forward.vertex import motion_column, slopes_column, vertex_functions
 from workbench.compiling import NoLibrary, library
 from workbench.errors import NotSupported
+from workbench.threads import for_each, thread_count
 
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
@@ -30,6 +31,7 @@ TRIED = 11  # vertices: all lanes full at least once, and some that are left ove
 TRIED_SHARE = 0.1  # of its joints that carry and bend each of them
 STEP = 1e-3  # of the numbers that are tried
 WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
+WORTH_SHARING = 16e6  # bytes of directions: below, two threads were hardly faster than one (measured)
 BLOCKS = ("pose", "betas", "trans")
 MANY_SHAPES = 64  # of arrays whose rows' distances are remembered
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
@@ -164,6 +166,23 @@ class CompiledArithmetic:
         words = (0 if array is None else _address(array) for array in arrays)
         function(*map(ctypes.c_ssize_t, (self._here, *words)))
 
+    def share(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
+        """The same by `thread_count()` threads, each for a part of the vertices, if that pays.
+
+        A vertex has the same bits whichever thread computes it.
+        """
+        count = thread_count() if self.packed.size >= WORTH_SHARING else 1
+        if count == 1:
+            self.run(name, *arrays)
+            return
+        function = getattr(self.library, name)
+        words = [ctypes.c_ssize_t(0 if array is None else _address(array)) for array in arrays]
+
+        def compute(part: NDArray[np.intp], _: object = arrays) -> None:  # they live on meanwhile
+            function(ctypes.c_ssize_t(_address(part)), *words)
+
+        for_each(compute, self.packed.parts(count))
+
     @cached_property
     def _here(self) -> int:
         return _address(self.packed.structure)
@@ -199,7 +218,7 @@ class CompiledSurface:
         tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
         wanted = factor, *(tables.get(name) for name in BLOCKS), found
-        self.of.run("tangent", *self._moved, slopes_column(slopes), *wanted)
+        self.of.share("tangent", *self._moved, slopes_column(slopes), *wanted)
         if found is not None:
             self.__dict__["points"] = found  # as if they had been asked for
         for array, room in copied:

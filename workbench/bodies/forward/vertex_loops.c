@@ -43,7 +43,7 @@ EXPORT void points(const body_t *body, const double *betas, const double *moving
     double motion[OF_JOINTS];
     group_t of;
     column_of(body, betas, moving, NULL, motion);
-    for (integer i = 0; i < body->N; i += LANES) {
+    for (integer i = body->first; i < body->N; i += LANES) {
         v rest[3], M[12], here[3];
         joints = next_group(body, i, joints, &of);
         motion_of(&of, motion, M);
@@ -166,7 +166,7 @@ EXPORT void tangent(const body_t *body, const double *person, const double *movi
     const integer *joints = body->joints;
     double motion[COLUMN];
     group_t of;
-    integer i = 0;
+    integer i = body->first;
     column_of(body, person, moving, slopes, motion);
     for (; i + LANES <= body->N; i += LANES) {
         joints = next_group(body, i, joints, &of);
@@ -186,7 +186,7 @@ EXPORT void adjoint(const body_t *body, const double *betas, const double *movin
     double motion[OF_JOINTS];
     group_t of;
     column_of(body, betas, moving, NULL, motion);
-    for (integer i = 0; i < body->N; i += LANES) {
+    for (integer i = body->first; i < body->N; i += LANES) {
         v planar[3], rest[3], M[12], inside[3];
         double some[3 * LANES] = {0};
         joints = next_group(body, i, joints, &of);
