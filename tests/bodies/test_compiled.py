@@ -18,10 +18,13 @@ from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.exact_storage import Stored
-from workbench.bodies.forward.joint_kernels import joint_kernels
+from workbench.bodies.forward.joint_kernels import CompiledJoints, joint_kernels
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
+from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.packed_vertices import PackedVertices
+from workbench.bodies.forward.skeleton import Skeleton
+from workbench.bodies.forward.vertex import motion_column, slopes_column
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
@@ -270,6 +273,40 @@ def test_a_compiler_that_makes_no_library(
 
 
 @NEEDS_COMPILER
+@pytest.mark.parametrize("kind", ["one joint", "small"])
+@pytest.mark.parametrize("bound", [False, True])
+def test_kinematics_are_those_of_casadi(kind: str, bound: bool) -> None:
+    K, B = KINDS[kind]
+    body = random_body(1, n_vertices=5, n_joints=K, n_betas=B, bound=bound)
+    of = Skeleton.of(body), body.bind_pose, body.parents
+    compiled, usual = CompiledJoints.of(*of), Kinematics(*of)
+    assert compiled is not None
+    betas = np.random.default_rng(0).standard_normal(B)
+    for size in (0.0, 1e-9, 0.4, 3.0, 40.0):
+        pose = size * np.random.default_rng(1).standard_normal((K, 3))
+        motion, slopes = compiled.motion(pose, betas), compiled.slopes(pose, betas)
+        expected, sloping = usual.motion(pose, betas), usual.slopes(pose, betas)
+        for part in ("G", "features", "joints"):
+            np.testing.assert_allclose(getattr(motion, part), getattr(expected, part), atol=1e-13)
+        for part in ("turns", "d_features", "d_shift"):
+            np.testing.assert_allclose(getattr(slopes, part), getattr(sloping, part), atol=1e-13)
+        np.testing.assert_allclose(motion_column(motion), motion_column(expected), atol=1e-13)
+        np.testing.assert_allclose(slopes_column(slopes), slopes_column(sloping), atol=1e-13)
+
+
+@NEEDS_COMPILER
+def test_kinematics_with_wrong_numbers_are_not_used(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    spoil = "sed -i.bak 's/= -axis.2./= axis[2]/' joint-kernels.c"
+    says = f'case "$*" in *-dM*) ;; *) {spoil};; esac; exec {COMPILER} "$@"'
+    monkeypatch.setenv("CC", compiler_that(tmp_path, says))
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
+    assert joint_kernels((-1, 0), 1) is None
+    assert not list((tmp_path / "cache").glob("*.so"))
+
+
+@NEEDS_COMPILER
 def test_a_library_with_wrong_numbers_is_not_kept(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
@@ -302,7 +339,7 @@ def test_a_damaged_library_is_made_anew(
     with caplog.at_level(logging.WARNING, logger="workbench"):
         assert_right(body_of("small", 9))
     assert "it is damaged" in caplog.text
-    assert [path.read_bytes() for path in tmp_path.glob("*.so")] == [whole]
+    assert [path.read_bytes() for path in tmp_path.glob(f"{NAME}-*.so")] == [whole]
 
 
 @NEEDS_COMPILER
@@ -332,9 +369,10 @@ def test_compiled_once_and_said(
             body = random_body(N, n_vertices=N, parents=(-1, 0, 1), n_joints=3, n_betas=2)
             assert_right(body)
             kernels.cache_clear()
-    joint_kernels.cache_clear()
-    assert caplog.text.count("compiling the vertex-kernels") == 1
-    assert len(list(tmp_path.iterdir())) == 1
+            joint_kernels.cache_clear()
+    for name in ("vertex-kernels", "joint-kernels"):
+        assert caplog.text.count(f"compiling the {name}") == 1
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_little_is_not_worth_compiling(monkeypatch: pytest.MonkeyPatch) -> None:

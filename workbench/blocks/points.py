@@ -67,10 +67,7 @@ def evaluate_each(source: NumericPoints, values: Sequence[Mapping[str, Array]]) 
 
 
 def tangent_over_zeros(here: PointsAt, into: Mapping[str, Array], scale: Array | None) -> None:
-    """`here.tangent`, into arrays that hold zeros wherever the derivative is always zero.
-
-    Points may have a method of this name, which leaves these entries as they are.
-    """
+    """`here.tangent`, or a method of this name for arrays that hold zeros wherever it has some."""
     leaving = getattr(here, "tangent_over_zeros", None)
     (here.tangent if leaving is None else leaving)(into, scale)
 

@@ -93,12 +93,11 @@ class Chain:
         places = self._at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
-            J = self._jacobian(places, direct, by_points)
-        else:  # the points come last, because they are a byproduct of their derivative
-            direct, *by_points = self._constant or self._slopes(x, fixed)
-            J = self._jacobian(places, direct, by_points)
-            r = self.to_residual(x, fixed, *(here.points for here in places))[0]
-        return r, J
+            return r, self._jacobian(places, direct, by_points)
+        # the points come last, because they are a byproduct of their derivative
+        direct, *by_points = self._constant or self._slopes(x, fixed)
+        J = self._jacobian(places, direct, by_points)
+        return self.to_residual(x, fixed, *(here.points for here in places))[0], J
 
     @cached_property
     def sparse(self) -> bool:
@@ -139,7 +138,6 @@ class Chain:
     ) -> Stored:
         if self.sparse:
             return self._sparse(places, direct, by_points)
-        # zeros where nothing is ever written, and elsewhere what was written the last time
         columns, found = self._rooms.array(self.free.size, self.by_x.shape[0])
         for at, rows in self._left_alone:
             columns[at, rows] = 0.0
@@ -192,25 +190,23 @@ class Chain:
             found[i].append((number, name, part))
         return found
 
-    def _write(
-        self, columns: Array, places: Sequence[PointsAt], by_points: Sequence[Array]
-    ) -> None:
+    def _write(self, columns: Array, places: Sequence[PointsAt], by_points: list[Array]) -> None:
         """Write the part of J that comes through the points, transposed, (n, m)."""
         for i, (here, pattern, rows, entries) in enumerate(
             zip(places, self.by_points, self._own_rows, by_points, strict=True)
         ):
             dense: dict[str, slice] = {}
             for _, name, part in self._parts_of[i]:
-                if not isinstance(part, Part):
-                    product = pattern.times(entries, jacobian_of(here, name)).tocoo()
-                    columns[part.columns.start + product.col, product.row] += product.data
-                else:
+                if isinstance(part, Part):
                     dense[name] = part.columns
+                    continue
+                product = pattern.times(entries, jacobian_of(here, name)).tocoo()
+                columns[part.columns.start + product.col, product.row] += product.data
             if not dense:
                 continue
             if rows is not None:
-                into = {name: columns[at, rows] for name, at in dense.items()}
-                tangent_over_zeros(here, into, entries)
+                own = {name: columns[at, rows] for name, at in dense.items()}
+                tangent_over_zeros(here, own, entries)
                 continue
             parts = {n: np.empty((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
             here.tangent(parts, None)
@@ -270,8 +266,7 @@ class Chain:
         own = csr_array((ones, (columns[alone], rows[alone])), shape=(n, m))
         return Support(groups, group_of, own)
 
-    def _points(self, x: Array, fixed: Array) -> list[Array]:
-        """Each source's points, (N, 3)."""
+    def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
         return [here.points for here in self._at(x, fixed)]
 
     def _at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
