@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from workbench.arrays import Array
 from workbench.diagnostics.wording import Finding
 from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.loose_points import loose_points
 from workbench.problem import Problem
 from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
@@ -152,8 +153,9 @@ def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]
 
 
 def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
-    """A limb that was not found leaves many points side by side; clutter is usually strewn."""
-    points, away = fit.scan.points, np.abs(known.distances) > OFF * fit.reach
+    """A limb that was not found leaves many points side by side; most clutter is loose."""
+    points = fit.scan.points
+    away = (np.abs(known.distances) > OFF * fit.reach) & ~loose_points(fit.scan)
     some = np.random.default_rng(0).permutation(len(points))[:MOST]
     tree, left = cKDTree(points[some]), points[some][away[some]]
     if not len(left) or len(some) <= NEIGHBOUR:
