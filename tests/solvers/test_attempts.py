@@ -233,7 +233,7 @@ def test_an_attempt_that_was_put_aside_goes_on(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_attempts_are_made_in_turn_until_a_lower_end_is_not_doubtful() -> None:
-    """Made-up ends: the first took 400 evaluations, so that each further one has 100 to be lower."""
+    """The first end took 400 evaluations, so that each further attempt has 100 to be lower."""
     some = TrustRegion(attempts=1).solve(*decays())
 
     def end(cost: float, evaluations: int, status: Status) -> Solution:
