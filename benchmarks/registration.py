@@ -175,9 +175,9 @@ def sets(scenes: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, list[Ma
     """The runs of each scene, in sets of 60 seeds: 0 to 59, 60 to 119 and so on."""
     found: dict[str, list[Mapping[str, Any]]] = {}
     for name, runs in scenes.items():
-        for run in runs:
-            first = run["seed"] // SET * SET
-            found.setdefault(f"{name}, seeds {first} to {first + SET - 1}", []).append(run)
+        for first in range(0, len(runs), SET):
+            some = list(runs[first : first + SET])
+            found[f"{name}, seeds {some[0]['seed']} to {some[-1]['seed']}"] = some
     return found
 
 

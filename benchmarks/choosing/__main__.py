@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs") / "choosing")
     asked = parser.parse_args()
     kept = asked.out / "results" / KEPT
-    found = page.read(kept) if kept.exists() else {"machine": {}, "found": {}}
+    found = page.read(kept) if kept.exists() else {"found": {}}
     for name in asked.temperament or TEMPERAMENTS:
         if name == "page":
             continue
@@ -47,8 +47,7 @@ def main() -> None:
             folder=asked.runs / name.replace(" ", "-"),
             progress=lambda what, done, of, name=name: print(f"{name}: {what} {done}/{of}"),
         )
-        found["found"][name] = of_comparison(one, comparison)
-        found["machine"] = machine.description()
+        found["found"][name] = of_comparison(one, comparison) | {"machine": machine.description()}
         keep(kept, found, DIGITS)
     page.write(asked.out / "SOLVERS.md", found)
 

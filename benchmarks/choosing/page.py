@@ -75,10 +75,8 @@ def lines(kept: dict[str, Any]) -> Iterator[str]:
             between = f"{share.low:.0%} to {share.high:.0%}"
             effort = "–" if row["effort"] is None else f"{row['effort']:,.0f}"
             yield f"| {solver} | {row['solved']} of {row['starts']} | {between} | {effort} |"
-        yield ""
-    facts = kept["machine"]
-    if facts:
-        yield f"Measured on {facts.get('processor', 'one machine')}, {facts.get('date', '')}."
+        facts = one["machine"]
+        yield f"\nMeasured on {facts.get('processor', 'one machine')}, {facts.get('date', '')}.\n"
 
 
 def ordered(rows: dict[str, dict[str, Any]]) -> list[tuple[str, dict[str, Any]]]:

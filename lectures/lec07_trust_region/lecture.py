@@ -441,7 +441,9 @@ source(next_radius)
 # lead past the nearest minimum, into the basin of a worse one. Such an end often shows by how it was reached. Near
 # a minimum with a small residual, the last steps are Gauss-Newton steps and few. Where the residual reaches the
 # radius of curvature of the model, they are many. For a problem of at most twenty unknowns that ends in this way,
-# the workbench tries once more from the same start, with a tenth of the first radius, and keeps the lower end.
+# the workbench tries once more from the same start, with a tenth of the first radius. If that is not lower either,
+# it measures steps by the columns of $J$, as MINPACK does, with a tenth of the first radius and with all of it. The
+# lowest end counts. An attempt that has used half of its iterations and still creeps is put aside for the others.
 
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})

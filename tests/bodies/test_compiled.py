@@ -360,6 +360,15 @@ def test_little_is_not_worth_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @NEEDS_COMPILER
+def test_a_part_is_compiled_where_the_whole_is_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 20)
+    monkeypatch.setattr(arithmetic, "PART", 5)
+    body = random_body(0, n_vertices=20, parents=(-1, 0, 1), n_joints=3, n_betas=2)
+    found = [arithmetic_of(body, list(range(n))) for n in (5, 4)]
+    assert [type(one) for one in found] == [CompiledArithmetic, ChunkedArithmetic]
+
+
+@NEEDS_COMPILER
 def test_two_processes_at_once(tmp_path: Path) -> None:
     code = (
         "from workbench.bodies.forward.kernels import kernels\n"

@@ -8,8 +8,9 @@ import pytest
 
 import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
-from workbench.problem import gram
+from workbench.problem import gram, storage
 from workbench.residuals import Residual
+from workbench.solvers.damping import DAMPED
 from workbench.solvers.one_pass import LARGEST, takes_one_pass
 
 SOLVERS = (wb.LevenbergMarquardt(), wb.solvers.TrustRegion())
@@ -68,9 +69,33 @@ def test_a_fit_of_a_surface_needs_one_residual_alone() -> None:
     terms = [wb.residuals.vertices(points, seen, sigma=0.01)]
     problem = wb.Problem(terms, free=("pose", "betas", "trans"))
     assert takes_one_pass(SOLVERS[0], problem)
-    assert not takes_one_pass(wb.Ipopt(), problem)  # which has no steps of its own
+    assert not takes_one_pass(wb.Ipopt(), problem)  # which linearizes no trial
     found = wb.solve(problem, body.start(), SOLVERS[0])
     assert found.cost < 1e-12
     assert found.evaluations.residual == 1  # of the first step, before anything is known
     assert found.evaluations.jacobian == len(found.trace)
     assert 8 * problem.size * problem.free.size < LARGEST
+
+
+@NEEDS_A_COMPILER
+@pytest.mark.parametrize("of_first_order", [True, False])
+def test_hessians_of_first_order_come_with_the_jacobian(
+    of_first_order: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that neither the gradient nor the lengths of columns are computed on their own."""
+    body = wb.load_body("default")
+    seen = body.vertices(0.05 * np.ones((24, 3)), np.ones(10), np.zeros(3)) + 0.001
+    points = body.points(*(block.symbol for block in body.blocks()))
+    terms = [wb.residuals.vertices(points, seen, sigma=0.01)]
+    problem = wb.Problem(terms, free=("betas", "trans", "pose"))
+    apart: list[object] = []
+    lengths = storage.column_norms
+
+    def measured(matrix: object, normal: object = None) -> np.ndarray:
+        apart.extend([matrix] * (normal is None))
+        return lengths(matrix, normal)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(storage, "column_norms", measured)
+    hessian = DAMPED if of_first_order else None
+    wb.solve(problem, body.start(), wb.Ipopt(hessian, max_iterations=3))
+    assert bool(apart) is not of_first_order

@@ -11,6 +11,9 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array
 from workbench.diagnostics.wording import Finding
+from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.loose_points import loose_points
+from workbench.problem import Problem
 from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit
@@ -28,9 +31,12 @@ class Doubts:
         turned: in rad, the angle from which on two hypotheses face different ways.
         stray: the largest share of points without contact.
         rough: in m, the largest robust standard deviation of the distances.
-        open: in m, the largest expected error of the vertices.
+        open: in m, the largest mean standard deviation of the vertices, for which the scan and the
+            priors leave room.
+        unusual: the largest mean square of the pose in standard deviations of `pose_prior`, which
+            is 1 for poses drawn from it; judged where half of the vertices or more were not seen.
         before: the largest share of vertices in space that the camera saw to be empty.
-        missed: the largest share of the scan's points that form one cluster and touch no surface.
+        missed: the largest share of the scan's points that form one cluster off the surface.
     """
 
     tie: float = 0.05
@@ -38,12 +44,15 @@ class Doubts:
     turned: float = np.pi / 3
     stray: float = 0.4
     rough: float = 0.012
-    open: float = 0.011
-    before: float = 0.02
-    missed: float = 0.01
+    open: float = 0.018
+    before: float = 0.015
+    missed: float = 0.008
+    unusual: float = 0.9
 
 
-CLEAR = 0.01  # m: a vertex that stands as far in empty space would have been seen
+CLEAR = 0.03  # m: a vertex that stands as far in empty space would have been seen
+OFF = 2 / 3  # of the reach of the fit: a point as far from the surface does not belong to it
+HALF = 0.5  # of the vertices: where fewer were seen, the prior decides much of the pose
 NEIGHBOUR = 4  # the number of the neighbour whose distance says how dense the points of a scan are
 LINK = 2.0  # times that distance: points that are nearer hang together
 MOST = 5_000  # points of a scan that are looked at for that
@@ -63,8 +72,8 @@ def doubts(
     whole scan was taken from, if it was taken from one place.
     """
     known = support(fit) if found is None else found
-    here = [*_ties(fit, limits), *_data(known, limits), *_missed(fit.scan.points, known, limits)]
-    here += _hidden(fit, known, limits)
+    here = [*_ties(fit, limits), *_data(known, limits), *_missed(fit, known, limits)]
+    here += [*_hidden(fit, known, limits), *_unusual(fit, known, limits)]
     if camera is not None:
         here += _before(fit, np.asarray(camera, dtype=float), limits)
     if fit.stopped:
@@ -114,23 +123,41 @@ def _data(known: Support, limits: Doubts) -> Iterator[Finding]:
 
 
 def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
-    if known.expected_error <= limits.open:
+    if known.mean_sd <= limits.open:
         return
     hidden = ~known.seen
-    share = fit.body.vertex_weights[hidden].sum(axis=0)
+    share = fit.body.vertex_weights[hidden].T @ known.sd[hidden] ** 2
     names = [fit.body.joint_names[k] for k in np.argsort(-share)[:3]] if hidden.any() else []
     yield Finding(
         "hidden",
         f"{100 * hidden.mean():.0f} % of the vertices were not seen and rest on the priors, most "
-        f"at {', '.join(names)}; vertices are expected to be "
-        f"{1e3 * known.expected_error:.0f} mm off (root mean square)",
+        f"at {', '.join(names)}; vertices have a "
+        f"standard deviation of {1e3 * known.mean_sd:.0f} mm in the mean",
     )
 
 
-def _missed(points: Array, known: Support, limits: Doubts) -> Iterator[Finding]:
-    """A limb that was not found leaves many points side by side; clutter is usually strewn."""
+def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
+    """A body that was put into the scan the wrong way is bent as people seldom are."""
+    if known.seen.mean() > HALF:
+        return
+    prior = pose_prior(fit.body)
+    name = fit.body.blocks()[0].name
+    off = Problem((prior,), (name,)).linearize({name: fit.values[name]}).residual
+    square = float(np.mean(off**2))
+    if square > limits.unusual:
+        yield Finding(
+            "unusual",
+            "people seldom stand like this, and half of the vertices were not seen: the joints are "
+            f"{np.sqrt(square):.2f} standard deviations off the mean pose (root mean square)",
+        )
+
+
+def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
+    """A limb that was not found leaves many points side by side; most clutter is loose."""
+    points = fit.scan.points
+    away = (np.abs(known.distances) > OFF * fit.reach) & ~loose_points(fit.scan)
     some = np.random.default_rng(0).permutation(len(points))[:MOST]
-    tree, left = cKDTree(points[some]), points[some][~known.touching[some]]
+    tree, left = cKDTree(points[some]), points[some][away[some]]
     if not len(left) or len(some) <= NEIGHBOUR:
         return
     spacing = float(np.median(tree.query(points[some], k=[NEIGHBOUR + 1])[0]))
@@ -140,7 +167,7 @@ def _missed(points: Array, known: Support, limits: Doubts) -> Iterator[Finding]:
     if most > limits.missed * len(some):
         yield Finding(
             "missed",
-            f"{100 * most / len(some):.0f} % of the points lie side by side and touch no surface: "
+            f"{100 * most / len(some):.0f} % of the points lie side by side and off the surface: "
             "a part of the body that was not found, or another thing",
         )
 

@@ -89,13 +89,20 @@ class StageRuns:
     stopped: str = ""
 
     def run(
-        self, number: int, start: Values, most: int, settled: float, enough: float = inf
+        self,
+        number: int,
+        start: Values,
+        most: int,
+        settled: float,
+        enough: float = inf,
+        known: Callable[[Values], bool] | None = None,
     ) -> Solution:
         """One run that begins at `start`, or at what was found from the start of this number.
 
         It ends after `most` iterations, when three of them together lower the cost by less than a
         share of it, or when the runs are stopped. It is given up when five times the decrease over
-        the last three iterations would leave its cost more than a tenth above `enough`.
+        the last three iterations would leave its cost more than a tenth above `enough`, and at an
+        iterate after the first that `known` says is near an end that is known already.
         """
         costs: list[float] = []
         at = Progress(*self.stage, number + 1, self.starts, 0, 0.0)
@@ -106,6 +113,8 @@ class StageRuns:
             if self.stopped or (self.progress is not None and self.progress(now) is True):
                 self.stopped = "stopped"
             if self.stopped or now.iteration >= most:
+                return True
+            if known is not None and len(costs) > 1 and known(iterate.values):
                 return True
             if len(costs) <= OVER + 1:
                 return False

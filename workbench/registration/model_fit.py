@@ -19,9 +19,9 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.empty_space import EmptySpace, sees
 from workbench.registration.fit_stage import FitStage, Progress, StageRuns
-from workbench.registration.limbs import limb_poses, other_limbs
 from workbench.registration.scan_starts import scan_starts
 from workbench.registration.seen_starts import seen_starts
+from workbench.registration.unfolding import Known, joints_of, unfolded
 from workbench.residuals import Residual
 from workbench.residuals.contact_forms import Form, distance
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
@@ -30,9 +30,9 @@ from workbench.solvers.solution import Hypothesis, Solution, Solver
 from workbench.solvers.trust_region import TrustRegion
 
 SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
+AGAIN = 0.375  # times that: a run that comes so near to an end leads to it
 FULL = 0.95  # the quantile of the areas from which on all points count fully
-LIMB_ITERATIONS, LIMB_SETTLED = 12, 0.01  # of a run that tries another pose of a limb
-SCREEN = FitStage(300, 0.03, 0.06, 1, 1)  # with which such poses are compared before they are run
+SCREEN = FitStage(300, 0.03, 0.06, 1, 1)  # with which poses of limbs are compared as they stand
 WITHIN = 0.4  # m: a point farther from the surface has no contact
 
 
@@ -129,7 +129,8 @@ def fit_model(
 
     The first stage begins at all `starts`; each following one at the best different ends of the
     one before, whose joints are `same` m apart or more in the mean. A run that will not come among
-    them, or in the last stage near the best, is given up. A stage may try other poses of
+    them, or in the last stage near the best, is given up, and so is one that comes to an end that
+    was found before. A stage may try other poses of
     arms and legs as well (`FitStage.limbs`). A point farther than `within` m from the surface has
     no contact.
 
@@ -186,17 +187,22 @@ def fit_model(
                 problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
             following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses = [], []
+            found, hypotheses, near = [], [], Known(body, AGAIN * same)
             for k, start in enumerate(begin):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
-                found.append(runs.run(k, start, stage.iterations, stage.settled, enough))
+                end = runs.run(k, start, stage.iterations, stage.settled, enough, near.knows)
+                near.add(end.values)
+                found.append(end)
                 hypotheses = _different(body, found, same)
                 if runs.stopped:
                     break
             if stage.limbs and not runs.stopped:
                 few = _data(body, seen, order[: SCREEN.points], SCREEN, kernel, form, within)
                 screen = Problem((few, *beside(SCREEN)), names)
-                again = [_unfolded(body, runs, screen, one) for one in hypotheses[: stage.limbs]]
+                again = [
+                    unfolded(body, runs, screen, one, AGAIN * same)
+                    for one in hypotheses[: stage.limbs]
+                ]
                 hypotheses[: stage.limbs] = again
                 hypotheses.sort(key=lambda one: one.cost)
             iterations, stopped = iterations + runs.iterations, runs.stopped
@@ -253,38 +259,13 @@ def _data(
     )
 
 
-def _unfolded(body: Body, runs: StageRuns, screen: Problem, one: Hypothesis) -> Hypothesis:
-    """The hypothesis, or a lower one in which limbs have other poses.
-
-    `screen` is a coarser problem, which says at which poses of limbs it is worth to begin.
-    """
-
-    def solve(start: Values) -> Solution:
-        return runs.run(one.starts[0], start, LIMB_ITERATIONS, LIMB_SETTLED)
-
-    end = other_limbs(body, solve, one.values, poses=limb_poses(body), cost=_cost(screen))
-    if end is None:
-        return one
-    return Hypothesis(end.values, end.cost, end.status, one.starts, end.violation)
-
-
-def _cost(problem: Problem) -> Callable[[Values], float]:
-    """The cost of values as they stand."""
-
-    def cost(values: Values) -> float:
-        rows = problem.residual(*problem.split(values))
-        return float(rows @ rows) / 2
-
-    return cost
-
-
 def _different(body: Body, found: Sequence[Solution], same: float) -> list[Hypothesis]:
     """The ends as hypotheses, the lowest first; ends with joints in the same places are one."""
     kept: list[Hypothesis] = []
     placed: list[Array] = []
     for number in sorted(range(len(found)), key=lambda k: found[k].cost):
         end = found[number]
-        joints = body.joints(*(end.values[block.name] for block in body.blocks()))
+        joints = joints_of(body, end.values)
         off = [float(np.linalg.norm(joints - one, axis=1).mean()) for one in placed]
         near = next((i for i, d in enumerate(off) if d < same), None)
         if near is None:

@@ -162,7 +162,7 @@ HAND_RECIPE = Recipe(
     within=0.06,
     same=0.004,
     near=0.006,
-    doubts=Doubts(apart=0.006, rough=0.004, open=0.003),
+    doubts=Doubts(apart=0.006, rough=0.004, open=0.003, unusual=np.inf),
     empty=None,
 )
 """For a hand alone, in metres as a person: a hand has no side that is usually up."""

@@ -70,11 +70,10 @@ def seen_starts(
     look, shape = _Look.of(scan, camera, empty), starts[0][betas]
     vertices = np.linspace(0, body.n_vertices - 1, VERTICES).astype(int)
     turns = matrix_from_vector(np.array(roots))
+    posed = np.stack([np.concatenate([np.zeros((1, 3)), other]) for other in poses])
+    centre = body.joints(posed[0], shape, np.zeros(3))[0]  # the root's, which no pose moves
     tried: list[tuple[float, Array, Values]] = []
-    for other in poses:
-        posed = np.concatenate([np.zeros((1, 3)), other])
-        surface = body.vertices(posed, shape, np.zeros(3))
-        centre = body.joints(posed, shape, np.zeros(3))[0]
+    for other, surface in zip(poses, body.vertices(posed, shape, np.zeros(3)), strict=True):
         normals = sums_around(face_vectors(surface, body.faces), body.faces, len(surface))
         normals = normals[vertices] / np.linalg.norm(normals[vertices], axis=1, keepdims=True)
         for root, R in zip(roots, turns, strict=True):

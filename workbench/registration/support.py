@@ -40,6 +40,11 @@ class Support:
         """The root mean square of `sd`, in m, if noise and priors are as the fit assumes."""
         return float(np.sqrt(np.mean(self.sd**2)))
 
+    @property
+    def mean_sd(self) -> float:
+        """The mean of `sd`, in m: a single hand that may be anywhere counts less than above."""
+        return float(np.mean(self.sd))
+
 
 def support(fit: ModelFit, hypothesis: int = 0, *, near: float = NEAR) -> Support:
     """What of a hypothesis of a fit the scan supports.

@@ -1,52 +1,141 @@
-"""A further attempt to solve, where the end of one is no minimum or probably not the best.
+"""Further attempts to solve, where the end of one is no minimum or probably not the best.
 
-Near a minimum where the residual is small, or the model nearly linear, the steps are nearly
-Gauss-Newton steps, and three to five of them are enough. Many steps show that the residual is as
-long as the radius of curvature of the model. There a least-squares problem easily has several
-minima (Bates and Watts, Nonlinear Regression Analysis and Its Applications, 1988, chapter 7), and a
-shorter first step from the same start often leads to a lower one.
+`doubt` says which ends these are. Attempts differ in their first step and in how they measure
+steps; the lowest end counts.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
+from workbench.solvers.doubt import is_creeping, is_doubtful
 from workbench.solvers.iterate import Iterate
-from workbench.solvers.limits import stop_asked
-from workbench.solvers.no_minimum import LOOSE
-from workbench.solvers.run import INTERRUPTED
-from workbench.solvers.saddle import FEW
+from workbench.solvers.limits import Stop, stop_asked
+from workbench.solvers.meter import limited
+from workbench.solvers.run import INTERRUPTED, Run
 from workbench.solvers.solution import Callback, Solution, Solver, Status
 
-NEAR, MANY = 1.1, 10  # times the cost of the end; so many iterates below that are a slow approach
-STATIONARY = 1e-6  # the `Problem.optimality` of iterates that are not counted any more
-NEGLIGIBLE = 1e-12  # of the cost at the start: below, nothing is to be gained
 LOWER = 1e-6  # of the cost: a smaller decrease is none
-PATIENCE = 0.5  # of the evaluations of the first attempt, until the second must be lower
+PATIENCE = 0.25  # of the evaluations of the first attempt, until a further one must be lower
+AT_LEAST = 50  # evaluations until then: a first attempt may end early, with a loose tolerance
+HALF = 0.5  # of the iterations or the evaluations: an attempt that creeps is put aside
 
 
-def is_doubtful(end: Solution, problem: Problem, tolerance: float) -> bool:
-    """Whether a lower minimum is likely elsewhere; asked of small problems without constraints.
+class Left(NamedTuple):
+    """What is left of the limits of a solver.
 
-    They are small if they have at most as many unknowns as the search for saddles looks at one by
-    one. Doubtful are LOST, VALLEY, and an end that is CONVERGED or STALLED after a slow approach:
-    the costs of ten or more iterates, which were not stationary yet, are at most a tenth above that
-    of the end, which is not negligible.
+    Attributes:
+        iterations: steps.
+        evaluations: of all kinds that are limited.
+        seconds: wall time in s.
     """
-    if problem.free.size > FEW or problem.stacked_constraints is not None or tolerance >= LOOSE:
-        return False
-    if end.status in (Status.LOST, Status.VALLEY):
-        return True
-    if end.status not in (Status.CONVERGED, Status.STALLED):
-        return False
-    if end.cost <= NEGLIGIBLE * end.trace[0].cost:
-        return False
-    near = [one for one in end.trace if one.cost <= NEAR * end.cost]
-    return sum(one.optimality > STATIONARY for one in near) >= MANY
+
+    iterations: int
+    evaluations: int
+    seconds: float
+
+    def after(self, end: Solution) -> "Left":
+        """What is left after one more attempt."""
+        return Left(
+            self.iterations - end.iterations,
+            self.evaluations - end.evaluations.total,
+            self.seconds - end.seconds,
+        )
+
+
+AfterStep = Callable[[Run], None]
+Attempt = Callable[[int, Left, Callback, AfterStep], Solution]
+
+
+class Attempts:
+    """A first attempt and, where its end is doubtful, further ones from the same start.
+
+    They are made in turn, each once, until an end that is the lowest so far is not doubtful. One
+    that is not lower after a quarter of the evaluations of the first is given up; 50 are always
+    allowed. An attempt that creeps while it uses up its iterations or its evaluations is put aside
+    when it has used half of either, and goes on if no further attempt becomes lower. Time is not
+    looked at for this, so that a run is the same on a slower machine.
+    """
+
+    def __init__(self, attempt: Attempt, most: int) -> None:
+        """`attempt` makes the one of a number below `most`, and calls its last argument after each
+        step.
+        """
+        self._attempt, self._most, self._made = attempt, most, 0
+
+    def solve(self, left: Left, callback: Callback) -> Solution:
+        """The lowest end, with the evaluations and the time of all attempts and its own trace."""
+        first = self._next(left, callback)
+        return self._further(first, left, callback)[0] if is_doubtful(first) else first
+
+    def _next(self, left: Left, callback: Callback) -> Solution:
+        """The end of the next attempt, or a lower one of those that were made in its middle."""
+        number, self._made = self._made, self._made + 1
+        lower: Solution | None = None
+        passed, spent = False, 0  # whether half of the limits is; steps of others since then
+
+        def after_step(run: Run) -> None:
+            nonlocal lower, passed, spent
+            steps, used = len(run.trace) - 1, limited(run.meter.counts)
+            if spent and steps + spent >= left.iterations:
+                raise Stop(Status.MAX_ITERATIONS)
+            if passed or max(steps / left.iterations, used / left.evaluations) < HALF:
+                return
+            passed = True
+            if self._made == self._most or not is_creeping(run.trace):
+                return
+            here = _so_far(run)
+            found, spent = self._further(here, left, callback)
+            run.meter.counts |= asdict(found.evaluations)
+            lower = found if found.cost < here.cost else None
+            if found.status is Status.STOPPED:
+                raise Stop(Status.STOPPED, found.message)
+            if lower is not None:
+                raise Stop(Status.STALLED)
+
+        end = self._attempt(number, left, callback, after_step)
+        if lower is None:
+            return end
+        return replace(lower, seconds=end.seconds, judging=lower.judging + end.judging)
+
+    def _further(self, first: Solution, left: Left, callback: Callback) -> tuple[Solution, int]:
+        """The lowest of the `first` end and those of the attempts that are left, and their steps.
+
+        It is STOPPED if one of them was stopped. `left` is what the first had.
+        """
+        longest, steps = max(PATIENCE * first.evaluations.total, AT_LEAST), 0
+        best, left = first, left.after(first)
+        while self._made < self._most and min(left) > 0:
+            second, why = tried(best, partial(self._next, left), callback, longest)
+            is_lower = second.cost < best.cost * (1 - LOWER)
+            best, left, steps = joined(best, second), left.after(second), steps + second.iterations
+            if why:
+                return replace(best, status=Status.STOPPED, message=why), steps
+            if is_lower and not is_doubtful(second):
+                break
+        return best, steps
+
+
+def _so_far(run: Run) -> Solution:
+    """Where a run is, as if it ended there."""
+    here = run.trace[-1]
+    return Solution(
+        here.values,
+        here.cost,
+        here.optimality,
+        Status.STALLED,
+        Status.STALLED.value,
+        run.name,
+        here.evaluations,
+        here.seconds,
+        tuple(run.trace),
+    )
 
 
 def joined(first: Solution, second: Solution) -> Solution:
@@ -59,7 +148,7 @@ def joined(first: Solution, second: Solution) -> Solution:
         best = replace(
             second,
             trace=tuple(after(first, iterate) for iterate in second.trace),
-            message=f"{second.message}; a first attempt ended higher, at {first.cost:.6g}",
+            message=f"{second.message}; an earlier attempt ended higher, at {first.cost:.6g}",
         )
     return replace(
         best,
@@ -78,33 +167,29 @@ def after(first: Solution, iterate: Iterate) -> Iterate:
     )
 
 
-def once_more(
-    first: Solution,
-    attempt: Callable[[Callback], Solution],
-    callback: Callback,
-    patience: float = PATIENCE,
-) -> Solution:
-    """The lower one of the `first` end and that of a further `attempt`, which takes a callback.
+def tried(
+    first: Solution, attempt: Callable[[Callback], Solution], callback: Callback, longest: float
+) -> tuple[Solution, str]:
+    """The end of a further `attempt`, which takes a callback, and why all is to stop, if it is.
 
-    The attempt is given up if it is not lower after so many times the evaluations of the first. An
-    interrupt, or a `callback` that returns True, ends it, and the result is STOPPED.
+    The attempt is given up if it has not been lower than the `first` end after more evaluations
+    than `longest`. An interrupt, or a `callback` that returns True, ends it.
     """
-    longest, in_vain = patience * first.evaluations.total, False
+    lower, in_vain = False, False
 
     def told(iterate: Iterate) -> bool:
-        nonlocal in_vain
+        nonlocal lower, in_vain
         asked = None if callback is None else stop_asked(callback(after(first, iterate)))
-        lower = iterate.cost < first.cost * (1 - LOWER)
+        lower = lower or iterate.cost < first.cost * (1 - LOWER)
         in_vain = asked is None and not lower and iterate.evaluations.total > longest
         return in_vain or asked is not None
 
     with Interrupts() as interrupts:  # also between the attempts
         second = attempt(told)
-    found = joined(first, second)
-    if (second.status is Status.STOPPED and not in_vain) or interrupts.pressed:
-        why = INTERRUPTED if interrupts.pressed else second.message
-        return replace(found, status=Status.STOPPED, message=why)
-    return found
+    if interrupts.pressed:
+        return second, INTERRUPTED
+    stopped = second.status is Status.STOPPED and not in_vain
+    return second, second.message if stopped else ""
 
 
 def beyond_saddle(
@@ -114,6 +199,8 @@ def beyond_saddle(
     if first.status is not Status.SADDLE or first.lower is None:
         return first
     beside = {**start, **first.lower}
-    return once_more(
+    second, why = tried(
         first, lambda told: solver.solve(problem, beside, callback=told), callback, np.inf
     )
+    found = joined(first, second)
+    return replace(found, status=Status.STOPPED, message=why) if why else found

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.problem.steps import Step
 
 LEAST, MOST = 0.9, 1.1  # of the radius: a step in between is as long as the radius
@@ -23,7 +24,11 @@ class Damped(NamedTuple):
 
 
 def step_within(
-    radius: float, damped: Callable[[float], Step | None], steepness: float, damping: float
+    radius: float,
+    damped: Callable[[float], Step | None],
+    steepness: float,
+    damping: float,
+    D: Array | float = 1.0,
 ) -> Damped:
     """The best step of the linear model that is at most as long as `radius`, and its damping.
 
@@ -35,14 +40,15 @@ def step_within(
     trials.
 
     `damped` is the step as a function of its damping, `steepness` the length of the gradient, and
-    `damping` the first to be tried.
+    `damping` the first to be tried. In a metric D (n,), the length of a step p is |D p|, and that
+    of a gradient g is |g / D|.
     """
     longer, shorter = -1.0, min(steepness / radius, LARGEST)  # dampings that make it so
     tried: list[tuple[float, float]] = []
     damping = min(damping, shorter)
     for _ in range(TRIALS):
         step = damped(damping)
-        length = np.inf if step is None else float(np.linalg.norm(step.p)) / radius
+        length = np.inf if step is None else float(np.linalg.norm(D * step.p)) / radius
         if length == 0 or (length <= MOST and (length >= LEAST or damping == 0)):
             return Damped(step, damping)
         if length > 1:

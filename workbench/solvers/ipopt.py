@@ -79,7 +79,7 @@ class Ipopt:
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run(self._name, self, problem, start, callback) as run:
-            unless_solved(run)  # a start that is not finite ends the run here, too
+            unless_solved(run, self.hessian)  # a start that is not finite ends the run here, too
             answer = self._ask(run)
             status = MEANING.get(answer, Status.STALLED)
             message = f"{ADVICE.get(answer, status.value)} (ipopt: {answer})"

@@ -15,7 +15,13 @@ def takes_one_pass(solver: Options, problem: Problem) -> bool:
     with the gradient and the lengths of columns, instead of one after the other. A posed surface
     and its derivative read the same arrays: to ask for its points first costs a third of both.
     """
-    if getattr(solver, "linear_algebra", None) not in BY_NORMAL_EQUATIONS or problem.sparse:
+    by = getattr(solver, "linear_algebra", None)
+    return by in BY_NORMAL_EQUATIONS and has_one_pass(problem)
+
+
+def has_one_pass(problem: Problem) -> bool:
+    """Whether compiled code computes the normal equations with the gradient and column lengths."""
+    if problem.sparse:
         return False
     m, n = problem.size, problem.free.size
     return gram.worthwhile(m, n) and 8 * m * n <= LARGEST and gram.compiled() is not None

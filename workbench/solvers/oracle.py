@@ -16,6 +16,7 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.convexity import raised, reflected
 from workbench.solvers.damping import Damped
 from workbench.solvers.external import Compute, External, Kept, Places, Recorder
+from workbench.solvers.one_pass import has_one_pass
 from workbench.solvers.run import Run
 
 Hessian = Callable[[Run, Array, Linearization], Stored] | Damped
@@ -50,8 +51,17 @@ def abilities_with(hessian: Hessian | None, source: str) -> Abilities:
     )
 
 
-def unless_solved(run: Run) -> None:
-    """End the run if its start is already a solution; then no solver has to be made."""
+def is_of_first_order(hessian: Hessian | None) -> bool:
+    """Whether a Hessian is made of J'J, which is then asked for at every iterate."""
+    return isinstance(hessian, Damped) or hessian is gauss_newton_hessian
+
+
+def unless_solved(run: Run, hessian: Hessian | None) -> None:
+    """End the run if its start is already a solution; then no solver has to be made.
+
+    From here on J'J comes with each Jacobian, if the Hessian needs it and one pass gives both.
+    """
+    run.one_pass = is_of_first_order(hessian) and has_one_pass(run.problem)
     here = run.linearize(run.x)
     if run.optimality(run.x, here) <= run.limits.gradient_tolerance:
         run.record(run.x, here.cost, here)
@@ -192,7 +202,7 @@ class Oracle:
     @cached_property
     def _nonzeros(self) -> csc_array | None:
         """Where the Hessian of the cost can be nonzero, if it is sparse."""
-        if isinstance(self._hessian, Damped) or self._hessian is gauss_newton_hessian:
+        if is_of_first_order(self._hessian):
             return _nonzeros_of_normal(self._run.problem)
         return _nonzeros_of_exact(self._run.problem) if self._hessian is exact_hessian else None
 

@@ -65,7 +65,7 @@ class Run:
         self.linearizations = LinearizationCache()
         self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
         self._recorded: Array | None = None  # the last one
-        self._one_pass, self._sure = takes_one_pass(solver, problem), False
+        self.one_pass, self._sure = takes_one_pass(solver, problem), False
         self._threads = ExitStack()
         self._interrupts, self._interrupted = Interrupts(), False
 
@@ -121,7 +121,7 @@ class Run:
     def _linearized(self, x: Array) -> Linearization | None:
         """The linearization at x, which is kept; None where it is not finite."""
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
-        if self._one_pass:
+        if self.one_pass:
             _ = here.normal  # with the gradient and the lengths of columns
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             return None
@@ -199,7 +199,7 @@ class Run:
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)
         if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
-            self._sure = self._one_pass and fallen >= SURE * predicted
+            self._sure = self.one_pass and fallen >= SURE * predicted
             return fallen / predicted
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):

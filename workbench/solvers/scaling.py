@@ -1,6 +1,7 @@
 """The metric D of a step: how much a change of each unknown by one unit counts."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,3 +27,25 @@ def columns(here: Linearization) -> Array:
     then move far without need.
     """
     return np.where(here.column_norms > 0, here.column_norms, 1.0)
+
+
+@dataclass
+class Metric:
+    """The metric of a trust region along a run: that of the present scaling, and no less than
+    before.
+
+    So a radius does not grow by itself where columns get shorter (Moré, The Levenberg-Marquardt
+    algorithm: implementation and theory, 1978, section 6).
+
+    Attributes:
+        scaling: gives D (n,) at a point.
+        D: (n,) the largest so far.
+    """
+
+    scaling: Scaling
+    D: Array | float = 0.0
+
+    def at(self, here: Linearization) -> Array:
+        """D (n,) at the next point of a run."""
+        self.D = np.maximum(self.D, self.scaling(here))
+        return self.D

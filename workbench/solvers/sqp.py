@@ -74,7 +74,7 @@ class Sqp:
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run("sqp", self, problem, start, callback) as run:
-            unless_solved(run)
+            unless_solved(run, self.hessian)
             run.stall(f"{Status.STALLED.value} (sqpmethod: {self._ask(run)})")
         return run.solution()
 

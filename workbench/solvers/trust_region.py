@@ -11,10 +11,12 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
-from workbench.solvers.attempts import is_doubtful, once_more
+from workbench.solvers.attempts import Attempts, Left
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
+from workbench.solvers.doubt import may_be_repeated
 from workbench.solvers.run import Run
+from workbench.solvers.scaling import Metric, Scaling, columns, identity
 from workbench.solvers.solution import Callback, Solution
 
 TAKEN = 1e-4  # gain ratio above which a step is taken
@@ -24,7 +26,13 @@ AHEAD = 0.1  # of a step: where its bend is measured
 BENT = 0.75  # of the length of a step: 2 |a| of a bend that is trusted
 UNSEEN = 1e-9  # of the cost: a smaller predicted decrease says nothing of the linear model
 SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
-SHORTER = 0.1  # of the first radius: that of a second attempt
+SHORTER = 0.1  # of the first radius: that of some further attempts
+WAYS: tuple[tuple[Scaling, float], ...] = (  # of attempts: the metric, and the share of the radius
+    (identity, 1.0),
+    (identity, SHORTER),
+    (columns, SHORTER),
+    (columns, 1.0),
+)
 
 
 @dataclass(frozen=True)
@@ -51,19 +59,23 @@ class TrustRegion:
     nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
     inside.
 
-    A long first step may lead past the nearest minimum. So, with at most 20 unknowns, a second
-    attempt with a tenth of the first radius is made where a lower minimum is likely elsewhere: the
-    end is LOST or a VALLEY, or it was approached slowly (`solvers.attempts.is_doubtful`). The
-    solution is the lower end with its own trace, and the evaluations of both attempts. An attempt
-    that is not lower after half as many evaluations as the first took is given up.
+    A long first step may lead past the nearest minimum. So, with at most 20 unknowns, up to three
+    further attempts are made where a lower minimum is likely elsewhere: the end is LOST or a
+    VALLEY, or it was approached slowly (`solvers.doubt`). The second has a tenth of the first
+    radius. The third has that too, and measures steps by the columns of the Jacobian, as Moré does:
+    their length is |D p|, and D the largest lengths of the columns so far. The fourth does the
+    same with the first radius itself. A first attempt that has used half of its iterations or
+    evaluations, and creeps, is put aside for them (`solvers.attempts`). An attempt that is not
+    lower after a quarter of the evaluations of the first (but at least 50) is given up. The
+    solution is the lowest end with its own trace, and the evaluations of all attempts.
 
     Raises BadArgument for a first radius that is not positive and finite, and for less than one
-    attempt.
+    attempt or more than four.
 
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
-            start.
-        attempts: how often it starts at most; 1 for no second attempt.
+            start. Attempts that measure steps by columns multiply it by the root mean square of D.
+        attempts: how often it starts at most, up to 4; 1 for no further attempt.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
         max_iterations: the largest number of steps.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
@@ -75,7 +87,7 @@ class TrustRegion:
     """
 
     first_radius: float | None = None
-    attempts: int = 2
+    attempts: int = len(WAYS)
     linear_algebra: LinearAlgebra = sparing
     max_iterations: int = 2_000
     max_evaluations: int = 10_000
@@ -88,8 +100,8 @@ class TrustRegion:
                 "`first_radius` must be a positive, finite length in the units of the unknowns, or "
                 f"None for the length of the start, not {self.first_radius}"
             )
-        if self.attempts < 1:
-            raise BadArgument(f"`attempts` must be 1 or more, not {self.attempts}")
+        if not 1 <= self.attempts <= len(WAYS):
+            raise BadArgument(f"`attempts` must be from 1 to {len(WAYS)}, not {self.attempts}")
 
     @property
     def abilities(self) -> Abilities:
@@ -103,57 +115,58 @@ class TrustRegion:
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
-        first = self._attempt(problem, start, callback)
-        return self._again(first, problem, start, callback) if self.attempts > 1 else first
+        most = self.attempts if may_be_repeated(problem, self.gradient_tolerance) else 1
 
-    def _again(
-        self, first: Solution, problem: Problem, start: Values, callback: Callback
+        def attempt(
+            number: int, left: Left, callback: Callback, after_step: Callable[[Run], None]
+        ) -> Solution:
+            limited = replace(
+                self,
+                max_iterations=left.iterations,
+                max_evaluations=left.evaluations,
+                max_seconds=left.seconds,
+            )
+            return limited._attempt(problem, start, callback, after_step, *WAYS[number])
+
+        limits = Left(self.max_iterations, self.max_evaluations, self.max_seconds)
+        return Attempts(attempt, most).solve(limits, callback)
+
+    def _first_radius(self, x: Array, D: Array) -> float:
+        """The radius at the start x (n,), in the metric D (n,)."""
+        if self.first_radius is not None:
+            return self.first_radius * float(np.linalg.norm(D) / np.sqrt(x.size))
+        return float(np.linalg.norm(D * x)) or 1.0
+
+    def _attempt(
+        self,
+        problem: Problem,
+        start: Values,
+        callback: Callback,
+        after_step: Callable[[Run], None],
+        scaling: Scaling,
+        share: float,
     ) -> Solution:
-        """The first end, or a lower one that a further attempt finds within what is left."""
-        if not is_doubtful(first, problem, self.gradient_tolerance):
-            return first
-        x = problem.free.pack(first.trace[0].values)
-        left = (
-            self.max_iterations - first.iterations,
-            self.max_evaluations - first.evaluations.total,
-            self.max_seconds - first.seconds,
-        )
-        if min(left) <= 0:
-            return first
-        second = replace(
-            self,
-            first_radius=SHORTER * self._first_radius(x),
-            attempts=self.attempts - 1,
-            max_iterations=left[0],
-            max_evaluations=left[1],
-            max_seconds=left[2],
-        )
-        return once_more(first, lambda told: second.solve(problem, start, callback=told), callback)
-
-    def _first_radius(self, x: Array) -> float:
-        """The radius at the start x (n,); see `trust_radius.first_radius`."""
-        return self.first_radius or float(np.linalg.norm(x)) or 1.0
-
-    def _attempt(self, problem: Problem, start: Values, callback: Callback) -> Solution:
-        """One attempt: the end that is reached from `start`, with the first radius as it is."""
+        """One attempt: the end that is reached from `start` with a share of the first radius."""
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
-            radius = self._first_radius(x)
+            metric = Metric(scaling)
+            D = metric.at(here)
+            radius = share * self._first_radius(x, D)
             damping, slow = 0.0, False
-            least = SHORTEST * max(float(np.linalg.norm(x)), radius)
+            least = SHORTEST * max(float(np.linalg.norm(D * x)), radius)
             unseen = True  # so far, steps have been too short for the cost to show them
             while True:
-                steepness = float(np.linalg.norm(here.gradient))
+                steepness = float(np.linalg.norm(here.gradient / D))
                 step, damping = step_within(
-                    radius, self._damped(problem, x, here), steepness, damping
+                    radius, self._damped(problem, x, here, D), steepness, damping, D
                 )
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
-                length = float(np.linalg.norm(step.p))
+                length = float(np.linalg.norm(D * step.p))
                 predicted = here.predicted_decrease(step.p)
                 p = step.p
                 if slow and damping > 0:
-                    p = p + bend(run, x, here, p, damping, self.linear_algebra)
+                    p = p + bend(run, x, here, p, damping, D, self.linear_algebra)
                 to = np.clip(x + p, problem.lower, problem.upper)
                 gain_ratio = run.gain_ratio(x, here, to, predicted)
                 unseen = unseen and damping > 0 and predicted < UNSEEN * here.cost
@@ -167,15 +180,17 @@ class TrustRegion:
                     slow = gain_ratio * predicted < SLOW * here.cost
                     del here  # first: its memory serves the next one
                     x, here = run.move(to, damping, step.by)
+                    D = metric.at(here)
+                    after_step(run)
                 elif radius <= least or np.array_equal(to, x):
                     run.stall()
         return run.solution()
 
     def _damped(
-        self, problem: Problem, x: Array, here: Linearization
+        self, problem: Problem, x: Array, here: Linearization, D: Array
     ) -> Callable[[float], Step | None]:
-        """The step from x (n,) as a function of its damping."""
-        D, low, high = np.ones_like(x), problem.lower - x, problem.upper - x
+        """The step from x (n,) in the metric D (n,) as a function of its damping."""
+        low, high = problem.lower - x, problem.upper - x
         return lambda damping: box_step(here, damping, D, low, high, self.linear_algebra)
 
 
@@ -189,7 +204,13 @@ def next_radius(radius: float, length: float, gain_ratio: float, damping: float)
 
 
 def bend(
-    run: Run, x: Array, here: Linearization, p: Array, damping: float, solve: LinearAlgebra
+    run: Run,
+    x: Array,
+    here: Linearization,
+    p: Array,
+    damping: float,
+    D: Array,
+    solve: LinearAlgebra,
 ) -> Array:
     """The a (n,) by which the residual's second derivative along the step p (n,) bends it.
 
@@ -199,7 +220,7 @@ def bend(
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
     r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
     curved = here.with_residual(0.5 * r_pp)
-    step = solve(curved, damping, np.ones_like(p)) if np.isfinite(curved.gradient).all() else None
-    if step is None or not 2 * np.linalg.norm(step.p) <= BENT * np.linalg.norm(p):
+    step = solve(curved, damping, D) if np.isfinite(curved.gradient).all() else None
+    if step is None or not 2 * np.linalg.norm(D * step.p) <= BENT * np.linalg.norm(D * p):
         return np.zeros_like(p)
     return step.p

@@ -13,6 +13,7 @@ from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.rows import Target
 
 WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds
+PART = 100  # vertices, from which on a part of a body with so many is compiled as well
 
 
 class AtOrigin(Protocol):
@@ -55,11 +56,13 @@ def arithmetic_of(
 ) -> Arithmetic:
     """For all of a body's vertices or some; compiles the first time that it pays.
 
+    The library is that of the whole surface, so that a part of one is worth it sooner.
+
     `chunks` returns these vertices packed for NumPy, if they have been packed before.
     """
     chosen = vertices if isinstance(vertices, slice) else list(vertices)
     count = body.n_vertices if isinstance(chosen, slice) else len(chosen)
-    if count >= WORTH_COMPILING:
+    if body.n_vertices >= WORTH_COMPILING and count >= min(PART, WORTH_COMPILING):
         compiled = CompiledArithmetic.of(body, body.parents, chosen)
         if compiled is not None:
             return compiled
