@@ -5,12 +5,13 @@ out. Detectors are marker sets whose markers have unknown offsets. If each keypo
 of its own, o_k ~ N(0, s^2) m in each direction, seen as s f / z px at the distance z, and it is
 integrated out, then the estimate x of the fit has another covariance than Laplace's C = (J'J)^-1:
 
-    C + (s f / (z sigma))^2 C J_d' J_d C
+    C + (s f / z)^2 C J_d' D^2 J_d C
 
-with the rows J_d of the keypoints, whitened by sigma (White, Maximum likelihood estimation of
-misspecified models, 1982), both up to the curvature that Gauss and Newton's J'J leaves out. The
-estimate stays what it is: fits in which keypoints have this larger variance from the outset have
-larger errors (`benchmarks/IMAGES.md`).
+with the rows J_d of the keypoints, whitened, and the diagonal D of the whitened rows' derivatives
+by the keypoints, 1 / sigma for one of confidence 1 that is no outlier (White, Maximum likelihood
+estimation of misspecified models, 1982), both up to the curvature that Gauss and Newton's J'J
+leaves out. The estimate stays what it is: fits in which keypoints have this larger variance from
+the outset have larger errors (`benchmarks/IMAGES.md`).
 """
 
 from collections.abc import Callable
@@ -33,6 +34,7 @@ FOUND = (
     "given. Intervals 0.83 and 0.90 times as wide would have contained it in 90 %"
 )
 STEP = 1e-5  # of an unknown, for a central difference
+PX = 1e-3  # of a keypoint, for another
 Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
 
 
@@ -115,11 +117,15 @@ def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[A
         moved[i] = at[i] + np.concatenate([moves, -moves])
         ahead, behind = np.split(of(*moved), 2)
         slopes[free.slices[name]] = (ahead - behind) / (2 * STEP)
-    here, rows = setup.problem.linearize(values), f"keypoints({view.name})"
-    keypoints = next(one for one in setup.problem.residuals if one.name == rows)
+    here, rows = setup.problem.linearize(values), setup.problem.rows[f"keypoints({view.name})"]
     by_data = here.covariance @ slopes
     depth = view.camera.depths(body.joints(*at)[:1], values)[0]
     px = np.mean(values[view.camera.focal.name]) / depth  # of 1 m
-    data = here.dense[setup.problem.rows[rows]]
-    lever = px / float(keypoints.sigma) * np.linalg.norm(data @ by_data, axis=0)
+    seen = view.camera.prefix + "observed"
+    ahead, behind = (
+        setup.problem.residual(*setup.problem.split(values | {seen: values[seen] + sign * PX}))
+        for sign in (1, -1)
+    )
+    by_keypoint = (ahead - behind)[rows] / (2 * PX)
+    lever = px * np.linalg.norm(by_keypoint[:, None] * (here.dense[rows] @ by_data), axis=0)
     return of(*(one[None] for one in at))[0], np.sqrt(np.sum(slopes * by_data, axis=0)), lever
