@@ -234,7 +234,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(limits_table(told))
         if not asked.dry:
             keep(RESULTS, json.loads(RESULTS.read_text()) | {"limits": told}, 4)
-            write_between(PAGE, *marks("limits"), limits_table(told))
+            kept = json.loads(RESULTS.read_text())["limits"]
+            write_between(PAGE, *marks("limits"), limits_table(kept))
         return
     found: dict[str, Any] = {"step": step(body)}
     print(json.dumps(found), flush=True)
