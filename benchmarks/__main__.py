@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -37,6 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
     parser.add_argument("--busy", action="store_true", help="keep the other cores busy meanwhile")
+    parser.add_argument(
+        "--check", action="store_true", help="exit code 1 if a ratio is slower than it was"
+    )
     asked = parser.parse_args(arguments)
     if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
         print(json.dumps(_memory(*asked.parts[1:3])))
@@ -49,7 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for part in asked.parts or PARTS:
             if part != "page":
                 _measure(part, asked)
-    _write_page(asked.out)
+    slower = _write_page(asked.out)
+    if asked.check and slower:
+        sys.exit(1)
 
 
 def _memory(what: str, way: str) -> dict[str, Any]:
@@ -72,6 +78,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         fingers,
         fits,
         floors,
+        history,
         machine,
         overhead,
         scaling,
@@ -119,21 +126,28 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     options = {"bodies": names, "rounds": rounds, "peers": peers}
     facts["load after"] = machine.load()
     data = {"machine": facts, "options": options, "found": found}
-    keep(asked.out / "results" / f"{part}{BUSY if asked.busy else ''}.json", data, DIGITS)
+    name = f"{part}{BUSY if asked.busy else ''}"
+    keep(asked.out / "results" / f"{name}.json", data, DIGITS)
+    history.remember(asked.out / "results", name, data)
 
 
-def _write_page(out: Path) -> None:
-    """Promises, README and figure from the numbers that are there."""
-    from benchmarks import figure, page, table, targets
+def _write_page(out: Path) -> bool:
+    """Promises, README, history and figures from the numbers there are; whether one is slower."""
+    from benchmarks import figure, history, history_page, page, table, targets
 
     names = [*PARTS, *(part + BUSY for part in PARTS)]
     files = {part: out / "results" / f"{part}.json" for part in names}
     results = {part: json.loads(f.read_text()) for part, f in files.items() if f.exists()}
-    print(table.promises(targets.all_of(results)))
+    promised = targets.all_of(results)
+    courses = history.courses(history.read(out / "results"), promised)
+    print(table.promises(promised))
+    print(history_page.told(courses))
     if set(PARTS) <= set(results) and figure.SIZE in results["derivatives"]["found"]:
         figure.draw(results, out / "results" / "performance.svg")
     if (out / "README.md").exists():
         page.rewrite(out / "README.md", results)
+    history_page.write(out, courses)
+    return any(one.slower for one in courses)
 
 
 if __name__ == "__main__":

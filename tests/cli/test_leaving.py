@@ -14,7 +14,7 @@ import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the background of a shell ignores it
 class Early:  # a module of the command line begins to be imported: that is when it comes
     def find_spec(self, name, path=None, target=None):
-        if name == "workbench.cli.app":
+        if name == "{module}":
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Early())
 from workbench.cli import main
@@ -23,9 +23,10 @@ main()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_an_interrupt_while_importing_is_a_sentence() -> None:
+@pytest.mark.parametrize("module", ["workbench.cli.app", "workbench.cli.run", "workbench.problem"])
+def test_an_interrupt_while_importing_is_a_sentence(module: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", EARLY, "run", "--list"],
+        [sys.executable, "-c", EARLY.replace("{module}", module), "run", "--list"],
         capture_output=True,
         text=True,
         timeout=120,

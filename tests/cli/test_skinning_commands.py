@@ -1,19 +1,18 @@
 """`workbench sliders` and `workbench blendshapes`, as typed."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from tests.studies.test_figures_and_pages import STUDY
+from workbench.cli import blendshapes
 from workbench.cli.app import app
 from workbench.errors import BadArgument, BadFile
 from workbench.studies.blend_shapes.study import PredictorPlan, PredictorStudy
 from workbench.studies.pages import Report
 
-blendshapes = sys.modules["workbench.cli.blendshapes"]
 SMALL = (
     "--body",
     "small",

@@ -68,6 +68,7 @@ def _verbs() -> tuple[tuple[tuple[str, ...], tuple[Any, ...]], ...]:
     found: list[tuple[tuple[str, ...], tuple[Any, ...]]] = []
 
     def walk(command: Any, path: tuple[str, ...]) -> None:
+        command = getattr(command, "whole", command)
         if not hasattr(command, "commands"):
             found.append((path, tuple(command.params)))
         for name, below in getattr(command, "commands", {}).items():

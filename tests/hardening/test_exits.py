@@ -177,7 +177,7 @@ WHEN = {
     "while the first modules are read": """
 class Early:
     def find_spec(self, name, path=None, target=None):
-        if name == "numpy": send()
+        if name == "typer": send()
 sys.meta_path.insert(0, Early())
 from workbench.cli import main
 main()

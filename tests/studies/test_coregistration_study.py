@@ -1,7 +1,6 @@
 """The study of scans registered apart and together: its sets, its numbers and its page."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from workbench.bodies.catalogue import load_skinned
+from workbench.cli import together
 from workbench.cli.app import app
 from workbench.errors import BadArgument
 from workbench.geometry.solids import vertex_normals
@@ -26,7 +26,6 @@ from workbench.studies.coregistration.study import (
     TogetherStudy,
 )
 
-together = sys.modules["workbench.cli.together"]
 PLAN = TogetherPlan(scans=(4, 8), holes=(0, 12), people=2)
 
 

@@ -1,7 +1,6 @@
 """The study of the loop of fitting and learning: its rounds, its numbers and its page."""
 
 import json
-import sys
 from dataclasses import replace
 from html import unescape
 from itertools import pairwise
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from workbench.cli import loop
 from workbench.cli.app import app
 from workbench.errors import BadArgument
 from workbench.studies.fitting_loop.page import in_short, of_rounds, of_starts, write_loop
@@ -25,7 +25,6 @@ from workbench.studies.fitting_loop.study import (
     loop_study,
 )
 
-loop = sys.modules["workbench.cli.loop"]
 PLAN = LoopPlan(
     images=6, held_out=3, rounds=2, views=30, passes=4, hidden=24, body="small", seed=42
 )

@@ -44,7 +44,7 @@ def _run(signals: Signals) -> tuple[int, str]:
     try:
         with signals:
             with held():
-                from workbench.cli.app import app  # takes seconds: interrupts are minded by now
+                from workbench.cli.app import app
             app()
     except Interrupted as leaving:
         return 130, str(leaving)

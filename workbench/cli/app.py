@@ -1,44 +1,44 @@
-"""All commands. Importing this takes a second, because it imports everything that they need."""
+"""All commands by name. The file of each is imported when it is run: it takes a second or more."""
 
-from collections.abc import Callable
-from functools import wraps
-from typing import Annotated, ParamSpec
+from typing import Annotated
 
 import typer
 
-from workbench.cli import lecture
-from workbench.cli.basins import basins
-from workbench.cli.blendshapes import blendshapes
-from workbench.cli.body import body
-from workbench.cli.check_body import check_body
-from workbench.cli.compare import compare
-from workbench.cli.convert import convert_motion
-from workbench.cli.coregister import coregister
-from workbench.cli.design import design
-from workbench.cli.diagnose import diagnose
-from workbench.cli.export import export
-from workbench.cli.fit import fit
-from workbench.cli.info import info
-from workbench.cli.leaving import Interrupted, Terminated
-from workbench.cli.live import live
-from workbench.cli.loop import loop
-from workbench.cli.motion import motion
-from workbench.cli.new import new
-from workbench.cli.register import register
-from workbench.cli.rig import rig
-from workbench.cli.run import run
-from workbench.cli.sample import sample
-from workbench.cli.sliders import sliders
-from workbench.cli.solvers import solvers
-from workbench.cli.together import together
-from workbench.cli.train import train
-from workbench.cli.triangles import triangles
+from workbench.cli.later import Commands, Later
 from workbench.installation import DISTRIBUTION, VERSION
-from workbench.interrupts import caused_by
 
-P = ParamSpec("P")
+NAMES = (
+    "run",
+    "fit",
+    "diagnose",
+    "design",
+    "sample",
+    "compare",
+    "train",
+    "rig",
+    "register",
+    "coregister",
+    "body",
+    "check-body",
+    "motion",
+    "export",
+    "basins",
+    "sliders",
+    "live",
+    "blendshapes",
+    "together",
+    "loop",
+    "triangles",
+    "solvers",
+    "new",
+    "info",
+    "convert",
+    "lecture",
+)
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(
+    cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+)
 
 
 def tell_version(wanted: bool) -> None:
@@ -63,54 +63,9 @@ def options(
     """Fit a symbolic SMPL body model, and see what the fit cannot determine."""
 
 
-def interruptible(command: Callable[P, None]) -> Callable[P, None]:
-    """A command that raises Interrupted for an interrupt from the keyboard, wherever it occurs."""
-
-    @wraps(command)
-    def run_it(*arguments: P.args, **options: P.kwargs) -> None:
-        try:
-            command(*arguments, **options)
-        except (KeyboardInterrupt, SystemError) as error:
-            if caused_by(error, KeyboardInterrupt):
-                raise Interrupted("interrupted; nothing was written") from error
-            if caused_by(error, Terminated):
-                raise Terminated from error
-            raise
-
-    return run_it
+def _later() -> None:
+    """What Typer is given in place of a command: `Later` finds the command itself."""
 
 
-for command in (
-    run,
-    fit,
-    diagnose,
-    design,
-    sample,
-    compare,
-    train,
-    rig,
-    register,
-    coregister,
-    body,
-    check_body,
-    motion,
-    export,
-    basins,
-    sliders,
-    live,
-    blendshapes,
-    together,
-    loop,
-    triangles,
-    solvers,
-    new,
-    info,
-):
-    app.command()(interruptible(command))
-
-app.command("convert")(interruptible(convert_motion))
-
-lectures = typer.Typer(help=lecture.HELP, no_args_is_help=True)
-for name, verb in lecture.COMMANDS.items():
-    lectures.command(name)(interruptible(verb))
-app.add_typer(lectures, name="lecture")
+for name in NAMES:
+    app.command(name, cls=Later)(_later)

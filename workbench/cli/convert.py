@@ -9,12 +9,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from workbench import conversion
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
 from workbench.cli.output import Up, say, say_notes, timed_lines, warn_without_effect
-from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
+from workbench.conversion import conversion_errors, correspond, motion_from_points
 from workbench.conversion.converting import Converted
 from workbench.conversion.points_in_space import SIGMA
 from workbench.conversion.tracking import Progress
@@ -28,7 +29,7 @@ TIMES = 10  # how often progress is told
 KNOWN = f"{', '.join(BODIES)}, or a file of your own"
 
 
-def convert_motion(
+def convert(
     file: Annotated[
         Path,
         typer.Argument(
@@ -85,7 +86,9 @@ def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> 
     report = timed_lines(console)
     correspondence = correspond(source, target, report)
     say(console, escape(str(correspondence)))
-    found = convert(motion, source, target, correspondence=correspondence, progress=_told(console))
+    found = conversion.convert(
+        motion, source, target, correspondence=correspondence, progress=_told(console)
+    )
     say_notes(console, found.motion.notes)
     _print_errors(console, found)
     joints = {*source.joint_names} & {*target.joint_names}

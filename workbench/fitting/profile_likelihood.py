@@ -14,7 +14,7 @@ from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import ndtri
 
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -61,7 +61,7 @@ class Profile:
     @property
     def rise(self) -> float:
         """How far the cost is above its minimum at the ends of the interval."""
-        return float(chi2.ppf(self.level, 1)) / 2
+        return _rise(self.level)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -149,7 +149,7 @@ def profile_likelihood(
         problem.freeing(*(name for name in labels if name != entry)),
         labels[entry],
         solver,
-        float(chi2.ppf(level, 1)) / 2,
+        _rise(level),
         FIRST * min(sd, yardstick),
         LONGEST * min(sd, yardstick),
         progress,
@@ -226,6 +226,11 @@ class _Walk:
         x[self.place] = at
         there = self.problem.values(x, fixed)
         return {**there, **self.solver.solve(self.others, there).values}
+
+
+def _rise(level: float) -> float:
+    """Half the quantile of chi squared with one degree of freedom, which is a squared normal."""
+    return float(ndtri((1 + level) / 2) ** 2) / 2
 
 
 def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:

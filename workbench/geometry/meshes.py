@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
@@ -168,6 +167,8 @@ def _write_off(mesh: Mesh) -> bytes:
 
 def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
     def write(mesh: Mesh) -> bytes:
+        import trimesh  # a quarter of a second to import: not before it is needed
+
         same = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
         content = same.export(file_type=kind)
         assert isinstance(content, bytes)  # of one file, that is not text

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
@@ -150,7 +150,7 @@ class Clothing:
                 f"vertices, not by an array {where.shape}"
             )
         field = smooth_field(vertices, self.spread, 1, rng)[:, 0]
-        return np.asarray(self.thickest * norm.cdf(field) * where)
+        return np.asarray(self.thickest * ndtr(field) * where)
 
 
 class Region(Protocol):
