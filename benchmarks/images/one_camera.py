@@ -24,11 +24,13 @@ from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.triangles import TriangleBody
 from workbench.comparison.statistics import rate
 from workbench.experiments.balance import observations
 from workbench.fitting import keypoint_fit, photograph
 from workbench.fitting.image_fit import ImageFits
-from workbench.fitting.image_recipe import ByHeight, WithStature, smplify
+from workbench.fitting.image_recipe import ByHeight, WithStature, image_priors, smplify
+from workbench.fitting.keypoint_precision import alike
 from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.keypoints import keypoint_setup
 from workbench.fitting.observations import Observations
@@ -37,6 +39,7 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.mocap import held_out_poses
+from workbench.residuals import Residual
 from workbench.solvers import Solution
 
 HERE = Path(__file__).parent.parent
@@ -48,6 +51,7 @@ REPORTED = range(0, 100, 4)  # frames of `balance`; recipes were chosen on 2, 10
 STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
 PEOPLE = 200
 NOISE = 5.0  # px
+POSE = "pose prior"
 OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 
 
@@ -97,6 +101,11 @@ def from_the_truth(fits: ImageFits) -> Fit:
         return ByHeight().solver.solve(setup.problem, setup.start | case.made_of), setup
 
     return fit
+
+
+def half(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """The terms of an image with a pose prior that counts half."""
+    return tuple(one.weighed(0.5) if one.name == POSE else one for one in image_priors(body))
 
 
 def balance_cases(body: SkinnedBody, frames: Iterable[int] = REPORTED) -> Iterator[Case]:
@@ -176,6 +185,10 @@ def run(recording: Path | None) -> dict[str, Any]:
         "regressed start": in_stages(fits),
         "regressed start and one at rest": in_stages(fits, 2),
         "regressed start, a wide stage": in_stages(ImageFits(body, ByHeight(wide=(0.047,)))),
+        "regressed start, all keypoints alike": in_stages(
+            ImageFits(body, ByHeight(relative=alike))
+        ),
+        "regressed start, pose prior half": in_stages(ImageFits(body, ByHeight(priors=half))),
         "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
     }
     cases = list(balance_cases(body))

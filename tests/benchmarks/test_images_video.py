@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.images.limbs import HIPS, NAMES, mpjpe
 from benchmarks.images.video import PAGE as FILE
-from benchmarks.images.video import RESULTS, acceleration, means, table
+from benchmarks.images.video import RESULTS, acceleration, limits_table, means, table
 
 PAGE = FILE.read_text()
 FOUND = json.loads(RESULTS.read_text())
@@ -44,6 +44,26 @@ def test_its_sentences_hold() -> None:
     assert f"takes {step['CPU seconds']:.2f} s and {step['MB']:.0f} MB" in PAGE
     assert step["CPU seconds"] < 0.2
     assert step["MB"] < 200
+
+
+def test_what_is_said_of_limits_holds() -> None:
+    found = FOUND["limits"]
+    assert limits_table(found) in PAGE
+
+    def mean(name: str) -> str:
+        return f"{np.mean([each[name]['mpjpe'] for each in found.values()]):.1f}"
+
+    usual, true = "usual start", "from the truth"
+    together = means(FOUND["report"])["together"]
+    assert np.mean([each[usual]["mpjpe"] for each in found.values()]) == pytest.approx(
+        together, abs=0.05
+    )
+    assert f"{together:.1f} mm, from\nthe truth {mean(true)} mm" in PAGE
+    known = (mean(f"{name}, shape known") for name in (usual, true))
+    assert f"the same, {' and '.join(known)} mm" in PAGE
+    apart = [each[true]["cost"] - each[usual]["cost"] for each in found.values()]
+    assert min(apart) > -0.01
+    assert f"differ by at most {max(apart):.1f}" in PAGE
 
 
 def test_distances_are_of_the_limbs_about_the_hips() -> None:

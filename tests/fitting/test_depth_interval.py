@@ -10,6 +10,7 @@ from workbench import LevenbergMarquardt, Values
 from workbench.fitting.depth_interval import FOUND, Z90, depth_interval, spreads
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.fitting.keypoint_precision import as_marked
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
 from workbench.fitting.stature import stature
@@ -80,7 +81,9 @@ def test_offsets_count_as_far_as_they_move_the_fit(one: tuple[Setup, Values]) ->
             refitted.append((root_depth(setup, again) - before) / 0.01)
     of_a_metre = values["one/focal"].mean() / before  # px
     assert found[0] == pytest.approx(before)
-    assert lever[0] == pytest.approx(of_a_metre * np.linalg.norm(moves), rel=1e-2)
+    relative = np.repeat(as_marked(BODY.landmark_names("coco")), 2)  # all have the confidence 1
+    expected = of_a_metre * np.linalg.norm(relative * moves)
+    assert lever[0] == pytest.approx(expected, rel=1e-2)
     assert np.linalg.norm(moves[:6]) == pytest.approx(np.linalg.norm(refitted), rel=0.25)
 
 

@@ -31,6 +31,7 @@ from workbench.fitting.image_recipe import (
     wider,
 )
 from workbench.fitting.image_starts import turned_about
+from workbench.fitting.keypoint_precision import MARKED, TYPICAL, alike, as_marked
 from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.stature import stature, stature_prior
@@ -327,3 +328,23 @@ def test_one_camera_of_a_real_person() -> None:
     values = setup.start | setup.strategy(None).solve(setup.problem, setup.start).values
     told = {m.name: m.value for m in setup.measures(values)}
     assert told["reprojection, mean of the fitted"] < 8.0
+
+
+def test_a_keypoint_that_is_known_better_counts_more() -> None:
+    """Eyes count more than hips, as much as their variances say, and a typical keypoint as 1."""
+    names = BODY.landmark_names("coco")
+    relative = as_marked(names)
+    of = dict(zip(names, relative, strict=True))
+    assert of["left_eye"] == pytest.approx(np.sqrt((0.025**2 + 0.08**2) / 2 / 0.08**2))
+    assert of["left_eye"] < of["left_wrist"] < of["left_elbow"] < of["left_hip"]
+    assert of["left_hip"] == pytest.approx(1.181, abs=1e-3)
+    assert of["right_heel"] == of["left_small_toe"] == as_marked(["left_index1"])[0] == 1
+    assert np.array_equal(alike(names), np.ones(len(names)))
+    marked = [s for name in names for end, s in MARKED.items() if name.endswith(end)]
+    assert pytest.approx(np.median(marked)) == TYPICAL
+    setup = image_fit(seen(person(1)), BODY, "q")
+    plain = image_fit(seen(person(1)), BODY, "q", recipe=ByHeight(relative=alike, outlier=1e6))
+    whitened = image_fit(seen(person(1)), BODY, "q", recipe=ByHeight(outlier=1e6))
+    rows = next(rows for name, rows in setup.problem.rows.items() if name.startswith("keypoints("))
+    both = [one.problem.residual(*one.problem.split(one.start))[rows] for one in (plain, whitened)]
+    np.testing.assert_allclose(both[0], both[1] * np.repeat(relative, 2), rtol=1e-4)

@@ -1,8 +1,7 @@
 """Capsules fitted to the people of a body's shape space, all of them at once.
 
-Each vertex belongs to the part of the joint that moves it most. Each part has a capsule; thighs,
-shins and upper arms, which taper, have two, and thumbs have their own. The ends and the radius of
-a capsule are affine in betas, and minimise
+Each vertex belongs to the part of the joint that moves it most, and each part has one capsule or
+two (`capsule_parts`). The ends and the radius of a capsule are affine in betas, and minimise
 
     sum over people and vertices of w^2 (|v - segment| - r)^2,    w = OUTSIDE where v is outside,
         + sum over people and points s on the capsule of |s - nearest vertex|^2 (along the normal)
@@ -16,19 +15,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
+from workbench.bodies.capsule_parts import part_of, parts_of_capsules
 from workbench.bodies.capsules import Capsules, segment_distances
-from workbench.bodies.parts import BONES, TRUNK, owners, part_joints, separate
+from workbench.bodies.parts import BONES, TRUNK, part_joints, separate
 from workbench.bodies.skinned import SkinnedBody
 from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.geometry.solids import face_vectors, sums_around
 
-HALVED = ("thigh", "shin", "upper_arm")  # parts with a near and a far capsule
 BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
-THUMB = 0.05  # m from the axis of the hand
-INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
 STEPS = 25
 OUTSIDE = 1.5  # how much more a vertex outside of its capsule counts than one inside
 BACK = 0.35  # how much the distances from the capsule to the person count
@@ -42,7 +39,8 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
     `dataclasses.replace(body, capsules=fit_capsules(body))`. Where the body has a mirror, the
     capsules of both sides are mirror images. A pair may touch if the two parts are no neighbours
     (`parts.separate`), and their capsules do not overlap in the rest pose. The half of a thigh or
-    an upper arm that is far from the torso may touch the torso too.
+    an upper arm that is far from the torso may touch the torso too, and that of an upper arm
+    the neck.
 
     Raises BadBody for a body that has none of SMPL's joints, by which capsules are chosen.
     """
@@ -55,48 +53,6 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
         elif mask.any():
             fitted[name] = _fit(body, name, mask, betas)
     return _without_overlaps(_capsules(body, fitted), betas)
-
-
-def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
-    """For each capsule, which vertices (N,) it stands for.
-
-    What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
-    """
-    owner = owners(body)
-    found: dict[str, Mask] = {}
-    for k in part_joints(body):
-        part, mask = BONES[body.joint_names[k]], owner == k
-        if part == "head":
-            mask = mask & ~_inner(body.template, mask)
-        if part.endswith(HALVED):
-            far = _far_half(body, k)
-            found |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
-        elif part.endswith("hand"):
-            thumb = mask & _off_bone(body, k)
-            found |= {part: mask & ~thumb, part.replace("hand", "thumb"): thumb}
-        else:
-            found[part] = mask
-    return found
-
-
-def _far_half(body: SkinnedBody, joint: int) -> Mask:
-    """The vertices (N,) beyond the middle of the bone from a joint to its child."""
-    joints = body.joints()
-    start, end = joints[joint], joints[body.parents.index(joint)]
-    return np.asarray((body.template - (start + end) / 2) @ (end - start) > 0)
-
-
-def _off_bone(body: SkinnedBody, joint: int) -> Mask:
-    """The vertices (N,) that are farther than 5 cm from the line through a joint and its child."""
-    joints = body.joints()
-    start, end = joints[joint], joints[body.parents.index(joint)]
-    off = np.cross(body.template - start, (end - start) / np.linalg.norm(end - start))
-    return np.asarray(np.linalg.norm(off, axis=1) > THUMB)
-
-
-def part_of(capsule: str) -> str:
-    """The part that a capsule stands for, in whole or in part."""
-    return capsule.removesuffix("_near").removesuffix("_far").replace("thumb", "hand")
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,15 +180,6 @@ def _first(rest: Array, form: _Form) -> Array:
     return np.concatenate([centre - half * axis, centre + half * axis, [r]])
 
 
-def _inner(template: Array, part: Mask) -> Mask:
-    try:
-        planes = ConvexHull(template[part]).equations
-    except (QhullError, ValueError):
-        return np.zeros(len(part), dtype=bool)
-    depth = -(template @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    return np.asarray(depth > INNER)
-
-
 def _reflected(fit: Array) -> Array:
     return np.concatenate([REFLECTION, REFLECTION, [1.0]])[:, None] * fit
 
@@ -263,7 +210,8 @@ def _pairs(body: SkinnedBody, names: tuple[str, ...]) -> Index:
         for i in range(j)
         if frozenset((part_of(names[i]), part_of(names[j]))) in apart
         or any(
-            one.endswith(BESIDE) and other in TRUNK
+            (one.endswith(BESIDE) and part_of(other) in TRUNK)
+            or (one.endswith("upper_arm_far") and other == "neck")
             for one, other in ((names[i], names[j]), (names[j], names[i]))
         )
     ]

@@ -2,13 +2,16 @@
 
 The landmarks of a detector are not those of a body: a hip, say, is always found a little farther
 out. Detectors are marker sets whose markers have unknown offsets. If each keypoint k has an offset
-of its own, o_k ~ N(0, s^2) m in each direction, seen as s f / z px at the distance z, and it is
-integrated out, then the estimate x of the fit has another covariance than Laplace's C = (J'J)^-1:
+of its own, o_k ~ N(0, (s m_k)^2) m in each direction, seen as s m_k f / z px at the distance z, and
+it is integrated out, then the estimate x of the fit has another covariance than Laplace's
+C = (J'J)^-1:
 
     C + (s f / (z sigma))^2 C J_d' J_d C
 
-with the rows J_d of the keypoints, whitened by sigma (White, Maximum likelihood estimation of
-misspecified models, 1982), both up to the curvature that Gauss and Newton's J'J leaves out. The
+with the rows J_d of the keypoints, whitened (White, Maximum likelihood estimation of misspecified
+models, 1982), both up to the curvature that Gauss and Newton's J'J leaves out. A keypoint that is
+known less well has a larger offset too: m_k is its standard deviation in sigmas, 1 for a typical
+keypoint of confidence 1 (`keypoint_precision`). The
 estimate stays what it is: fits in which keypoints have this larger variance from the outset have
 larger errors (`benchmarks/IMAGES.md`).
 """
@@ -29,8 +32,8 @@ FOUND = (
     "The 90 % interval of the distance allows for landmarks of the detector that lie "
     f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
     "tested on 100 images of one real person, whose distance was known from four calibrated "
-    "cameras: it contained this distance in 100 % of the images, and in 92 % if the stature was "
-    "given. Intervals 0.83 and 0.90 times as wide would have contained it in 90 %"
+    "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
+    "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
 )
 STEP = 1e-5  # of an unknown, for a central difference
 Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
@@ -101,7 +104,7 @@ def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[A
     """Quantities of a body in one view, and how uncertain they are; (k,) each.
 
     What they are at `values`; Laplace's standard deviations; and what an offset of 1 m in each
-    direction, as standard deviation of each landmark by itself, adds to that in quadrature.
+    direction, as standard deviation of each typical landmark by itself, adds to that in quadrature.
     """
     body, free = setup.body, setup.problem.free
     assert body is not None

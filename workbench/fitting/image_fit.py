@@ -88,7 +88,9 @@ class ImageFits:
         if nearly not in self._made:
             recipe = self.recipe(nearly)
             kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
-            problem = KeypointProblem(self.body, recipe.sigma, kernel, recipe.priors)
+            problem = KeypointProblem(
+                self.body, recipe.sigma, kernel, recipe.priors, recipe.relative
+            )
             self._made[nearly] = recipe, problem
         return self._made[nearly]
 

@@ -17,7 +17,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.keypoint_problem import Terms
+from workbench.fitting.keypoint_precision import alike, as_marked
+from workbench.fitting.keypoint_problem import Relative, Terms
 from workbench.fitting.stature import MEASURED, stature_prior
 from workbench.residuals import Residual, bending
 from workbench.residuals.bending import HINGES
@@ -102,6 +103,7 @@ class ImageRecipe:
         stages: what is different before the last stage; the name `keypoints` among the weights
             stands for those of every camera.
         solver: what solves each stage, if the stage does not say.
+        relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     sigma: float
@@ -109,6 +111,7 @@ class ImageRecipe:
     priors: Terms
     stages: tuple[SolveStage, ...]
     solver: Solver
+    relative: Relative = alike
 
     def __post_init__(self) -> None:
         for name in ("sigma", "outlier"):
@@ -162,6 +165,7 @@ class ByHeight:
         wide: the sigmas of keypoints in the stages before the last one, as such shares.
         priors: the residuals of a body beside its keypoints.
         solver: what solves the last stage; those before are solved roughly.
+        relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     sigma: float = 4.0
@@ -170,10 +174,11 @@ class ByHeight:
     wide: tuple[float, ...] = ()
     priors: Terms = image_priors
     solver: Solver = NEARLY
+    relative: Relative = as_marked
 
     def __call__(self, person: Appearance) -> ImageRecipe:
         """The recipe for a person of this appearance."""
         height = person.height
         stages = wider(self.sigma, *(share * height for share in self.wide), solver=ROUGHLY)
         outlier = height * (self.strict if person.suspect else self.outlier)
-        return ImageRecipe(self.sigma, outlier, self.priors, stages, self.solver)
+        return ImageRecipe(self.sigma, outlier, self.priors, stages, self.solver, self.relative)

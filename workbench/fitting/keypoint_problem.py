@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 import casadi as cs
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.body_priors import usual_priors
+from workbench.fitting.keypoint_precision import alike
 from workbench.fitting.observations import Photograph, pinhole
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
@@ -20,6 +22,7 @@ from workbench.residuals.kernels import Kernel, quadratic
 PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
+Relative = Callable[[Sequence[str]], Array]  # sigmas (M,) of keypoints compared with a typical one
 Terms = Callable[[SkinnedBody | TriangleBody], Sequence[Residual]]
 
 
@@ -35,12 +38,14 @@ class KeypointProblem:
         sigma: the standard deviation of a keypoint, in px.
         kernel: the robust kernel of keypoints.
         priors: the residuals of a body beside its keypoints.
+        relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     body: SkinnedBody | TriangleBody
     sigma: float = 4.0
     kernel: Kernel = quadratic
     priors: Terms = usual_priors
+    relative: Relative = alike
     _made: dict[tuple[str, Kind], tuple[Problem, tuple[Camera, ...], tuple[str, ...]]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -77,7 +82,8 @@ class KeypointProblem:
         for camera, (_, size, out) in zip(cameras, kind, strict=True):
             if out:
                 continue
-            terms.append(camera_residual(points, camera, names, self.sigma, self.kernel)[0])
+            given = points, camera, names, self.sigma, self.kernel, self.relative(names)
+            terms.append(camera_residual(*given)[0])
             blocks += camera.blocks
             if size is not None:
                 priors.append(focal_prior(camera, max(size)))
@@ -107,18 +113,25 @@ def observed_blocks(camera: Camera, landmarks: tuple[str, ...]) -> tuple[Block, 
 
 
 def camera_residual(
-    points: Points, camera: Camera, landmarks: tuple[str, ...], sigma: float, kernel: Kernel
+    points: Points,
+    camera: Camera,
+    landmarks: tuple[str, ...],
+    sigma: float,
+    kernel: Kernel,
+    relative: Array | None = None,
 ) -> tuple[Residual, tuple[Block, Block]]:
     """The residual of M landmarks in one camera, and the blocks of what the camera observed.
 
     These are `observed` (M, 2) px and `confidence` (M,), whose square is the residual's weight.
+    `relative` (M,) are the keypoints' standard deviations in sigmas, all 1 if they are not given;
+    the weight is divided by their squares.
     """
     observed, confidence = observed_blocks(camera, landmarks)
     residual = keypoints(
         points,
         camera,
         observed.symbol,
-        confidence.symbol**2,
+        confidence.symbol**2 if relative is None else (confidence.symbol / cs.DM(relative)) ** 2,
         sigma=sigma,
         kernel=kernel,
         name=f"keypoints({camera.prefix.rstrip('/')})",
