@@ -172,7 +172,7 @@ def _share(k: int, n: int) -> str:
 
 
 def sets(scenes: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, list[Mapping[str, Any]]]:
-    """The runs of each scene, in sets of 60 seeds: 0 to 59, 60 to 119 and so on."""
+    """The runs of each scene in sets of 60, in the order of their seeds, which have no gaps."""
     found: dict[str, list[Mapping[str, Any]]] = {}
     for name, runs in scenes.items():
         for first in range(0, len(runs), SET):

@@ -1,10 +1,12 @@
 """One thread, unless told otherwise; and others keep theirs."""
 
+import time
+
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from workbench import WorkbenchError
-from workbench.threads import blas_libraries, limited_threads, thread_count
+from workbench.threads import blas_libraries, for_each, limited_threads, thread_count
 
 
 def counts() -> set[int]:
@@ -34,3 +36,18 @@ def test_a_count_is_a_count(monkeypatch: pytest.MonkeyPatch, said: str) -> None:
 
 def test_the_libraries_are_named() -> None:
     assert all("threads" in text for text in blas_libraries())
+
+
+def test_what_was_begun_is_waited_for() -> None:
+    """Also if the part of this thread raises: others write to memory that must not go before."""
+    ended = []
+
+    def compute(part: int) -> None:
+        if part == 0:
+            raise KeyboardInterrupt
+        time.sleep(0.05)
+        ended.append(part)
+
+    with pytest.raises(KeyboardInterrupt):
+        for_each(compute, [0, 1, 2])
+    assert sorted(ended) == [1, 2]

@@ -35,14 +35,28 @@ def for_each(compute: Callable[[T], object], parts: Sequence[T]) -> None:
     threads hold each other up, and to start one takes a tenth of that.
     """
     first, *others = parts
-    threads = [Thread(target=compute, args=(part,)) for part in others]
-    for thread in threads:
-        thread.start()
+    threads = []
     try:
+        for part in others:
+            thread = Thread(target=compute, args=(part,))
+            thread.start()
+            threads.append(thread)
         compute(first)
     finally:
-        for thread in threads:
-            thread.join()
+        _wait_for(threads)
+
+
+def _wait_for(threads: Sequence[Thread]) -> None:
+    """Wait until all have ended, also if a signal raises meanwhile; then raise what it raised."""
+    raised = None
+    for thread in threads:
+        while thread.is_alive():
+            try:
+                thread.join()
+            except BaseException as error:
+                raised = error
+    if raised is not None:
+        raise raised
 
 
 @contextmanager

@@ -143,7 +143,7 @@ def test_directions_that_are_stored_small_are_the_same_numbers(
     narrow = arithmetic_of(body, surface.ALL)
     assert_right(body)
     monkeypatch.setattr(compiled_kernels, "WORTH_NARROWING", np.inf)
-    plain = arithmetic_of(body, surface.ALL)
+    plain = arithmetic_of(replace(body), surface.ALL)
     assert isinstance(narrow, CompiledArithmetic)
     assert isinstance(plain, CompiledArithmetic)
     assert narrow.packed.bends.dtype == kind.dtype
@@ -214,6 +214,37 @@ def test_into_memory_of_any_layout(layout: str) -> None:
         outside = np.ones(whole.shape, dtype=bool)
         outside[3:15, 5:44] = False
         assert (whole[outside] == 7).all()
+
+
+@NEEDS_COMPILER
+def test_what_is_cleared_is_what_is_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Room for an array that the library cannot write to lives until it has been copied."""
+    given = {}
+    whole = CompiledArithmetic.run
+
+    def run(self: CompiledArithmetic, name: str, *arrays: np.ndarray | None) -> None:
+        given[name] = arrays
+        whole(self, name, *arrays)
+
+    monkeypatch.setattr(CompiledArithmetic, "run", run)
+    body, betas, pose = body_of("small", 13), np.ones(2), pose_at("anywhere", 4)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    made = arithmetic_of(body, surface.ALL).evaluate(motion, betas)
+    made.tangent(slopes, {"pose": np.full((39, 12), 7.0).T}, None)
+    (cleared,) = given["clear"]
+    assert any(cleared is array for array in given["tangent"])
+
+
+@NEEDS_COMPILER
+def test_poses_of_any_type_are_read_as_numbers() -> None:
+    body = body_of("smpl", 9)
+    pose, betas = np.ones((24, 3)), np.ones(10)
+    expected = body.kinematics.motion(pose, betas)
+    for kind in (np.float32, np.int64):
+        found = body.kinematics.motion(pose.astype(kind), betas.astype(kind))
+        np.testing.assert_array_equal(found.G, expected.G)
+    with pytest.raises(ValueError, match="3 numbers"):
+        body.kinematics.motion(np.ones(3), betas)
 
 
 # The ways to NumPy, each with its reason.

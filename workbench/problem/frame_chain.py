@@ -42,7 +42,7 @@ class FrameChain:
         at = (np.arange(rows[r.name].start, rows[r.name].stop) for r in others)
         self._rest_rows = np.concatenate([none, *at])
         self._rest = Chain.of(others, free, fixed) if others else None
-        self._last: tuple[bytes, list[list[list[PointsAt]]]] = (b"", [])
+        self._last: tuple[tuple[bytes, bytes], list[list[list[PointsAt]]]] = ((b"", b""), [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """The whitened residual, (m,)."""
@@ -130,7 +130,7 @@ class FrameChain:
 
     def _places(self, x: Array, fixed: Array) -> list[list[list[PointsAt]]]:
         """The points of every group, source and frame at x; kept for the next call there."""
-        last, key = self._last, x.tobytes() + fixed.tobytes()
+        last, key = self._last, (x.tobytes(), fixed.tobytes())
         if key != last[0]:
             values = all_values(self._free, x, self._fixed, fixed)
             blocks = {b.base.name: b.base for b in (*self._free.blocks, *self._fixed.blocks)}

@@ -34,7 +34,8 @@ class Linearization:
 
     Attributes:
         residual: r (m,), whitened.
-        jacobian: J (m, n), whitened.
+        jacobian: J (m, n), whitened. Copy it to change it: an array of a megabyte or more is
+            read-only.
         constraints: the problem's constraints, linearized at the same point.
     """
 

@@ -17,7 +17,8 @@ class Rooms:
 
     An operating system clears new memory page by page, which for a large Jacobian takes as long as
     computing it. An array's room is free when the array and all views of it are gone. Whoever gets
-    a room again finds in it what was written there before: hence others can only read it.
+    a room again finds in it what was written there before: hence others can only read it. Arrays of
+    less than a megabyte have no room, and are new each time.
     """
 
     _free: list[Array] = field(default_factory=list)

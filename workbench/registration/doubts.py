@@ -138,7 +138,7 @@ def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
 
 def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
     """A body that was put into the scan the wrong way is bent as people seldom are."""
-    if known.seen.mean() > HALF:
+    if known.seen.mean() > HALF or np.isinf(limits.unusual):
         return
     prior = pose_prior(fit.body)
     name = fit.body.blocks()[0].name

@@ -77,6 +77,7 @@ class StageRuns:
         starts: how many starts there are.
         iterations: of all runs together.
         stopped: why the runs were stopped, in a sentence; empty if they were not.
+        given_up: whether the last run was, so that its end is only a place on its way.
     """
 
     problem: Problem
@@ -87,6 +88,7 @@ class StageRuns:
     starts: int
     iterations: int = 0
     stopped: str = ""
+    given_up: bool = False
 
     def run(
         self,
@@ -105,6 +107,7 @@ class StageRuns:
         iterate after the first that `known` says is near an end that is known already.
         """
         costs: list[float] = []
+        self.given_up = False
         at = Progress(*self.stage, number + 1, self.starts, 0, 0.0)
 
         def done(iterate: Iterate) -> bool:
@@ -115,12 +118,15 @@ class StageRuns:
             if self.stopped or now.iteration >= most:
                 return True
             if known is not None and len(costs) > 1 and known(iterate.values):
+                self.given_up = True
                 return True
             if len(costs) <= OVER + 1:
                 return False
             gained = costs[-1 - OVER] - iterate.cost
             hopeless = iterate.cost - FURTHER * gained > CLEARLY * enough
-            return gained < settled * iterate.cost or hopeless
+            settles = gained < settled * iterate.cost
+            self.given_up = hopeless and not settles
+            return settles or hopeless
 
         end = self.solver.solve(self.problem, start, callback=done)
         self.iterations += len(end.trace) - 1

@@ -191,7 +191,8 @@ def fit_model(
             for k, start in enumerate(begin):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
                 end = runs.run(k, start, stage.iterations, stage.settled, enough, near.knows)
-                near.add(end.values)
+                if not runs.given_up:
+                    near.add(end.values)
                 found.append(end)
                 hypotheses = _different(body, found, same)
                 if runs.stopped:

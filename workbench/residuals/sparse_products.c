@@ -1,8 +1,7 @@
 /* The rows of A times a sparse matrix W, transposed: into[k, i] is row i of W times row k of A.
 
 LANES rows of A at a time are put side by side in `room`, (width, LANES), so that every entry of W
-is multiplied with all of them by one instruction or two; only of the columns that W reads, which
-are `used`, and `columns` says which of these each entry is in. */
+is multiplied with all of them by one instruction or two. */
 
 #include <stddef.h>
 

@@ -26,7 +26,9 @@ def write_product(W: csr_array, rows: Array, into: Array) -> None:
     """Write (W rows')' to into (n, m), for W (m, w) and rows (n, w)."""
     way = compiled()
     plain = rows.flags.c_contiguous and rows.dtype == into.dtype == W.dtype == np.float64
-    if way is not None and plain and into.strides[1] == 8 and into.strides[0] % 8 == 0:
+    fits = into.shape == (len(rows), W.shape[0]) and W.shape[1] == rows.shape[1]
+    room = into.flags.writeable and into.strides[1] == 8 and into.strides[0] % 8 == 0
+    if way is not None and plain and fits and room:
         way(W, rows, into)
     else:
         into[...] = (W @ rows.T).T

@@ -97,7 +97,7 @@ class Attempts:
             if found.status is Status.STOPPED:
                 raise Stop(Status.STOPPED, found.message)
             if lower is not None:
-                raise Stop(Status.STALLED)
+                raise Stop(Status.STALLED)  # its own steps are not counted any more
 
         end = self._attempt(number, left, callback, after_step)
         if lower is None:

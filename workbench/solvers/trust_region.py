@@ -64,9 +64,9 @@ class TrustRegion:
     VALLEY, or it was approached slowly (`solvers.doubt`). The second has a tenth of the first
     radius. The third has that too, and measures steps by the columns of the Jacobian, as Moré does:
     their length is |D p|, and D the largest lengths of the columns so far. The fourth does the
-    same with the first radius itself. A first attempt that has used half of its iterations or
-    evaluations, and creeps, is put aside for them (`solvers.attempts`). An attempt that is not
-    lower after a quarter of the evaluations of the first (but at least 50) is given up. The
+    same with the first radius itself. An attempt that has used half of its iterations or
+    evaluations, and creeps, is put aside for the next ones (`solvers.attempts`). An attempt that
+    is not lower after a quarter of the evaluations of the first (but at least 50) is given up. The
     solution is the lowest end with its own trace, and the evaluations of all attempts.
 
     Raises BadArgument for a first radius that is not positive and finite, and for less than one

@@ -1,8 +1,9 @@
 """One joint of a kinematic tree in symbols: what compiled kinematics are made from.
 
-The formulas are those of `kinematics`, which writes them for whole bodies. Matrices are columns of
-numbers, row by row; a motion [R t] (3, 4) is 12 of them. Loops over the tree are in
-`joint_loops.c`.
+The formulas are those of `kinematics` and `motion`, which write them for whole bodies. Matrices are
+columns of numbers, row by row; a motion [R t] (3, 4) is 12 of them. Loops over the tree are in
+`joint_loops.c`, with what is a difference or a copy of these numbers: the features of a pose, and
+how betas shift motions. Both ways are compared before the library is used.
 """
 
 from __future__ import annotations

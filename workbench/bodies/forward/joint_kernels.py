@@ -106,8 +106,10 @@ class CompiledJoints:
 
     def _run(self, name: str, pose: Array, betas: Array, found: Array) -> None:
         K, _, B = self.skeleton.slopes.shape
-        assert (pose.size, betas.size) == (3 * K, B)  # the library trusts it
-        arrays = np.ascontiguousarray(pose), np.ascontiguousarray(betas), found
+        if (pose.size, betas.size) != (3 * K, B):  # the library trusts it
+            raise ValueError(f"pose has {pose.size} numbers and betas {betas.size}")
+        given = (np.ascontiguousarray(a, dtype=np.float64) for a in (pose, betas))
+        arrays = *given, found
         function = getattr(self.library, name)
         words = (self._here, *(array.ctypes.data for array in arrays))
         function(*map(ctypes.c_ssize_t, words))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, partial
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ STEP = 1e-3  # of the numbers that are tried
 WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
 WORTH_SHARING = 16e6  # bytes of directions: below, two threads are hardly faster (measured)
 BLOCKS = ("pose", "betas", "trans")
+_STORAGES: WeakKeyDictionary[SurfaceArrays, tuple[Storage, Storage]] = WeakKeyDictionary()
 MANY_SHAPES = 64  # of arrays whose rows' distances are remembered
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
@@ -102,6 +104,13 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, kind: Stored)
     )
 
 
+def _storage_of(arrays: SurfaceArrays) -> tuple[Storage, Storage]:
+    """How a body's directions are stored; all of them are looked at once."""
+    if arrays not in _STORAGES:
+        _STORAGES[arrays] = _worth_storing(arrays)
+    return _STORAGES[arrays]
+
+
 def _worth_storing(arrays: SurfaceArrays) -> tuple[Storage, Storage]:
     """How shapedirs and posedirs are stored: as they are, if the processor's cache holds them."""
     shapes, bends = arrays.shapedirs, arrays.posedirs
@@ -147,7 +156,7 @@ class CompiledArithmetic:
         arrays: SurfaceArrays, parents: tuple[int, ...], vertices: slice | list[int]
     ) -> CompiledArithmetic | None:
         """A body's vertices, or some of them, in order; None if nothing can be compiled."""
-        storage = _worth_storing(arrays)
+        storage = _storage_of(arrays)
         library, _ = kernels(parents, arrays.shapedirs.shape[2], storage[0].kind)
         if library is None:
             return None
@@ -166,10 +175,13 @@ class CompiledArithmetic:
         words = (0 if array is None else _address(array) for array in arrays)
         function(*map(ctypes.c_ssize_t, (self._here, *words)))
 
-    def share(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
+    def share(
+        self, name: str, arrays: Sequence[NDArray[np.generic] | None], kept: object = None
+    ) -> None:
         """The same by `thread_count()` threads, each for a part of the vertices, if that pays.
 
-        A vertex has the same bits whichever thread computes it.
+        A vertex has the same bits whichever thread computes it. The threads hold the arrays, and
+        what is `kept` besides, as long as they write.
         """
         count = thread_count() if self.packed.size >= WORTH_SHARING else 1
         if count == 1:
@@ -178,7 +190,7 @@ class CompiledArithmetic:
         function = getattr(self.library, name)
         words = [ctypes.c_ssize_t(0 if array is None else _address(array)) for array in arrays]
 
-        def compute(part: NDArray[np.intp], _: object = arrays) -> None:  # they live on meanwhile
+        def compute(part: NDArray[np.intp], _: object = (arrays, kept)) -> None:
             function(ctypes.c_ssize_t(_address(part)), *words)
 
         for_each(compute, self.packed.parts(count))
@@ -205,20 +217,26 @@ class CompiledSurface:
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into[name] (size, 3 N); keep the points as well."""
-        if "pose" in into:
-            self.of.run("clear", _addresses(Rows.of(into["pose"]), []))  # what is copied has zeros
-        self.tangent_over_zeros(slopes, into, scale)
+        self._write(slopes, into, scale, clear=True)
 
     def tangent_over_zeros(
         self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
     ) -> None:
         """The same where `into` holds zeros for joints that leave vertices alone."""
+        self._write(slopes, into, scale, clear=False)
+
+    def _write(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None, clear: bool
+    ) -> None:
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
         tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
+        if clear and "pose" in tables:
+            self.of.run("clear", tables["pose"])
         wanted = factor, *(tables.get(name) for name in BLOCKS), found
-        self.of.share("tangent", *self._moved, slopes_column(slopes), *wanted)
+        arrays = *self._moved, slopes_column(slopes), *wanted
+        self.of.share("tangent", arrays, kept=(into, copied))
         if found is not None:
             self.__dict__["points"] = found  # as if they had been asked for
         for array, room in copied:
