@@ -20,6 +20,7 @@ def test_the_limit_holds_inside_and_is_lifted(
     monkeypatch.delenv("WORKBENCH_THREADS", raising=False)
     if said:
         monkeypatch.setenv("WORKBENCH_THREADS", said)
+    assert blas_libraries()  # they are loaded now, if they were not
     with threadpool_limits(limits=2, user_api="blas"):
         before = counts()
         with limited_threads():
