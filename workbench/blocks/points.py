@@ -1,8 +1,8 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NoReturn, Protocol, cast
+from typing import Any, NoReturn, Protocol, cast
 
 import casadi as cs
 from scipy.sparse import csc_array
@@ -66,10 +66,10 @@ def evaluate_each(source: NumericPoints, values: Sequence[Mapping[str, Array]]) 
     )
 
 
-def tangent_over_zeros(here: PointsAt, into: Mapping[str, Array], scale: Array | None) -> None:
-    """`here.tangent`, or a method of this name for arrays that hold zeros wherever it has some."""
-    leaving = getattr(here, "tangent_over_zeros", None)
-    (here.tangent if leaving is None else leaving)(into, scale)
+def tangent_over_zeros(here: Any) -> Callable[..., None]:
+    """Their method of this name, which leaves out what is always zero; or `tangent`."""
+    found: Callable[..., None] = getattr(here, "tangent_over_zeros", here.tangent)
+    return found
 
 
 class PointSource(Protocol):

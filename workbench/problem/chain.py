@@ -206,7 +206,7 @@ class Chain:
                 continue
             if rows is not None:
                 own = {name: columns[at, rows] for name, at in dense.items()}
-                tangent_over_zeros(here, own, entries)
+                tangent_over_zeros(here)(own, entries)
                 continue
             parts = {n: np.empty((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
             here.tangent(parts, None)

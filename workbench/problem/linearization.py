@@ -34,8 +34,7 @@ class Linearization:
 
     Attributes:
         residual: r (m,), whitened.
-        jacobian: J (m, n), whitened. Copy it to change it: an array of a megabyte or more is
-            read-only.
+        jacobian: J (m, n), whitened; an array of a megabyte or more is read-only.
         constraints: the problem's constraints, linearized at the same point.
     """
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import PointsAt
+from workbench.blocks.points import tangent_over_zeros
 from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
@@ -130,8 +131,7 @@ class NamedAt:
 
     def tangent_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
-        leaving = getattr(self.here, "tangent_over_zeros", self.here.tangent)
-        self._write(leaving, into, scale)
+        self._write(tangent_over_zeros(self.here), into, scale)
 
     def _write(self, by: Writer, into: Mapping[str, Array], scale: Array | None) -> None:
         if self.of.plain is not None:
@@ -236,8 +236,7 @@ class PosedPointsAt:
 
     def tangent_over_zeros(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
-        leaving = getattr(self.here, "tangent_over_zeros", self.here.tangent)
-        leaving(self.posed.slopes, into, scale)
+        tangent_over_zeros(self.here)(self.posed.slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
