@@ -6,6 +6,7 @@ import pytest
 
 from tests.studies import test_triangle_study as triangles
 from tests.walks import walk
+from workbench.problem import gram
 from workbench.studies.blend_shapes.study import PredictorPlan, predictor_study
 from workbench.studies.triangles.study import compare_models
 
@@ -30,6 +31,7 @@ def test_a_study_leads_a_reader_down(
 ) -> None:
     monkeypatch.setattr(triangles.module, "timings", lambda mesh, models: [])
     triangles.data()
+    gram.compiled()  # a library is tried out by a callback when it is loaded
     found = walk(study)
     back = found.returns("studies") + found.unrelated("studies")
     assert len(back) <= MOST_RETURNS, found.described("studies")
