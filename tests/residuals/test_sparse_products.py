@@ -33,3 +33,18 @@ def test_other_arrays_are_multiplied_too() -> None:
     into = np.zeros((5, 4)).T
     write_product(csr_array(dense), rows, into)
     np.testing.assert_allclose(into, rows @ dense.T, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("wrong", ["too few rows", "a narrow target", "other columns", "read only"])
+def test_arrays_that_do_not_fit_are_refused(wrong: str) -> None:
+    """As SciPy and NumPy do; compiled code would write beside them."""
+    W, rows, into = csr_array(np.eye(5, 6)), np.ones((4, 6)), np.zeros((4, 5))
+    into.flags.writeable = wrong != "read only"
+    given = {
+        "too few rows": (W, rows, into[:3]),
+        "a narrow target": (W, rows, into[:, :4]),
+        "other columns": (W, np.ones((4, 7)), into),
+        "read only": (W, rows, into),
+    }[wrong]
+    with pytest.raises(ValueError, match=r"broadcast|mismatch|dimension|read-only"):
+        write_product(*given)
