@@ -72,3 +72,21 @@ def test_the_page_is_written_from_the_file(tmp_path: Path) -> None:
     latest = {one.name: one.measured[-1].target.measured for one in found}
     named = {target.name: target.measured for target in targets.all_of(results)}
     assert latest == pytest.approx(named, rel=1e-3)
+
+
+def test_the_readme_says_what_was_measured() -> None:
+    """How many times as long JAX takes for a Jacobian, and the residual alone beside JAX's."""
+    parts = ("derivatives", "fits")
+    results = {part: json.loads((RESULTS / f"{part}.json").read_text()) for part in parts}
+    ratio = {target.name: target.measured for target in targets.all_of(results)}
+    text = " ".join((HERE.parent / "README.md").read_text(encoding="utf-8").split())
+    assert "a Jacobian in a ninth of the time that JAX needs; with a C compiler, in a forti" in text
+    assert round(ratio["workbench: JAX / Jacobian"]) == 9
+    assert round(ratio["workbench, compiled: JAX / Jacobian"]) == 40
+    plain, compiled = (
+        ratio[f"{way}: forward / JAX"] for way in ("workbench", "workbench, compiled")
+    )
+    assert f"takes {plain:.1f} times as long as with JAX, and {compiled:.1f} times with" in text
+    fits = [value for name, value in ratio.items() if "our Jacobian / LM" in name]
+    assert "between a quarter and a fifteenth of what `scipy.optimize.least_squares`" in text
+    assert (round(min(fits)), round(max(fits))) == (4, 15)

@@ -31,11 +31,11 @@ class Known:
     ends: list[Array] = field(default_factory=list)
 
     def add(self, values: Values) -> None:
-        """One more end."""
+        """Remember the body with these values as an end that was found."""
         self.ends.append(joints_of(self.body, values))
 
     def knows(self, values: Values) -> bool:
-        """Whether one of the ends is near."""
+        """Whether the joints at these values are within `near` of an end, in the mean."""
         if not self.ends:
             return False
         off = np.linalg.norm(np.array(self.ends) - joints_of(self.body, values), axis=-1)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import casadi as cs
 
 from workbench.bodies.forward.kinematics import bound_motion, followed, local_slopes, turning_axes
+from workbench.bodies.forward.vertex import function_of_columns, matrix_of_rows
 from workbench.geometry.rotation import rodrigues
 
 
@@ -36,31 +37,28 @@ def joint_functions() -> dict[str, cs.Function]:
     R_k, t_k = _motion(world)
     own, *slopes = (_square(part) for part in cs.vertsplit(sloped, 9))
     axes = turning_axes([slopes], own, [R_up])
+    turns = turn, by_x, by_y, by_z
     made = (
-        _function("local", _rows(turn), pose=pose),
-        _function("local_slopes", cs.vertcat(*map(_rows, (turn, by_x, by_y, by_z))), pose=pose),
-        _function("placed", _square(unbind) @ place, unbind=unbind, place=place),
-        _function(
+        function_of_columns("local", _rows(turn), pose=pose),
+        function_of_columns("local_slopes", cs.vertcat(*map(_rows, turns)), pose=pose),
+        function_of_columns("placed", _square(unbind) @ place, unbind=unbind, place=place),
+        function_of_columns(
             "follow",
             _rows(cs.horzcat(*followed((R_up, t_up), _square(R), place))),
             above=above,
             R=R,
             place=place,
         ),
-        _function(
+        function_of_columns(
             "bound",
             _rows(bound_motion((R_k, t_k), _square(unbind), place)),
             world=world,
             unbind=unbind,
             place=place,
         ),
-        _function("axes", cs.vertcat(*axes), above=above, sloped=sloped),
+        function_of_columns("axes", cs.vertcat(*axes), above=above, sloped=sloped),
     )
     return {function.name(): function for function in made}
-
-
-def _function(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:
-    return cs.Function(name, [*inputs.values()], [cs.densify(output)], [*inputs], ["out"])
 
 
 def _rows(matrix: cs.SX) -> cs.SX:
@@ -69,10 +67,10 @@ def _rows(matrix: cs.SX) -> cs.SX:
 
 
 def _square(column: cs.SX) -> cs.SX:
-    return cs.reshape(column, 3, 3).T
+    return matrix_of_rows(column, 3, 3)
 
 
 def _motion(column: cs.SX) -> tuple[cs.SX, cs.SX]:
     """The rotation (3, 3) and the place (3, 1) of a motion."""
-    matrix = cs.reshape(column, 4, 3).T
+    matrix = matrix_of_rows(column, 3, 4)
     return matrix[:, :3], matrix[:, 3]

@@ -63,10 +63,10 @@ class JointNumbers(Protocol):
     """The motion of a body's joints and its derivative at one pose (K, 3) rad and betas (B,)."""
 
     def motion(self, pose: Array, betas: Array) -> Motion:
-        """The motion."""
+        """How the joints have moved there: their motions, features and places."""
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
-        """Its derivatives."""
+        """The derivatives of that motion by the pose and by betas."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,33 +99,33 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
     S_b, arm, shift = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3), cs.SX.sym("shift", 3)
     axes, slopes_n, bulging = cs.SX.sym("axes", 3, 3), cs.SX.sym("df", 3), cs.SX.sym("Pdf", 3, 3)
 
-    R = _rows(M, 3, 4)[:, :3]
+    R = matrix_of_rows(M, 3, 4)[:, :3]
     moved, carried = _moved(M, v), w * _moved(G, v)
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
     made = (
-        _function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
-        _function("bent", P[:, 0] * f[0], posedirs=P[:, 0], motion=f[0]),
-        _function("blended", w * G, weight=w, motion=G),
-        _function("moved", moved, M=M, v=v),
-        _function("below", cs.vertcat(carried, w), weight=w, motion=G, v=v),
-        _function("hung", hanging, hanging=hanging),
-        _function("arm", hanging[:3] - hanging[3] * joint, hanging=hanging, motion=joint),
-        _function("bulging", P[:, 0] @ slopes_n.T, posedirs=P[:, 0], motion=slopes_n),
-        _function("bulged", R @ bulging, M=M, bulging=bulging),
-        _function("turned", turned, arm=arm, motion=axes),
-        _function("by_beta", R @ S_b, shapedirs=S_b, M=M),
-        _function("shifted", w * shift, weight=w, motion=shift),
-        _function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
-        _function("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
-        _function("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
-        _function("on_motion", _gradient(carried, pull, G), weight=w, v=v, pull=pull),
+        function_of_columns("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
+        function_of_columns("bent", P[:, 0] * f[0], posedirs=P[:, 0], motion=f[0]),
+        function_of_columns("blended", w * G, weight=w, motion=G),
+        function_of_columns("moved", moved, M=M, v=v),
+        function_of_columns("below", cs.vertcat(carried, w), weight=w, motion=G, v=v),
+        function_of_columns("hung", hanging, hanging=hanging),
+        function_of_columns("arm", hanging[:3] - hanging[3] * joint, hanging=hanging, motion=joint),
+        function_of_columns("bulging", P[:, 0] @ slopes_n.T, posedirs=P[:, 0], motion=slopes_n),
+        function_of_columns("bulged", R @ bulging, M=M, bulging=bulging),
+        function_of_columns("turned", turned, arm=arm, motion=axes),
+        function_of_columns("by_beta", R @ S_b, shapedirs=S_b, M=M),
+        function_of_columns("shifted", w * shift, weight=w, motion=shift),
+        function_of_columns("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
+        function_of_columns("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
+        function_of_columns("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
+        function_of_columns("on_motion", _gradient(carried, pull, G), weight=w, v=v, pull=pull),
     )
     return {function.name(): function for function in made}
 
 
 def _moved(G: cs.SX, v: cs.SX) -> cs.SX:
     """The point G [v; 1], (3, 1), for a motion of 12 numbers row by row."""
-    rows = _rows(G, 3, 4)
+    rows = matrix_of_rows(G, 3, 4)
     return rows[:, :3] @ v + rows[:, 3]
 
 
@@ -133,11 +133,12 @@ def _gradient(of: cs.SX, pull: cs.SX, by: cs.SX) -> cs.SX:
     return cs.gradient(cs.dot(pull, of), by)
 
 
-def _rows(column: cs.SX, rows: int, columns: int) -> cs.SX:
+def matrix_of_rows(column: cs.SX, rows: int, columns: int) -> cs.SX:
     """A matrix from its rows, one after the other."""
     return cs.reshape(column, columns, rows).T
 
 
-def _function(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:
+def function_of_columns(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:
+    """A function from columns of numbers to one, with the names of its inputs."""
     columns = [cs.vec(column) for column in inputs.values()]
     return cs.Function(name, columns, [cs.densify(cs.vec(output))], [*inputs], ["out"])
