@@ -20,7 +20,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered, without_calls
-from workbench.blocks.layout import all_values
+from workbench.blocks.layout import Values
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
 from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.naming import distinct
@@ -72,6 +72,7 @@ class Chain:
         size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
         self.to_size = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
         self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
+        self._last_fixed: tuple[bytes | None, Values] = (None, {})
         self._rooms = Rooms()
 
     @staticmethod
@@ -141,9 +142,12 @@ class Chain:
         columns, found = self._rooms.array(self.free.size, self.by_x.shape[0])
         for at, rows in self._left_alone:
             columns[at, rows] = 0.0
-        columns[self.by_x.columns, self.by_x.rows] = 0.0
+        own = self.by_x.columns, self.by_x.rows
+        if len(direct):
+            columns[own] = 0.0
         self._write(columns, places, by_points)
-        columns[self.by_x.columns, self.by_x.rows] += direct
+        if len(direct):
+            columns[own] += direct
         return found.T
 
     def _sparse(
@@ -275,8 +279,16 @@ class Chain:
             return ()
         last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
         if key != last[0]:
-            values = all_values(self.free, x, self._fixed, fixed)
+            around = self._around(key[1], fixed)
+            values = around | self.free.unpack(x, around)
             self._last = last = key, [source.evaluate(values) for source in self.sources]
+        return last[1]
+
+    def _around(self, key: bytes, fixed: Array) -> Values:
+        """The values of fixed blocks; they are often the same as the last time."""
+        last = self._last_fixed
+        if key != last[0]:
+            self._last_fixed = last = key, self._fixed.unpack(fixed)
         return last[1]
 
 
