@@ -247,6 +247,37 @@ def test_poses_of_any_type_are_read_as_numbers() -> None:
         body.kinematics.motion(np.ones(3), betas)
 
 
+@NEEDS_COMPILER
+def test_the_motion_that_comes_with_its_slopes_is_the_same_to_the_bit() -> None:
+    body, betas, pose = body_of("smpl", 9), np.ones(10), pose_at("anywhere", 24)
+    apart = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    together = body.kinematics.motion_and_slopes(pose, betas)
+    for one, other in zip(apart, together, strict=True):
+        assert one.column is not None
+        np.testing.assert_array_equal(one.column, other.column)
+    posed = body.kinematics.evaluate(pose, betas)
+    np.testing.assert_array_equal(posed.slopes.column, apart[1].column)
+    assert "motion" in vars(posed)
+    np.testing.assert_array_equal(posed.motion.column, apart[0].column)
+    posed = body.kinematics.evaluate(pose + 1, betas)
+    assert posed.slopes is posed.slopes
+    moved = posed.motion
+    assert posed.motion is moved
+
+
+@pytest.mark.parametrize("layout", ["whole", "read-only", "in pieces", "empty", "part"])
+def test_addresses_are_those_of_numpy(layout: str) -> None:
+    whole = np.arange(24.0).reshape(4, 6)
+    array = {
+        "whole": whole,
+        "read-only": np.frombuffer(whole.tobytes()),
+        "in pieces": whole[:, ::2],
+        "empty": whole[:0],
+        "part": whole[2:],
+    }[layout]
+    assert compiling.address(array) == array.ctypes.data
+
+
 # The ways to NumPy, each with its reason.
 
 
