@@ -22,7 +22,7 @@ from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered, without_calls
 from workbench.blocks.layout import Values
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
-from workbench.problem.graph import FORWARD, Graph, split
+from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, gaps, merged
@@ -32,7 +32,6 @@ from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
 
 _NOTHING = Part(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
-SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
 
 
 class Chain:
@@ -68,9 +67,7 @@ class Chain:
             else None
             for i, pattern in enumerate(self.by_points)
         ]
-        parts = [cs.jtimes(r, a, _weighed(a)) for a in arguments if a.numel()]
-        size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
-        self.to_size = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
+        self.to_size = Buffered(cs.Function("made_of", arguments, [size_of_terms(r, arguments)]))
         self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
         self._last_fixed: tuple[bytes | None, Values] = (None, {})
         self._rooms = Rooms()
@@ -239,12 +236,7 @@ class Chain:
         return half_squared(r), g
 
     def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of each row's terms (m,): sqrt(sum of (dr/da_i a_i)^2), estimated.
-
-        Terms that cancel each other in the residual must not cancel here. The mean of the squares
-        of a few sums with normally distributed weights estimates this size, without the single
-        derivatives (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
-        """
+        """The size of each row's terms (m,), estimated: see `size_of_terms`."""
         return self.to_size(x, fixed, *self._points(x, fixed))[0]
 
     @cached_property
@@ -303,10 +295,3 @@ def _part(
     if of_points is None:
         return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)
-
-
-def _weighed(argument: cs.MX) -> cs.MX:
-    """Copies side by side, each entry times a normal weight; the weights are always the same."""
-    rows, columns = argument.shape
-    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))
-    return cs.DM(weights) * cs.repmat(argument, 1, SUMS)
