@@ -103,8 +103,10 @@ class Oracle:
         """Run a solver of CasADi from the start of the run; raise what was raised inside."""
         problem, there = self._run.problem, self._there
         limits = {} if there is None else {"lbg": there.lower, "ubg": there.upper}
+        if problem.bounded:
+            limits |= {"lbx": problem.lower, "ubx": problem.upper}
         try:
-            solver(x0=self._run.x, lbx=problem.lower, ubx=problem.upper, **limits)
+            solver(x0=self._run.x, **limits)
         finally:
             if self.error is not None:
                 raise self.error
