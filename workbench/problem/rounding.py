@@ -144,7 +144,7 @@ class Support:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
         squares = rows**2
         sums = (self._groups @ squares)[self._group_of]
-        return np.sqrt(sums if self._alike else sums + self._own @ squares)
+        return np.asarray(np.sqrt(sums if self._alike else sums + self._own @ squares))
 
     def rows(self, numbers: Mask) -> Mask:
         """The rows (m,) that some of the free numbers (n,) can change."""

@@ -35,15 +35,16 @@ class LevenbergMarquardt:
     others. Between bounds the step is the best one that stays inside.
 
     Several steps may be taken with each Jacobian: from x + p the next one solves the same equations
-    with the residual there, (J'J + damping D^2) q = -J'r(x + p), and all of them together are tried
-    as one step. On a system of equations that has a solution, m steps with each Jacobian of
-    Newton's method converge with order m + 1 (Shamanskii, A modification of Newton's method, 1967).
-    Fan has shown order 3 for this method with two (The modified Levenberg-Marquardt method for
-    nonlinear equations with cubic convergence, 2012); her damping vanishes with the residual, the
-    one here by a factor of 10 at most in a step, which is what limits the order near the solution.
-    This saves linearizations where a further residual and its product with J' cost much less. There
-    are no further steps from a point that does not cost less, nor with a step that is longer than
-    3/4 of the one before it. Raises BadArgument for less than one step.
+    with the residual there, (J'J + damping D^2) q = -J'r(x + p), and all of them are tried as one
+    step, after which the damping falls as after so many. This saves linearizations where a further
+    residual and its product with J' cost much less. Where a system of equations has a solution, m
+    steps with each Jacobian of Newton's method converge with order m + 1 (Shamanskii, A
+    modification of Newton's method, 1967), and two of this method with order 3 if the damping
+    vanishes with the residual (Fan, The modified Levenberg-Marquardt method for nonlinear equations
+    with cubic convergence, 2012). Here it falls by a factor of 10 at most for each step, so that
+    this order shows only where the damping is negligible. No further step is taken from a point
+    that does not cost less, and none that is longer than 3/4 of the one before it. Raises
+    BadArgument for less than one step.
 
     Attributes:
         scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
@@ -112,11 +113,11 @@ class LevenbergMarquardt:
                     ):
                         damping *= FASTEST_FALL  # the decrease of a longer step may be visible
                         continue
-                    p, further = self._with_further(run, x, here, step.p, damping, D)
+                    p, further, taken = self._with_further(run, x, here, step.p, damping, D)
                     to = np.clip(x + p, problem.lower, problem.upper)
                     gain_ratio = run.gain_ratio(x, here, to, predicted + further)
                     if gain_ratio > 0:
-                        damping *= eased(gain_ratio)
+                        damping *= eased(gain_ratio) ** taken
                         growth = 2.0
                         del here  # first: its memory serves the next one
                         x, here = run.move(to, damping, step.by)
@@ -130,22 +131,23 @@ class LevenbergMarquardt:
 
     def _with_further(
         self, run: Run, x: Array, here: Linearization, p: Array, damping: float, D: Array
-    ) -> tuple[Array, float]:
+    ) -> tuple[Array, float, int]:
         """The step p (n,) from x and those after it with the same Jacobian, together.
 
-        The second number is the decrease of the cost that the linear model predicts for the latter.
+        The other numbers are the decrease of the cost that the linear model predicts for the
+        latter, and how many steps there are.
         """
         lower, upper = run.problem.lower, run.problem.upper
         cost, length, further = here.cost, float(np.linalg.norm(D * p)), 0.0
-        for _ in range(self.steps_per_jacobian - 1):
+        for taken in range(1, self.steps_per_jacobian):
             to = np.clip(x + p, lower, upper)
             at_most, (cost, residual) = cost, run.cost_and_residual(to)
             if not cost < at_most:
-                break
+                return p, further, taken
             there = here.with_residual(residual)
             step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
             at_most = SHORTER * length
             if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
-                break
+                return p, further, taken
             p, further = p + step.p, further + there.predicted_decrease(step.p)
-        return p, further
+        return p, further, self.steps_per_jacobian

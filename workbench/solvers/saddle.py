@@ -150,7 +150,7 @@ def _searched(
     w = inverse(u)
     beta = float(np.sqrt(u @ w))
     dual, primal = np.zeros((n, 0)), np.zeros((n, 0))
-    T, most, tried = np.zeros((0, 0)), min(most, size), False
+    before, most, tried = np.zeros((0, 0)), min(most, size), False
     most_once_seen = most + MORE
     for k in range(1, size + 1):
         dual = np.concatenate([dual, (u / beta)[:, None]], axis=1)
@@ -158,7 +158,7 @@ def _searched(
         u = bend(primal[:, -1])
         if not np.isfinite(u).all():
             return None
-        before, T = T, np.zeros((k, k))
+        T = np.zeros((k, k))
         T[:-1, :-1] = before
         T[-1, -1] = u @ primal[:, -1]
         if k > 1:
@@ -166,8 +166,9 @@ def _searched(
         for _ in range(2):  # twice, so that rounding does not bring the same vectors back
             u = u - dual @ (primal.T @ u)
         w = inverse(u)
-        beta = float(np.sqrt(max(u @ w, 0.0)))
+        beta = float(np.sqrt(max(float(u @ w), 0.0)))
         values, vectors = np.linalg.eigh(T)
+        before = T
         least = float(values[0])
         if least < -FLAT and not tried:
             most = min(most_once_seen, size)
