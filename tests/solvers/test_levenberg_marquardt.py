@@ -151,12 +151,28 @@ def test_two_steps_with_each_jacobian_need_fewer_jacobians() -> None:
 
 
 @pytest.mark.parametrize("start", FAR, ids=lambda start: str(start["x"]))
-def test_further_steps_are_given_up_where_they_do_not_help(start) -> None:
+def test_where_two_steps_lead_too_far_the_first_is_tried_alone(start) -> None:
     problem, _ = rosenbrock()
-    solution = LevenbergMarquardt(steps_per_jacobian=3).solve(problem, start)
-    assert solution.converged
-    assert (np.diff([iterate.cost for iterate in solution.trace]) < 0).all()
-    np.testing.assert_allclose(solution.values["x"], [1, 1], atol=1e-5)
+    plain, two = (
+        LevenbergMarquardt(steps_per_jacobian=count).solve(problem, start) for count in (1, 2)
+    )
+    assert two.converged
+    assert two.evaluations.jacobian < plain.evaluations.jacobian
+    assert (np.diff([iterate.cost for iterate in two.trace]) < 0).all()
+    np.testing.assert_allclose(two.values["x"], [1, 1], atol=1e-5)
+
+
+def test_a_further_step_that_is_hardly_shorter_is_not_taken() -> None:
+    """From 1.3, Newton's steps for arctan(x) = 0 lead to and fro, each hardly shorter."""
+    x = Block("x").symbol
+    problem = Problem((Residual("arctan", cs.atan(x), 1.0),), ("x",))
+    plain, two = (
+        LevenbergMarquardt(steps_per_jacobian=count, first_damping=1e-9, max_iterations=1).solve(
+            problem, {"x": 1.3}
+        )
+        for count in (1, 2)
+    )
+    assert two.trace[1].values["x"] == plain.trace[1].values["x"]
 
 
 @pytest.mark.parametrize("by", [steps.automatic, steps.qr])

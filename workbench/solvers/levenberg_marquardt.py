@@ -1,6 +1,7 @@
 """The Levenberg-Marquardt method: Gauss-Newton steps, damped as long as they gain too little."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -42,9 +43,9 @@ class LevenbergMarquardt:
     modification of Newton's method, 1967), and two of this method with order 3 if the damping
     vanishes with the residual (Fan, The modified Levenberg-Marquardt method for nonlinear equations
     with cubic convergence, 2012). Here it falls by a factor of 10 at most for each step, so that
-    this order shows only where the damping is negligible. No further step is taken from a point
-    that does not cost less, and none that is longer than 3/4 of the one before it. Raises
-    BadArgument for less than one step.
+    this order shows only where the damping is negligible. No further step is taken that is longer
+    than 3/4 of the one before it; where all of them do not lower the cost, the first is tried
+    alone. Raises BadArgument for less than one step.
 
     Attributes:
         scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
@@ -116,6 +117,9 @@ class LevenbergMarquardt:
                     p, further, taken = self._with_further(run, x, here, step.p, damping, D)
                     to = np.clip(x + p, problem.lower, problem.upper)
                     gain_ratio = run.gain_ratio(x, here, to, predicted + further)
+                    if taken > 1 and not gain_ratio > 0:  # they lead too far
+                        to, taken = np.clip(x + step.p, problem.lower, problem.upper), 1
+                        gain_ratio = run.gain_ratio(x, here, to, predicted)
                     if gain_ratio > 0:
                         damping *= eased(gain_ratio) ** taken
                         growth = 2.0
@@ -138,15 +142,14 @@ class LevenbergMarquardt:
         latter, and how many steps there are.
         """
         lower, upper = run.problem.lower, run.problem.upper
-        cost, length, further = here.cost, float(np.linalg.norm(D * p)), 0.0
+        length, further = float(np.linalg.norm(D * p)), 0.0
         for taken in range(1, self.steps_per_jacobian):
             to = np.clip(x + p, lower, upper)
-            at_most, (cost, residual) = cost, run.cost_and_residual(to)
-            if not cost < at_most:
+            cost, residual = run.cost_and_residual(to)
+            if not isfinite(cost):
                 return p, further, taken
-            there = here.with_residual(residual)
+            there, at_most = here.with_residual(residual), SHORTER * length
             step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
-            at_most = SHORTER * length
             if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
                 return p, further, taken
             p, further = p + step.p, further + there.predicted_decrease(step.p)
