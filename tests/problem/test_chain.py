@@ -202,6 +202,9 @@ def test_fixed_numbers_that_change_are_seen() -> None:
     x[0] += 0.5  # at another place with the same fixed numbers, and then in place with others
     np.testing.assert_allclose(problem.residual(x, fixed), by([1.0, -2.0]), atol=1e-13)
     fixed[1] = 3.0
+    again = np.array([1.0, -2.0])  # what was kept is a copy, which the line above did not change
+    x[0] += 0.5
+    np.testing.assert_allclose(problem.residual(x, again), by([1.0, -2.0]), atol=1e-13)
     np.testing.assert_allclose(problem.linearize_at(x, fixed).residual, by([1.0, 3.0]), atol=1e-13)
 
 

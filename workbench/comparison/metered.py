@@ -160,6 +160,7 @@ class Metered:
             adjoint=graph("gradient", lambda: problem.adjoint, _plain),
             hessian=graph("hessian", lambda: problem.hessian, None),
             stacked_constraints=self._constraints(problem.stacked_constraints),
+            solvers_made=[],  # so that no run is quicker for those before it
         )
         return copied
 

@@ -277,10 +277,13 @@ class Chain:
         return last[1]
 
     def _around(self, key: bytes, fixed: Array) -> Values:
-        """The values of fixed blocks; they are often the same as the last time."""
+        """The values of fixed blocks, read-only; they are often the same as the last time."""
         last = self._last_fixed
         if key != last[0]:
-            self._last_fixed = last = key, self._fixed.unpack(fixed)
+            values = self._fixed.unpack(fixed)
+            for value in values.values():
+                value.flags.writeable = False
+            self._last_fixed = last = key, values
         return last[1]
 
 

@@ -101,7 +101,8 @@ class Ipopt:
 
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
-        with made_for(run.problem, self) as made:
+        options = self._name, self.max_iterations, self.max_seconds  # and no Hessian of a user
+        with made_for(run.problem, options) as made:
             oracle = Oracle(run, self.hessian, made.functions)
             if made.solver is None:
                 made.solver = self._made(oracle, run.problem.stacked_constraints is not None)

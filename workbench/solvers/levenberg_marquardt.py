@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,16 @@ from workbench.solvers.solution import Callback, Solution
 
 SHORTER = 0.75  # of a step: the longest further one with the same Jacobian
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
+
+
+class Trial(NamedTuple):
+    """A point (n,) that may be the next one, by how much the linear model predicts the cost to
+    fall, and the cost and the residual (m,) there, as far as they are known.
+    """
+
+    to: Array
+    predicted: float
+    known: tuple[float, Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -114,43 +125,52 @@ class LevenbergMarquardt:
                     ):
                         damping *= FASTEST_FALL  # the decrease of a longer step may be visible
                         continue
-                    p, further, taken = self._with_further(run, x, here, step.p, damping, D)
-                    to = np.clip(x + p, problem.lower, problem.upper)
-                    gain_ratio = run.gain_ratio(x, here, to, predicted + further)
+                    trials = self._trials(run, x, here, step.p, predicted, damping, D)
+                    taken, trial = len(trials), trials[-1]
+                    gain_ratio = run.gain_ratio(x, here, *trial)
                     if taken > 1 and not gain_ratio > 0:  # they lead too far
-                        to, taken = np.clip(x + step.p, problem.lower, problem.upper), 1
-                        gain_ratio = run.gain_ratio(x, here, to, predicted)
+                        taken, trial = 1, trials[0]
+                        gain_ratio = run.gain_ratio(x, here, *trial)
                     if gain_ratio > 0:
                         damping *= eased(gain_ratio) ** taken
                         growth = 2.0
                         del here  # first: its memory serves the next one
-                        x, here = run.move(to, damping, step.by)
+                        x, here = run.move(trial.to, damping, step.by)
                         D = np.maximum(D, self.scaling(here))
                         continue
-                if not damping <= 1e16 * stiffest or (step is not None and np.array_equal(to, x)):
+                if not damping <= 1e16 * stiffest or (
+                    step is not None and np.array_equal(trial.to, x)
+                ):
                     run.stall()
                 damping *= growth
                 growth *= 2
         return run.solution()
 
-    def _with_further(
-        self, run: Run, x: Array, here: Linearization, p: Array, damping: float, D: Array
-    ) -> tuple[Array, float, int]:
-        """The step p (n,) from x and those after it with the same Jacobian, together.
-
-        The other numbers are the decrease of the cost that the linear model predicts for the
-        latter, and how many steps there are.
-        """
+    def _trials(
+        self,
+        run: Run,
+        x: Array,
+        here: Linearization,
+        p: Array,
+        predicted: float,
+        damping: float,
+        D: Array,
+    ) -> list[Trial]:
+        """The step p (n,) from x alone, then together with each further one with this Jacobian."""
         lower, upper = run.problem.lower, run.problem.upper
-        length, further = float(np.linalg.norm(D * p)), 0.0
-        for taken in range(1, self.steps_per_jacobian):
-            to = np.clip(x + p, lower, upper)
-            cost, residual = run.cost_and_residual(to)
-            if not isfinite(cost):
-                return p, further, taken
-            there, at_most = here.with_residual(residual), SHORTER * length
+        length = float(np.linalg.norm(D * p))
+        trials = [Trial(np.clip(x + p, lower, upper), predicted)]
+        while len(trials) < self.steps_per_jacobian:
+            to, predicted, _ = trials[-1]
+            found = run.cost_and_residual(to)
+            trials[-1] = Trial(to, predicted, found)
+            if not isfinite(found[0]):
+                break
+            there, at_most = here.with_residual(found[1]), SHORTER * length
             step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
             if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
-                return p, further, taken
-            p, further = p + step.p, further + there.predicted_decrease(step.p)
-        return p, further, self.steps_per_jacobian
+                break
+            p = p + step.p
+            to = np.clip(x + p, lower, upper)
+            trials.append(Trial(to, predicted + there.predicted_decrease(step.p)))
+        return trials

@@ -182,9 +182,17 @@ class Run:
         """`Problem.optimality` at x (n,), less what rounding explains there."""
         return self.rounding_noise.optimality(x, here)
 
-    def gain_ratio(self, x: Array, here: Linearization, to: Array, predicted: float) -> float:
+    def gain_ratio(
+        self,
+        x: Array,
+        here: Linearization,
+        to: Array,
+        predicted: float,
+        known: tuple[float, Array] | None = None,
+    ) -> float:
         """The actual decrease of the cost from x to another point over the `predicted` one.
 
+        The cost and the residual there are evaluated unless they are `known`.
         If rounding errors hide both decreases, it is 1 for a more stationary point. If several
         points in a row are not more stationary, nothing is left to gain and the run ends.
         """
@@ -194,7 +202,7 @@ class Run:
         sure, self._sure = self._sure, False
         if sure and self.linearizations.at(to) is None:
             self._linearized(to)  # the step will be taken, so that the Jacobian is needed as well
-        cost, residual = self.cost_and_residual(to)
+        cost, residual = self.cost_and_residual(to) if known is None else known
         if not isfinite(cost):
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)

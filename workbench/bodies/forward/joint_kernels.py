@@ -153,16 +153,18 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     pose[-1] *= SMALL
     skeleton = Skeleton(rng.standard_normal((K, 3)), rng.standard_normal((K, 3, B)))
     betas = rng.standard_normal(B)
-    answers = [
-        _answers(way.motion(pose, betas), way.slopes(pose, betas))
-        for way in (
-            CompiledJoints.made(loaded, skeleton, bind, parents),
-            Kinematics(skeleton, bind, parents),
-        )
-    ]
+    ours, casadis = (
+        CompiledJoints.made(loaded, skeleton, bind, parents),
+        Kinematics(skeleton, bind, parents),
+    )
+    right = _answers(casadis.motion(pose, betas), casadis.slopes(pose, betas))
     return all(
         np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
-        for got, expected in zip(*answers, strict=True)
+        for both in (
+            (ours.motion(pose, betas), ours.slopes(pose, betas)),
+            ours.motion_and_slopes(pose, betas),
+        )
+        for got, expected in zip(_answers(*both), right, strict=True)
     )
 
 
