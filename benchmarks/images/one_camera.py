@@ -104,7 +104,7 @@ def from_the_truth(fits: ImageFits) -> Fit:
 
 
 def half(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-    """The terms of an image with a pose prior that counts half."""
+    """The terms of an image with a Gaussian of poses that counts half."""
     return tuple(one.weighed(0.5) if one.name == POSE else one for one in image_priors(body))
 
 
@@ -188,7 +188,12 @@ def run(recording: Path | None) -> dict[str, Any]:
         "regressed start, all keypoints alike": in_stages(
             ImageFits(body, ByHeight(relative=alike))
         ),
-        "regressed start, pose prior half": in_stages(ImageFits(body, ByHeight(priors=half))),
+        "regressed start, Gaussian of poses": in_stages(
+            ImageFits(body, ByHeight(priors=image_priors))
+        ),
+        "regressed start, Gaussian of poses, half": in_stages(
+            ImageFits(body, ByHeight(priors=half))
+        ),
         "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
     }
     cases = list(balance_cases(body))

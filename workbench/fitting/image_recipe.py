@@ -16,7 +16,7 @@ import numpy as np
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.fitting.body_priors import usual_priors
+from workbench.fitting.body_priors import tailed_pose_prior, usual_priors
 from workbench.fitting.keypoint_precision import alike, as_marked
 from workbench.fitting.keypoint_problem import Relative, Terms
 from workbench.fitting.stature import MEASURED, stature_prior
@@ -31,6 +31,7 @@ ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_the
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
 Recipe = Callable[["Appearance"], "ImageRecipe"]
+DETERMINED = 13.0  # of the numbers of a pose, by one image; chosen as `tailed_priors` says
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 
@@ -40,6 +41,12 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     pose = body.blocks()[0]
     hinged = set(HINGES) & set(pose.labels or ())
     return (*usual_priors(body), *([bending(pose)] if hinged else []))
+
+
+def tailed_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """The same with a Student's t for the pose, of whose numbers one image determines 13."""
+    of_pose = tailed_pose_prior(body, DETERMINED)
+    return tuple(of_pose if one.name == of_pose.name else one for one in image_priors(body))
 
 
 def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
@@ -86,7 +93,7 @@ class WithStature:
                 f"the stature of body {body.name!r} is no linear function of its shape; fit it "
                 "without a height, or take a skinned body"
             )
-        return (*image_priors(body), stature_prior(body, self.height, sigma=self.sigma))
+        return (*tailed_priors(body), stature_prior(body, self.height, sigma=self.sigma))
 
 
 @dataclass(frozen=True)
@@ -172,7 +179,7 @@ class ByHeight:
     outlier: float = 0.08
     strict: float = 0.04
     wide: tuple[float, ...] = ()
-    priors: Terms = image_priors
+    priors: Terms = tailed_priors
     solver: Solver = NEARLY
     relative: Relative = as_marked
 
