@@ -891,7 +891,9 @@ print(f"the last regressor alone: {alone_now:.0f} mm")
 #
 # `image_fit` is what is left when everything is taken that has helped: priors, the loss with a scale of 8 %
 # of the person's height in the image, $E_a$, the learned start; stages, a known stature and further
-# hypotheses on demand.
+# hypotheses on demand. Its prior on the pose is no Gaussian but a Student's t, whose tails are those of
+# recorded poses, and of which only as many numbers count as one image determines: the docstring of
+# `workbench.residuals.student_t` says why the density itself would be too sure of the pose.
 
 # %%
 setup = image_fit(shot.observed, body, "Which pose is it?", hypotheses=2)

@@ -113,7 +113,7 @@ def test_offsets_of_known_height_are_wide_along_the_surface_alone() -> None:
 
 def test_known_heights_find_markers_that_were_moved_along_the_surface() -> None:
     rng = np.random.default_rng(3)
-    poses = draw_poses(shipped_gaussian(), 5, rng)
+    poses = draw_poses(shipped_gaussian(), 3, rng)
     truth, observed = dressed_person(BODY, WORN, poses, rng, 0.001, 0.0, 0.005, on_the_surface)
     centres = BODY.vertices(betas=truth["betas"])[WORN.vertices] + truth["offsets"]
     heights = SurfaceTree(BODY.vertices(betas=truth["betas"]), BODY.faces).closest(centres)
