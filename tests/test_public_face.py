@@ -132,6 +132,7 @@ RESIDUALS = [
     "smooth",
     "spheres",
     "stitching",
+    "student_t",
     "vertices",
 ]
 SOLVERS = [

@@ -10,6 +10,7 @@ import pytest
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
+from workbench.fitting.body_priors import pose_prior, tailed_pose_prior
 from workbench.fitting.file_jobs import FailedFile
 from workbench.fitting.image_fit import ImageFits, image_fit
 from workbench.fitting.image_jobs import (
@@ -28,6 +29,7 @@ from workbench.fitting.image_recipe import (
     WithStature,
     image_priors,
     smplify,
+    tailed_priors,
     wider,
 )
 from workbench.fitting.image_starts import turned_about
@@ -37,6 +39,7 @@ from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.stature import stature, stature_prior
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.priors.tailed_poses import shipped_student
 from workbench.problem.stages import in_stage
 from workbench.residuals.kernels import geman_mcclure, scaled
 from workbench.solvers import Staged, Starts
@@ -316,6 +319,23 @@ def test_files_of_the_same_name_are_refused() -> None:
 def test_bodies_without_these_joints_have_no_bending() -> None:
     names = [term.name for term in image_priors(BODY)]
     assert names == ["pose prior", "shape prior", "bending"]
+
+
+def test_poses_of_one_image_have_tails() -> None:
+    """The cost of moving joints grows as a logarithm, that of the others as before."""
+    tailed, usual = tailed_priors(BODY), image_priors(BODY)
+    assert [term.name for term in tailed] == [term.name for term in usual]
+    learned, names = shipped_student(), BODY.joint_names[1:]
+    moving = [names.index(name) for name in learned.joint_names]
+    pose = 0.3 * np.random.default_rng(0).normal(size=(24, 3))
+    m2 = learned.squares(pose[1:][moving].reshape(1, -1))[0]
+    still = np.delete(pose[1:], moving, axis=0)
+    expected = 0.5 * (learned.dof + 13) * np.log1p(m2 / learned.dof)
+    expected += 0.5 * np.sum(still**2) / (0.1**2 + 0.01**2)
+    r = Problem([tailed[0]], ("pose",)).residual(pose.ravel(), np.zeros(0))
+    assert 0.5 * r @ r == pytest.approx(expected, rel=1e-5)
+    hand = load_body("hand")
+    assert tailed_pose_prior(hand, 13).size == pose_prior(hand).size
 
 
 def test_one_camera_of_a_real_person() -> None:

@@ -14,7 +14,7 @@ from workbench.cli.marker_fits import fit_markers
 from workbench.diagnostics import diagnose
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments import find
-from workbench.experiments.markers import dressed_person, true_measures
+from workbench.experiments.markers import dressed_person, on_the_surface, true_measures
 from workbench.fitting import (
     BadObservation,
     MarkerSet,
@@ -30,7 +30,9 @@ from workbench.fitting import (
 from workbench.fitting.marker_information import informative_frames
 from workbench.fitting.marker_sets import matched
 from workbench.fitting.markers import marker_errors
+from workbench.fitting.offset_prior import offset_prior, surface_frames
 from workbench.geometry.solids import vertex_normals
+from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import read_motion
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.solvers import TrustRegion
@@ -89,6 +91,39 @@ def test_shape_offsets_and_poses_are_found() -> None:
     assert 1e3 * np.sqrt(np.nanmean(errors**2)) < 1
     assert [prior in setup.problem.rows for prior in setup.priors] == [True, True, True]
     assert any("distance to marker" in m.name for m in setup.measures(values))
+
+
+def test_offsets_of_known_height_are_wide_along_the_surface_alone() -> None:
+    dressed = WORN.on(BODY)
+    term = offset_prior(dressed, WORN, 0.005, across=0.001)
+    problem = wb.Problem([term], ("offsets",))
+    normals = vertex_normals(BODY.template, BODY.faces)[WORN.vertices]
+    frames = surface_frames(dressed, WORN)
+    np.testing.assert_allclose(
+        frames @ frames.swapaxes(1, 2), np.eye(3)[None].repeat(41, 0), atol=1e-12
+    )
+    for direction, sigma in ((normals, 0.001), (frames[:, 0], 0.005), (frames[:, 1], 0.005)):
+        off = WORN.nominal + 0.002 * direction
+        r = problem.residual(off.ravel(), np.zeros(0))
+        assert r @ r == pytest.approx(41 * (0.002 / sigma) ** 2)
+    assert term.label(5).endswith(f"[{WORN.names[1]}, across]")
+    with pytest.raises(BadArgument, match="across is a standard deviation"):
+        offset_prior(dressed, WORN, 0.005, across=0.0)
+
+
+def test_known_heights_find_markers_that_were_moved_along_the_surface() -> None:
+    rng = np.random.default_rng(3)
+    poses = draw_poses(shipped_gaussian(), 3, rng)
+    truth, observed = dressed_person(BODY, WORN, poses, rng, 0.001, 0.0, 0.005, on_the_surface)
+    centres = BODY.vertices(betas=truth["betas"])[WORN.vertices] + truth["offsets"]
+    heights = SurfaceTree(BODY.vertices(betas=truth["betas"]), BODY.faces).closest(centres)
+    np.testing.assert_allclose(heights.distances, 0.0095, atol=2e-4)
+    off = []
+    for across in (None, 0.001):
+        setup = marker_fit(observed, BODY, WORN, sigma=0.001, across=across)
+        values = setup.start | marker_solver().solve(setup.problem, setup.start).values
+        off.append(true_measures(BODY, values, truth)[1].value)
+    assert off[1] < 0.9 * off[0]
 
 
 def test_mosh_poses_every_frame_with_shape_and_offsets_held() -> None:

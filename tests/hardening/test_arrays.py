@@ -30,6 +30,7 @@ from workbench.errors import WorkbenchError
 from workbench.motions import SoftTissue, load_tissue, save_tissue
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
+from workbench.priors.tailed_poses import read_pose_student
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 from workbench.solvers import Solution, solve
@@ -191,6 +192,7 @@ READERS = {
     "soft tissue": Reader("tissue.npz", lambda path: save_tissue(path, TISSUE), load_tissue),
     "pose prior": Reader("prior.npz", copied("cmu_gaussian.npz"), read_pose_gaussian),
     "mixture": Reader("mixture.npz", copied("cmu_mixture.npz"), read_pose_mixture),
+    "prior with tails": Reader("tails.npz", copied("cmu_student.npz"), read_pose_student),
     "recording": Reader("mocap.npz", recorded, read_mocap),
 }
 EACH_READER = pytest.mark.parametrize("name", READERS)
@@ -267,6 +269,7 @@ ARRAYS = {  # the arrays of numbers of each reader whose file says nothing but w
     "soft tissue": ("directions", "first", "second", "response", "part"),
     "pose prior": ("mean", "covariance", "n_frames"),
     "mixture": ("shares", "means", "covariances"),
+    "prior with tails": ("mean", "scale", "dof"),
     "recording": ("poses", "clip"),
 }
 OPTIONAL = {("checkpoint", "regressor"), ("registration", "confidence"), ("registration", "faces")}

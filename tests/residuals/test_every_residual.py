@@ -149,6 +149,14 @@ def max_mixture() -> Case:
     return Case(residual, {"betas": means[best]}, spread=2.0)
 
 
+def student_t() -> Case:
+    rng = np.random.default_rng(6)
+    A, mean = 0.3 * rng.normal(size=(9, 9)), rng.normal(size=9)
+    scale = A @ A.T + 0.01 * np.eye(9)
+    residual = residuals.student_t(POSE.symbol, dof=4.0, mean=mean, scale=scale, counted=5)
+    return Case(residual, {"pose": mean.reshape(3, 3)})
+
+
 CASES: list[Callable[[], Case]] = [
     vertices,
     edges,
@@ -160,6 +168,7 @@ CASES: list[Callable[[], Case]] = [
     gaussian_matrix,
     limits,
     max_mixture,
+    student_t,
     mirrored,
     on_plane,
     regressed,

@@ -4,6 +4,7 @@ import casadi as cs
 import numpy as np
 import pytest
 from scipy.special import logsumexp
+from scipy.stats import multivariate_t
 
 from tests.differences import assert_hessian, assert_jacobian
 from workbench import Block, Problem, load_body, residuals
@@ -210,3 +211,47 @@ def test_feet_of_a_body_are_named() -> None:
     with pytest.raises(BadResidual, match="tail"):
         residuals.on_plane(points, sigma=0.01, some=("tail",))
     assert isinstance(term.expression, cs.MX)
+
+
+@pytest.mark.parametrize("d", [1, 4])
+def test_student_has_the_density_of_scipy(d: int) -> None:
+    x = Block("x", (d,))
+    mean, scale = MEANS[0, :d], COVARIANCES[0, :d, :d]
+    residual = residuals.student_t(x.symbol, dof=3.5, mean=mean, scale=scale)
+    density = multivariate_t(mean, scale, df=3.5)
+    for far in (1e-4, 1.0, 30.0):  # the first by the series
+        at = mean + far * np.random.default_rng(d).normal(size=d)
+        expected = density.logpdf(mean) - density.logpdf(at)
+        assert cost(residual, at) == pytest.approx(expected, rel=1e-6, abs=1e-13)
+
+
+def test_student_of_infinitely_many_degrees_of_freedom_is_the_gaussian() -> None:
+    given = {"mean": MEANS[0], "name": "one"}
+    x = MEANS[0] + np.array([0.5, -2.0, 1.0, 3.0])
+    normal = cost(residuals.gaussian(X.symbol, covariance=COVARIANCES[0], **given), x)
+    off = [
+        abs(cost(residuals.student_t(X.symbol, dof=nu, scale=COVARIANCES[0], **given), x) - normal)
+        for nu in (1e4, 1e6, 1e8)
+    ]
+    assert off[0] > 50 * off[1] > 2500 * off[2]
+    assert off[2] < 1e-5 * normal
+
+
+def test_student_counts_what_is_determined_as_its_marginal_does() -> None:
+    """With the others where the first two numbers leave them, it is the density of these two."""
+    mean, S = MEANS[1], COVARIANCES[1]
+    residual = residuals.student_t(X.symbol, dof=4.0, mean=mean, scale=S, counted=2)
+    first = mean[:2] + [0.7, -1.9]
+    others = mean[2:] + S[2:, :2] @ np.linalg.solve(S[:2, :2], first - mean[:2])
+    density = multivariate_t(mean[:2], S[:2, :2], df=4.0)
+    expected = density.logpdf(mean[:2]) - density.logpdf(first)
+    assert cost(residual, np.concatenate([first, others])) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [({"dof": 0.0}, "above 0"), ({"dof": np.inf}, "gaussian"), ({"counted": 5}, "at most 4")],
+)
+def test_a_student_that_cannot_be_is_refused(wrong: dict[str, float], says: str) -> None:
+    with pytest.raises(BadResidual, match=says):
+        residuals.student_t(X.symbol, **({"dof": 3.0} | wrong))

@@ -1,5 +1,7 @@
 """A synthetic person who wears markers: poses, one shape, and the places of the markers."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from workbench.arrays import Array
@@ -9,9 +11,12 @@ from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
 from workbench.fitting.marker_sets import MARKERS, MarkerSet, default_markers
 from workbench.fitting.markers import marker_fit
+from workbench.fitting.offset_prior import surface_frames
 from workbench.fitting.setup import Measure, Setup, rms
+from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.poses import draw_poses, shipped_gaussian
 
+Placed = Callable[[SkinnedBody, MarkerSet, Array, float, np.random.Generator], Array]
 WORN = (
     "the person is the model itself, in poses that are drawn from the pose prior, with made-up "
     "places of the markers; nobody was recorded, skin does not slide, and no marker is mislabelled"
@@ -63,6 +68,35 @@ def markers(
     )
 
 
+def anywhere(
+    body: SkinnedBody, worn: MarkerSet, betas: Array, apart: float, rng: np.random.Generator
+) -> Array:
+    """Offsets (M, 3) m that are normally distributed about the nominal ones along each axis."""
+    return np.asarray(worn.nominal + apart * rng.normal(size=worn.nominal.shape))
+
+
+def on_the_surface(
+    body: SkinnedBody, worn: MarkerSet, betas: Array, apart: float, rng: np.random.Generator
+) -> Array:
+    """Offsets (M, 3) m of markers somewhere on the person at rest, all of the nominal height.
+
+    The place is the vertex, displaced in two directions along the surface by normally distributed
+    lengths with a standard deviation of `apart` m each, and brought back to the surface. The centre
+    is straight above it, as far from the surface as the nominal one is from its vertex.
+    """
+    vertices = body.vertices(betas=betas)
+    feet = vertices[worn.vertices]
+    along = surface_frames(body, worn)[:, :2]
+    lengths = apart * rng.normal(size=(len(feet), 2))
+    towards = feet + worn.nominal + np.einsum("md,mdi->mi", lengths, along)
+    places = SurfaceTree(vertices, body.faces).closest(towards).points
+    up = towards - places
+    up *= np.linalg.norm(worn.nominal, axis=1, keepdims=True) / np.linalg.norm(
+        up, axis=1, keepdims=True
+    )
+    return np.asarray(places + up - feet)
+
+
 def dressed_person(
     body: SkinnedBody,
     worn: MarkerSet,
@@ -71,14 +105,15 @@ def dressed_person(
     noise: float,
     missing: float,
     apart: float,
+    placed: Placed = anywhere,
 ) -> tuple[Values, Array]:
     """A random person in poses (T, K, 3) rad with markers: the truth, and markers (T, M, 3) m.
 
-    Offsets are normally distributed about the nominal ones, with `apart` m along each axis.
+    Offsets are those of `placed`, `apart` m from the nominal ones.
     """
     T, M = len(poses), len(worn.names)
     betas = rng.normal(size=body.n_betas)
-    offsets = worn.nominal + apart * rng.normal(size=(M, 3))
+    offsets = placed(body, worn, betas, apart, rng)
     trans = rng.normal(size=(T, 3)) * [1.0, 0.1, 1.0]
     exact = worn.on(body).landmark(MARKERS, poses, betas, trans, offsets)
     observed = exact + noise * rng.normal(size=exact.shape)

@@ -10,7 +10,12 @@ A fit is described by a `Setup`: a problem, a start, and what is measured when i
     [0.1, 0.0, 0.0]
 """
 
-from workbench.fitting.body_priors import pose_prior, shape_prior, usual_priors
+from workbench.fitting.body_priors import (
+    pose_prior,
+    shape_prior,
+    tailed_pose_prior,
+    usual_priors,
+)
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.clip_files import read_clip
 from workbench.fitting.clips import Clip, Film, clip_of
@@ -25,6 +30,7 @@ from workbench.fitting.image_recipe import (
     WithStature,
     image_priors,
     smplify,
+    tailed_priors,
     wider,
 )
 from workbench.fitting.keypoint_files import read_keypoints, read_observations
@@ -145,6 +151,8 @@ __all__ = [
     "stature",
     "stature_of",
     "stature_prior",
+    "tailed_pose_prior",
+    "tailed_priors",
     "train_pose_regressor",
     "usual_priors",
     "video_fit",

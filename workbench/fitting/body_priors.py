@@ -5,14 +5,16 @@ from collections.abc import Sequence
 import casadi as cs
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.bodies.body import Body
 from workbench.bodies.hand_axes import hands_of
 from workbench.bodies.pose_space import PoseSpace, has_pose_space, pose_space
 from workbench.priors.hand_limits import hand_limits
 from workbench.priors.poses import shipped_gaussian
-from workbench.residuals import Residual, gaussian
+from workbench.priors.tailed_poses import shipped_student
+from workbench.residuals import Residual, gaussian, student_t
 
+POSE_PRIOR = "pose prior"
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
 TO_THE_WRISTS = 21  # of them, without the root; what is left are fingers as a whole
 OTHERS = 0.5  # rad: joints of which nothing is known
@@ -27,7 +29,40 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
     """
     pose = body.blocks()[0].symbol if pose is None else pose
     mean, covariance = pose_gaussian(body)
-    return gaussian(pose[:, 1:], mean=mean, covariance=covariance, unit="rad", name="pose prior")
+    return gaussian(pose[:, 1:], mean=mean, covariance=covariance, unit="rad", name=POSE_PRIOR)
+
+
+def tailed_pose_prior(body: Body, counted: float) -> Residual:
+    """A Student's t on the joints that the recording moves, and `pose_prior` for the others.
+
+    It is for observations that determine about `counted` of the numbers of a pose (`student_t`),
+    such as those of one image. Both were learned from the same frames
+    (`data/poses/PROVENANCE.md`). A body without these joints gets `pose_prior`.
+    """
+    learned, names = shipped_student(), body.joint_names[1:]
+    if not {*learned.joint_names} <= {*names}:
+        return pose_prior(body)
+    mean, covariance = pose_gaussian(body)
+    x = cs.vec(body.blocks()[0].symbol[:, 1:])
+    moving = _numbers(names, learned.joint_names)
+    still = np.setdiff1d(np.arange(3 * len(names)), moving)
+    of_moving = student_t(
+        x[moving.tolist()],
+        dof=learned.dof,
+        mean=learned.mean,
+        scale=learned.scale,
+        counted=counted,
+        name=POSE_PRIOR,
+    )
+    if not len(still):
+        return of_moving
+    of_still = gaussian(
+        x[still.tolist()],
+        mean=mean.ravel()[still],
+        covariance=covariance[np.ix_(still, still)],
+        name=POSE_PRIOR,
+    )
+    return Residual(POSE_PRIOR, cs.vertcat(of_moving.whitened, of_still.whitened), 1.0)
 
 
 def pose_gaussian(body: Body) -> tuple[Array, Array]:
@@ -68,11 +103,16 @@ def _place(
 ) -> None:
     """Write the Gaussian of some of the joints, the first in their own, to where they stand."""
     mean, covariance = into
-    joints = np.array([names.index(name) for name in some])
-    numbers = (3 * joints[:, None] + np.arange(3)).ravel()
+    joints, numbers = np.array([names.index(name) for name in some]), _numbers(names, some)
     n = len(numbers)
     mean[joints] = own[0].reshape(-1, 3)[: len(joints)]
     covariance[np.ix_(numbers, numbers)] = own[1][:n, :n]
+
+
+def _numbers(names: Sequence[str], some: Sequence[str]) -> Index:
+    """Where the numbers of some joints stand among those of all joints."""
+    joints = np.array([names.index(name) for name in some])
+    return np.asarray((3 * joints[:, None] + np.arange(3)).ravel())
 
 
 def shape_prior(body: Body) -> Residual:

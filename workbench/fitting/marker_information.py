@@ -28,6 +28,7 @@ def informative_frames(
     *,
     sigma: float = SIGMA,
     offset_sigma: float = OFFSET_SIGMA,
+    across: float | None = None,
 ) -> Choice:
     """A choice of the frames after which shape and offsets are known best, one after the other.
 
@@ -40,7 +41,9 @@ def informative_frames(
 
     def choose(markers: Array, count: int) -> Index:
         candidates = spread_frames(markers, CANDIDATES)
-        known, each = _information(body, marker_set, markers[candidates], sigma, offset_sigma)
+        known, each = _information(
+            body, marker_set, markers[candidates], sigma, offset_sigma, across
+        )
         B, M = body.n_betas, len(marker_set.names)
         directions = body.shapedirs.reshape(-1, B)
         matters = np.zeros_like(known)
@@ -64,13 +67,18 @@ def _variance(information: Array, matters: Array) -> float:
 
 
 def _information(
-    body: SkinnedBody, marker_set: MarkerSet, markers: Array, sigma: float, offset_sigma: float
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    markers: Array,
+    sigma: float,
+    offset_sigma: float,
+    across: float | None,
 ) -> tuple[Array, list[Array]]:
     """What the priors and each frame say of betas and offsets, (B + 3 M, B + 3 M) each."""
     dressed = marker_set.on(body)
     pose, betas, trans = (block.name for block in dressed.blocks())
     free = (trans, pose, betas, "offsets")
-    frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, quadratic, free)
+    frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, quadratic, free, across)
     first = dressed.start() | {"offsets": marker_set.nominal}
     shares = tuple(sigma / wide for wide in WIDE)
     moved = frame_by_frame(frame, dressed, markers, first, shares)

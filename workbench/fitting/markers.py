@@ -19,11 +19,12 @@ from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.observations import BadObservation
+from workbench.fitting.offset_prior import offset_prior
 from workbench.fitting.setup import Measure, Setup
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.problem import Problem, sequence
-from workbench.residuals import gaussian, landmarks
+from workbench.residuals import landmarks
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers import Staged, TrustRegion
 from workbench.solvers.solution import Solver
@@ -46,6 +47,7 @@ def marker_fit(
     *,
     sigma: float = SIGMA,
     offset_sigma: float = OFFSET_SIGMA,
+    across: float | None = None,
     kernel: Kernel = quadratic,
     start: Values | None = None,
     free: Sequence[str] = ("trans", "pose", "betas", "offsets"),
@@ -53,7 +55,9 @@ def marker_fit(
     """Pose and trans of T frames, and the betas and offsets (M, 3) m that all of them share.
 
     `markers` are (T, M, 3) m in the order of the marker set, NaN where a marker was not seen.
-    `sigma` and `offset_sigma` are in m, along each axis. A kernel is of distances, such as
+    `sigma` and `offset_sigma` are in m, along each axis. Where the height of the markers above the
+    skin is known, `across` is its standard deviation in m, and `offset_sigma` that along the skin
+    (`offset_prior`). A kernel is of distances, such as
     `of_norms(scaled(geman_mcclure, 10))` where some are mislabelled. `start` replaces values of the
     start; without a trans in it, every frame is posed by itself (`frame_by_frame`). Blocks that
     are not in `free` are held at their start: with `("trans", "pose")`, shape and offsets are
@@ -64,7 +68,7 @@ def marker_fit(
     observed = seen_places(markers, marker_set)
     dressed = marker_set.on(body)
     _, betas, trans = (block.name for block in dressed.blocks())
-    frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free)
+    frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free, across)
     first = dressed.start() | {"offsets": marker_set.nominal} | dict(start or {})
     if start is None or trans not in start:
         first |= frame_by_frame(
@@ -86,6 +90,7 @@ def marker_frame(
     offset_sigma: float,
     kernel: Kernel,
     free: Sequence[str],
+    across: float | None = None,
 ) -> tuple[Problem, tuple[str, ...]]:
     """The problem of one frame, and the names of its priors; see `marker_fit`.
 
@@ -103,9 +108,7 @@ def marker_frame(
     if "betas" in free:
         priors.append(shape_prior(body))
     if "offsets" in free:
-        about, spread = marker_set.nominal, offset_sigma**2
-        of = offsets.symbol
-        priors.append(gaussian(of, mean=about, covariance=spread, unit="m", name="offset prior"))
+        priors.append(offset_prior(body, marker_set, offset_sigma, across))
     problem = Problem([data, *priors], free, blocks=(place, seen, offsets))
     return problem, tuple(prior.name for prior in priors)
 

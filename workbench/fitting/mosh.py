@@ -81,6 +81,7 @@ def mosh(
     choose: Choice = spread_frames,
     sigma: float = SIGMA,
     offset_sigma: float = OFFSET_SIGMA,
+    across: float | None = None,
     kernel: Kernel = quadratic,
     solver: Solver | None = None,
     progress: Said = lambda text: None,
@@ -97,7 +98,13 @@ def mosh(
     chosen = choose(observed, frames)
     progress(f"shape and offsets from {len(chosen)} of {len(np.asarray(markers))} frames")
     setup = marker_fit(
-        observed[chosen], body, marker_set, sigma=sigma, offset_sigma=offset_sigma, kernel=kernel
+        observed[chosen],
+        body,
+        marker_set,
+        sigma=sigma,
+        offset_sigma=offset_sigma,
+        across=across,
+        kernel=kernel,
     )
     solution = marker_solver(solver).solve(setup.problem, setup.start)
     given = {name: solution.values[name] for name in (body.blocks()[1].name, "offsets")}

@@ -18,6 +18,7 @@ from workbench.residuals.scans import model_to_scan, scan_to_model
 from workbench.residuals.self_contact import apart, gaps, spheres
 from workbench.residuals.smooth import smooth
 from workbench.residuals.stitching import stitching
+from workbench.residuals.student import student_t
 
 __all__ = [
     "HINGES",
@@ -53,5 +54,6 @@ __all__ = [
     "smooth",
     "spheres",
     "stitching",
+    "student_t",
     "vertices",
 ]

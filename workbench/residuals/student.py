@@ -1,0 +1,70 @@
+"""Student's t with several degrees of freedom: like a Gaussian, with tails that are not as light.
+
+x ~ t(nu, mu, S) in d dimensions has the log density, up to a constant,
+
+    -1/2 (nu + d) log(1 + m^2 / nu),   m^2 = (x - mu)' S^-1 (x - mu).
+
+It is a Gaussian of covariance S / w whose precision w is unknown, and drawn anew for each x from a
+Gamma distribution of the mean 1 and the shape nu / 2: what is unusual in one of its numbers is
+expected to be so in the others (Lange, Little and Taylor, Robust statistical modeling using the t
+distribution, 1989). For nu -> infinity it is the Gaussian of covariance S.
+
+Observations often determine some directions of x alone, r of them, and the prior is to fill in the
+others. Where all d numbers are looked for together, the likeliest precision w is that of d numbers,
+though d - r of them are where they are expected only because nothing says otherwise: w is far too
+large, and x drawn to the mean. If what is not observed is integrated out instead, the r directions
+have a t distribution as well, whose squared distance is the least m^2 that they leave possible. Its
+density is that above with r instead of d: `counted`.
+"""
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.errors import BadResidual
+from workbench.residuals.arguments import named
+from workbench.residuals.gaussian import gaussian
+from workbench.residuals.residual import Residual
+
+SMALL = 1e-5  # of m^2 / nu: below, the logarithm is its series
+
+
+def student_t(
+    expression: cs.MX,
+    *,
+    dof: float,
+    mean: ArrayLike = 0.0,
+    scale: ArrayLike = 1.0,
+    counted: float | None = None,
+    name: str | None = None,
+) -> Residual:
+    """g(m^2) L^-1 (x - mean), with S = L L' and m^2 g(m^2)^2 = (nu + d) log(1 + m^2 / nu).
+
+    Half the sum of its d squares is exactly minus the log density, less that at the mean. x is a
+    block's symbol or an expression of d numbers; `dof` is nu, `scale` the matrix S, which is not
+    the covariance: that is nu / (nu - 2) S, and infinite up to nu = 2. `mean` and `scale` have the
+    shapes that the mean and the covariance of `gaussian` may have, and its errors. `counted` takes
+    the place of d in the formula: how many numbers of x observations determine, all d if not given.
+    Raises BadResidual for degrees of freedom that are not above 0, and a `counted` that is not
+    above 0 and at most d.
+    """
+    name = name or named("student_t", expression)
+    nu = dof
+    if not isinstance(nu, (int, float, np.number)) or not 0 < nu < np.inf:
+        raise BadResidual(
+            f"residual {name!r} needs a number of degrees of freedom above 0, not {nu!r}; with "
+            "infinitely many it is gaussian(...)"
+        )
+    z = gaussian(expression, mean=mean, covariance=scale, name=name).whitened
+    d = int(z.shape[0])
+    r = d if counted is None else counted
+    if not isinstance(r, (int, float, np.number)) or not 0 < r <= d:
+        raise BadResidual(
+            f"residual {name!r} is about {d} numbers, of which {r!r} cannot be counted; give a "
+            f"number above 0 and at most {d}"
+        )
+    u = cs.dot(z, z) / nu
+    small = u < SMALL
+    safe = cs.if_else(small, 1, u)  # guarded: both branches are evaluated
+    shrunk = cs.if_else(small, 1 - u / 2 + u**2 / 3, cs.log1p(safe) / safe)
+    return Residual(name, cs.sqrt((nu + r) / nu * shrunk) * z, 1.0)
