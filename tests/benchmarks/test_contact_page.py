@@ -88,6 +88,8 @@ def test_capsules_miss_what_the_page_tells() -> None:
     (a, b), (c, d) = told
     text = " ".join(TEXT.split())
     assert f"{a} of {b} deep penetrations of `default` are missed, and {c} of {d} of `full`" in text
-    assert a + c - sum(k["missed beside, too"] for k in counts.values()) == 5  # of the six
-    assert all(k["false"] <= 0.56 * k["alarms"] for k in counts.values())
+    assert not any(k["missed beside, too"] for k in counts.values())
+    assert f"tell of all {a + c} cases" in text
+    assert all(k["false"] <= 0.47 * k["alarms"] for k in counts.values())
     assert FOUND["capsules"]["default"]["others"] < 9.5
+    assert FOUND["linearizations"]["hinge"] < 1.7  # what 30 capsules with 228 pairs took
