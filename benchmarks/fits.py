@@ -20,6 +20,7 @@ from workbench.solvers.limits import Stop
 
 GOAL = 1e-6  # m, the largest distance of a vertex
 LM, GN, IPOPT = "Levenberg-Marquardt", "Gauss-Newton", "IPOPT"
+TWO_STEPS = "Levenberg-Marquardt, two steps with each Jacobian"
 TO_THE_END, ALONE = "Levenberg-Marquardt to its own end", "its linearizations and solves alone"
 SCIPY_LM, SCIPY_TRF = "scipy lm, our Jacobian", "scipy trf, our Jacobian"
 
@@ -118,6 +119,7 @@ def _methods(cases: list[Case], with_peers: bool) -> Iterator[tuple[str, Callabl
     yield LM, lambda case: by(case, wb.LevenbergMarquardt())
     ways = {id(case): by(case, wb.LevenbergMarquardt()) for case in cases}
     yield ALONE, lambda case: its_linearizations_and_solves(case, ways[id(case)])
+    yield TWO_STEPS, lambda case: by(case, wb.LevenbergMarquardt(steps_per_jacobian=2))
     yield TO_THE_END, lambda case: by(case, wb.LevenbergMarquardt(), goal=0.0)
     yield GN, lambda case: by(case, wb.GaussNewton())
     yield IPOPT, lambda case: by(case, wb.Ipopt())

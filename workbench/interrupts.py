@@ -8,8 +8,7 @@ lost.
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -89,22 +88,11 @@ class Interrupts:
         if self._received.error is not None:
             raise self._received.error
 
-    @contextmanager
-    def raised_at_once(self) -> Iterator[None]:
-        """Inside, an exception may be raised at once: Python code runs there that may take long,
-        or never end.
+    def raised_at_once(self) -> "_RaisedAtOnce":
+        """A context in which an exception may be raised at once: Python code runs there that may
+        take long, or never end.
         """
-        received = self._received
-        self.check()
-        before, received.safe = received.safe, True
-        try:
-            yield
-        except Exception:
-            self.check()  # C code on the way has made another error of it
-            raise
-        finally:
-            received.safe = before
-        self.check()
+        return _RaisedAtOnce(self, self._received)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         received = self._received
@@ -121,6 +109,29 @@ class Interrupts:
         while self._before:
             number, handler = self._before.popitem()
             signal.signal(number, handler)
+
+
+class _RaisedAtOnce:
+    """The context of `Interrupts.raised_at_once`.
+
+    A run enters one at every evaluation. A generator as a context would take several times as long.
+    """
+
+    __slots__ = ("_before", "_interrupts", "_received")
+
+    def __init__(self, interrupts: Interrupts, received: _Received) -> None:
+        self._interrupts, self._received = interrupts, received
+
+    def __enter__(self) -> None:
+        self._interrupts.check()
+        self._before, self._received.safe = self._received.safe, True
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self._received.safe = self._before
+        if error is None or isinstance(error, Exception):
+            self._interrupts.check()  # C code on the way may have made another error of it
 
 
 def caused_by(error: BaseException, kind: type[BaseException]) -> bool:

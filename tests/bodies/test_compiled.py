@@ -14,7 +14,7 @@ import pytest
 from tests.bodies_made_up import SMPL_PARENTS, random_body
 from workbench import compiling
 from workbench.bodies import SkinnedBody
-from workbench.bodies.forward import arithmetic, surface
+from workbench.bodies.forward import arithmetic, numeric, surface
 from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.exact_storage import Stored
@@ -247,6 +247,37 @@ def test_poses_of_any_type_are_read_as_numbers() -> None:
         body.kinematics.motion(np.ones(3), betas)
 
 
+@NEEDS_COMPILER
+def test_the_motion_that_comes_with_its_slopes_is_the_same_to_the_bit() -> None:
+    body, betas, pose = body_of("smpl", 9), np.ones(10), pose_at("anywhere", 24)
+    apart = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    together = body.kinematics.motion_and_slopes(pose, betas)
+    for one, other in zip(apart, together, strict=True):
+        assert one.column is not None
+        np.testing.assert_array_equal(one.column, other.column)
+    posed = body.kinematics.evaluate(pose, betas)
+    np.testing.assert_array_equal(posed.slopes.column, apart[1].column)
+    assert "motion" in vars(posed)
+    np.testing.assert_array_equal(posed.motion.column, apart[0].column)
+    posed = body.kinematics.evaluate(pose + 1, betas)
+    assert posed.slopes is posed.slopes
+    moved = posed.motion
+    assert posed.motion is moved
+
+
+@pytest.mark.parametrize("layout", ["whole", "read-only", "in pieces", "empty", "part"])
+def test_addresses_are_those_of_numpy(layout: str) -> None:
+    whole = np.arange(24.0).reshape(4, 6)
+    array = {
+        "whole": whole,
+        "read-only": np.frombuffer(whole.tobytes()),
+        "in pieces": whole[:, ::2],
+        "empty": whole[:0],
+        "part": whole[2:],
+    }[layout]
+    assert compiling.address(array) == array.ctypes.data
+
+
 # The ways to NumPy, each with its reason.
 
 
@@ -472,12 +503,13 @@ def test_numpy_leaves_out_the_features_that_bend_nothing(monkeypatch: pytest.Mon
     monkeypatch.setenv("WORKBENCH_COMPILE", "0")
     kernels.cache_clear()
     joint_kernels.cache_clear()
-    body = body_of("smpl", 300)
-    posedirs = body.posedirs.reshape(300, 3, 23, 9).copy()
-    posedirs[256:, :, [0, 3, *range(5, 23)]] = 0
-    body = replace(body, posedirs=posedirs.reshape(300, 3, 207))
+    monkeypatch.setattr(numeric, "CHUNK", 40)
+    body = body_of("smpl", 70)
+    posedirs = body.posedirs.reshape(70, 3, 23, 9).copy()
+    posedirs[40:, :, [0, 3, *range(5, 23)]] = 0
+    body = replace(body, posedirs=posedirs.reshape(70, 3, 207))
     first, second = chunks_of(body, slice(None))
     assert len(first.used) == 207
     assert second.benders.tolist() == [1, 2, 4]
-    assert second.posedirs.shape == (27, 3 * 44)
+    assert second.posedirs.shape == (27, 3 * 30)
     assert_right(body, kind=ChunkedArithmetic)

@@ -187,6 +187,24 @@ def test_threads_that_share_a_body_get_their_own_numbers() -> None:
     np.testing.assert_array_equal(together, alone)
 
 
+def test_fixed_numbers_that_change_are_seen() -> None:
+    """The values of fixed blocks are kept from call to call, whatever becomes of the array."""
+    body = random_body(3, n_vertices=5, n_joints=3, n_betas=2)
+    points = body.points(*(block.symbol for block in body.blocks()))
+    problem = wb.Problem([residuals.vertices(points, body.template, sigma=1.0)], ["pose", "trans"])
+    x, fixed = np.linspace(-1, 1, problem.free.size), np.array([1.0, -2.0])
+
+    def by(betas: list[float]) -> np.ndarray:
+        pose, trans = problem.free.unpack(x).values()
+        return (body.vertices(pose, np.array(betas), trans) - body.template).ravel()
+
+    np.testing.assert_allclose(problem.residual(x, fixed), by([1.0, -2.0]), atol=1e-13)
+    x[0] += 0.5  # at another place with the same fixed numbers, and then in place with others
+    np.testing.assert_allclose(problem.residual(x, fixed), by([1.0, -2.0]), atol=1e-13)
+    fixed[1] = 3.0
+    np.testing.assert_allclose(problem.linearize_at(x, fixed).residual, by([1.0, 3.0]), atol=1e-13)
+
+
 def test_one_symbol_in_two_roles() -> None:
     body = random_body(7, n_betas=3)
     pose, both, _ = (block.symbol for block in body.blocks())

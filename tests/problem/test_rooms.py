@@ -59,6 +59,17 @@ def test_few_rooms_wait_and_small_arrays_need_none() -> None:
     assert small.array(0, 5)[1].shape == (0, 5)
 
 
+def test_arrays_outlive_their_rooms() -> None:
+    rooms = Rooms()
+    room, found = rooms.array(ROWS, COLUMNS)
+    room[:] = 3.0
+    del room, rooms
+    gc.collect()
+    assert (found == 3.0).all()
+    del found
+    gc.collect()
+
+
 def test_jacobians_that_are_kept_keep_their_numbers() -> None:
     body = random_body(0, n_vertices=2000, n_joints=8, n_betas=4)
     points = body.points(*(block.symbol for block in body.blocks()))

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+import workbench as wb
 from tests.solvers.problems import body_fit, decay, line, rosenbrock
 from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual
+from workbench.errors import BadArgument
 from workbench.problem import steps
 from workbench.solvers import columns, identity
 
@@ -106,3 +108,86 @@ def test_the_linear_algebra_is_a_value(by) -> None:
     solution = LevenbergMarquardt(linear_algebra=by).solve(blind, {"x": np.zeros(2)})
     assert solution.converged
     np.testing.assert_allclose(solution.values["x"], [0.5, 0.5], atol=1e-6)
+
+
+# Several steps with each Jacobian.
+
+ROOT = np.array([0.5, -0.3])
+
+
+def equations() -> Problem:
+    """Two equations in two unknowns, solved by `ROOT`."""
+    x = Block("x", (2,)).symbol
+    left = cs.vertcat(cs.exp(x[0]) + x[1] ** 2 + x[0] * x[1], x[0] + cs.sin(x[1]) + x[0] ** 3)
+    right = cs.Function("right", [x], [left])(ROOT)
+    return Problem((Residual("equations", left - right, 1.0),), ("x",))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_steps_with_one_jacobian_raise_the_order_by_one_each(count: int) -> None:
+    """From half as far, all of them together end 2^(m + 1) times as near (Shamanskii 1967)."""
+    solver = LevenbergMarquardt(steps_per_jacobian=count, first_damping=1e-15, max_iterations=1)
+    away = [
+        np.linalg.norm(solver.solve(equations(), {"x": ROOT + offset}).trace[1].values["x"] - ROOT)
+        for offset in (np.array([0.02, 0.01]), np.array([0.01, 0.005]))
+    ]
+    assert np.log2(away[0] / away[1]) == pytest.approx(count + 1, abs=0.1)
+
+
+def test_two_steps_with_each_jacobian_need_fewer_jacobians() -> None:
+    body = wb.load_body("small")
+    pose = 0.15 * np.random.default_rng(0).normal(size=(24, 3))
+    seen = body.vertices(pose, np.ones(10), np.zeros(3))
+    points = body.points(*(block.symbol for block in body.blocks()))
+    problem = Problem([wb.residuals.vertices(points, seen, sigma=0.01)], ("pose", "betas", "trans"))
+    plain, two = (
+        LevenbergMarquardt(steps_per_jacobian=count).solve(problem, body.start())
+        for count in (1, 2)
+    )
+    assert plain.converged
+    assert two.converged
+    assert two.evaluations.jacobian <= plain.evaluations.jacobian - 2
+    assert (np.diff([iterate.cost for iterate in two.trace]) < 0).all()
+
+
+@pytest.mark.parametrize("start", FAR, ids=lambda start: str(start["x"]))
+def test_where_two_steps_lead_too_far_the_first_is_tried_alone(start) -> None:
+    problem, _ = rosenbrock()
+    plain, two = (
+        LevenbergMarquardt(steps_per_jacobian=count).solve(problem, start) for count in (1, 2)
+    )
+    assert two.converged
+    assert two.evaluations.jacobian < plain.evaluations.jacobian
+    assert (np.diff([iterate.cost for iterate in two.trace]) < 0).all()
+    np.testing.assert_allclose(two.values["x"], [1, 1], atol=1e-5)
+
+
+def test_a_further_step_that_is_hardly_shorter_is_not_taken() -> None:
+    """From 1.3, Newton's steps for arctan(x) = 0 lead to and fro, each hardly shorter."""
+    x = Block("x").symbol
+    problem = Problem((Residual("arctan", cs.atan(x), 1.0),), ("x",))
+    plain, two = (
+        LevenbergMarquardt(steps_per_jacobian=count, first_damping=1e-9, max_iterations=1).solve(
+            problem, {"x": 1.3}
+        )
+        for count in (1, 2)
+    )
+    assert two.trace[1].values["x"] == plain.trace[1].values["x"]
+
+
+@pytest.mark.parametrize("by", [steps.automatic, steps.qr])
+def test_further_steps_stay_between_bounds(by) -> None:
+    problem, start = decay(bounds={"x": ([0.0, 0.0, 0.6], [1.8, 5.0, 5.0])})
+    plain = LevenbergMarquardt().solve(problem, start)
+    two = LevenbergMarquardt(steps_per_jacobian=2, linear_algebra=by).solve(problem, start)
+    assert two.converged
+    np.testing.assert_allclose(two.values["x"], plain.values["x"], atol=1e-6)
+    for iterate in two.trace:
+        x = np.asarray(iterate.values["x"])
+        assert ((problem.lower <= x) & (x <= problem.upper)).all()
+    assert two.values["x"][2] == 0.6
+
+
+def test_there_is_a_step_with_each_jacobian() -> None:
+    with pytest.raises(BadArgument, match="`steps_per_jacobian` must be 1, for the plain method"):
+        LevenbergMarquardt(steps_per_jacobian=0)

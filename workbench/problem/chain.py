@@ -20,9 +20,9 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered, without_calls
-from workbench.blocks.layout import all_values
+from workbench.blocks.layout import Values
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
-from workbench.problem.graph import FORWARD, Graph, split
+from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, gaps, merged
@@ -32,7 +32,6 @@ from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
 
 _NOTHING = Part(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
-SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
 
 
 class Chain:
@@ -68,10 +67,9 @@ class Chain:
             else None
             for i, pattern in enumerate(self.by_points)
         ]
-        parts = [cs.jtimes(r, a, _weighed(a)) for a in arguments if a.numel()]
-        size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
-        self.to_size = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
+        self.to_size = Buffered(cs.Function("made_of", arguments, [size_of_terms(r, arguments)]))
         self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
+        self._last_fixed: tuple[bytes | None, Values] = (None, {})
         self._rooms = Rooms()
 
     @staticmethod
@@ -141,9 +139,12 @@ class Chain:
         columns, found = self._rooms.array(self.free.size, self.by_x.shape[0])
         for at, rows in self._left_alone:
             columns[at, rows] = 0.0
-        columns[self.by_x.columns, self.by_x.rows] = 0.0
+        own = self.by_x.columns, self.by_x.rows
+        if len(direct):
+            columns[own] = 0.0
         self._write(columns, places, by_points)
-        columns[self.by_x.columns, self.by_x.rows] += direct
+        if len(direct):
+            columns[own] += direct
         return found.T
 
     def _sparse(
@@ -235,12 +236,7 @@ class Chain:
         return half_squared(r), g
 
     def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of each row's terms (m,): sqrt(sum of (dr/da_i a_i)^2), estimated.
-
-        Terms that cancel each other in the residual must not cancel here. The mean of the squares
-        of a few sums with normally distributed weights estimates this size, without the single
-        derivatives (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
-        """
+        """The size of each row's terms (m,), estimated: see `size_of_terms`."""
         return self.to_size(x, fixed, *self._points(x, fixed))[0]
 
     @cached_property
@@ -275,8 +271,16 @@ class Chain:
             return ()
         last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
         if key != last[0]:
-            values = all_values(self.free, x, self._fixed, fixed)
+            around = self._around(key[1], fixed)
+            values = around | self.free.unpack(x, around)
             self._last = last = key, [source.evaluate(values) for source in self.sources]
+        return last[1]
+
+    def _around(self, key: bytes, fixed: Array) -> Values:
+        """The values of fixed blocks; they are often the same as the last time."""
+        last = self._last_fixed
+        if key != last[0]:
+            self._last_fixed = last = key, self._fixed.unpack(fixed)
         return last[1]
 
 
@@ -291,10 +295,3 @@ def _part(
     if of_points is None:
         return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)
-
-
-def _weighed(argument: cs.MX) -> cs.MX:
-    """Copies side by side, each entry times a normal weight; the weights are always the same."""
-    rows, columns = argument.shape
-    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))
-    return cs.DM(weights) * cs.repmat(argument, 1, SUMS)

@@ -15,6 +15,7 @@ from workbench.problem.storage import Stored, is_sparse
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
+SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,3 +106,22 @@ def split(
     graph = Graph.of(in_blocks(expression, by_graph), free, fixed, placeholders)
     numeric = (by_free_entries(found, free) for _, found in quick if found is not None)
     return graph, tuple(numeric)
+
+
+def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
+    """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
+
+    Terms that cancel each other in the residual must not cancel here. The mean of the squares of a
+    few sums with normally distributed weights estimates this size, without the single derivatives
+    (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
+    """
+    parts = [cs.jtimes(r, a, _weighed(a)) for a in arguments if a.numel()]
+    size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
+    return cs.densify(size)
+
+
+def _weighed(argument: cs.MX) -> cs.MX:
+    """Copies side by side, each entry times a normal weight; the weights are always the same."""
+    rows, columns = argument.shape
+    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))
+    return cs.DM(weights) * cs.repmat(argument, 1, SUMS)

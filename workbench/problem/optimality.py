@@ -34,7 +34,9 @@ def optimality(
     """
     if not here.finite:
         return np.nan
-    norms, r = here.column_norms, np.where(support.changing, here.residual, 0.0)
+    norms, r = here.column_norms, here.residual
+    if not support.all_change:
+        r = np.where(support.changing, r, 0.0)
     if here.constraints is None:
         scale = np.where(norms > 0, norms, 1.0)  # the gradient is zero where the column is
         d = -here.gradient / scale

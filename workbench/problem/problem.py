@@ -36,9 +36,8 @@ class Problem:
     Every other block that the residuals read is fixed at its given value. `free` is one name or
     several, of blocks or of entries: `betas`, `pose[pelvis]`, `betas[0:3]`, `pose[pelvis, x]`. A
     block that is free in part is also among the `fixed` ones, and its value is always the whole
-    array. `bounds` map names of free blocks or entries to (lower, upper). Points of bodies know the
-    units and labels of their blocks; `blocks` gives those of other blocks. A problem is never
-    changed; `freeing` makes another.
+    array. `bounds` map names of free blocks or entries to (lower, upper). `blocks` gives units and
+    labels of blocks that are not those of bodies. A problem never changes; `freeing` makes another.
 
     Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
     BadResidual (also for sums of different units), or BadArgument for a name of another form.
@@ -62,6 +61,7 @@ class Problem:
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
+        self.solvers_made: list[object] = []  # for the next run; see `solvers.made`
         self.stacked_constraints = (
             ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
         )

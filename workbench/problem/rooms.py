@@ -22,6 +22,7 @@ class Rooms:
     """
 
     _free: list[Array] = field(default_factory=list)
+    _taken: dict[int, weakref.ref[Array]] = field(default_factory=dict)  # by the room
 
     def array(self, rows: int, columns: int) -> tuple[Array, Array]:
         """An array (rows, columns) to write to, and the same for everybody else to read.
@@ -41,9 +42,11 @@ class Rooms:
             room = np.zeros(rows * columns)
         # all views hold it, as its base is no array, and none can be made writeable
         whole = np.frombuffer(memoryview(room.data).toreadonly())
-        weakref.finalize(whole, self._back, room).atexit = False
+        # it calls back while it is held; `weakref.finalize` takes three times as long
+        self._taken[id(room)] = weakref.ref(whole, lambda _: self._back(room))
         return room.reshape(rows, columns), whole.reshape(rows, columns)
 
     def _back(self, room: Array) -> None:
+        del self._taken[id(room)]
         if len(self._free) < KEPT:
             self._free.append(room)

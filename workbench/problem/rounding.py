@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,11 @@ def half_squared(r: Array) -> float:
     return 0.5 * float(np.vdot(r, r))
 
 
+def all_finite(r: Array) -> bool:
+    """Whether all numbers of a vector are finite, which the sum of their squares tells sooner."""
+    return isfinite(half_squared(r)) or bool(np.isfinite(r).all())
+
+
 def fall(residual: Array, to: Array) -> float:
     """1/2 |r|^2 - 1/2 |s|^2 of two residuals (m,), as 1/2 (r - s)'(r + s).
 
@@ -76,6 +82,7 @@ class Support:
         own: csr_array,
     ) -> None:
         self._groups, self._group_of, self._own = groups.astype(float), group_of, own
+        self._alike = own.nnz == 0  # whether all rows are those of groups
 
     @staticmethod
     def of_frames(parts: Sequence[tuple["Support", Index, Index]], rest: csr_array) -> "Support":
@@ -136,7 +143,8 @@ class Support:
     def norms(self, rows: Array) -> Array:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
         squares = rows**2
-        return np.asarray(np.sqrt((self._groups @ squares)[self._group_of] + self._own @ squares))
+        sums = (self._groups @ squares)[self._group_of]
+        return np.asarray(np.sqrt(sums if self._alike else sums + self._own @ squares))
 
     def rows(self, numbers: Mask) -> Mask:
         """The rows (m,) that some of the free numbers (n,) can change."""
@@ -155,6 +163,11 @@ class Support:
     def changing(self) -> Mask:
         """The rows that any free number can change, (m,)."""
         return self.rows(np.ones(len(self._group_of), dtype=bool))
+
+    @cached_property
+    def all_change(self) -> bool:
+        """Whether every row of the residual is one that some free number can change."""
+        return bool(self.changing.all())
 
 
 def _marked(rows: Index, columns: Index, shape: tuple[int, int]) -> csr_array:

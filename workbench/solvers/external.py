@@ -27,18 +27,10 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
 
     Its value is a number, an array, or a sparse matrix with nonzeros in given places. Numbers are
     exchanged through shared memory, because making a DM of a Hessian takes longer than computing
-    the Hessian.
+    the Hessian. What it computes, and for which run, is told by `serve`.
     """
 
-    def __init__(
-        self,
-        name: str,
-        sizes: tuple[int, int],
-        places: Places,
-        compute: Compute,
-        run: Run,
-        kept: Kept,
-    ) -> None:
+    def __init__(self, name: str, sizes: tuple[int, int], places: Places) -> None:
         super().__init__()
         if isinstance(places, csc_array):
             places.sort_indices()
@@ -48,8 +40,16 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
         else:
             self._shape, self._sparsity = places, cs.Sparsity.dense(*(places or (1,)))
         self._sizes, self._places = sizes, places
-        self._compute, self._run, self._kept = compute, run, kept
+        self._served: tuple[Compute, Run, Kept] | None = None
         self.construct(name, {})
+
+    def serve(self, compute: Compute, run: Run, kept: Kept) -> None:
+        """Compute this from now on, for this run."""
+        self._served = compute, run, kept
+
+    def leave(self) -> None:
+        """Serve no run any more."""
+        self._served = None
 
     def get_n_in(self) -> int:
         """The number of arguments."""
@@ -72,16 +72,19 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
         if results[0] is None:  # the value is not needed
             return 0
         out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
+        if self._served is None:
+            return 1
+        compute, run, kept = self._served
         try:
-            if self._kept.error is None:
-                x = _inside(arguments[0], self._run)
-                value = self._numbers(self._compute(x, _column(arguments[1], self._sizes[1])))
+            if kept.error is None:
+                x = _inside(arguments[0], run)
+                value = self._numbers(compute(x, _column(arguments[1], self._sizes[1])))
                 if value.shape != self._shape:  # a user's Hessian
                     raise ValueError(f"{self.name()} is {self._shape}, not {value.shape}")
                 out[...] = value
                 return 0
         except BaseException as error:
-            self._kept.error = error
+            kept.error = error
         out[...] = np.nan
         return 0
 
@@ -94,12 +97,20 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
 class Recorder(cs.Callback):  # type: ignore[misc]
     """Adds a solver's iterates to the trace of a run, and stops the solver when the run ends."""
 
-    def __init__(self, run: Run, kept: Kept, sizes: tuple[int, int]) -> None:
+    def __init__(self, sizes: tuple[int, int]) -> None:
         super().__init__()
-        self._run, self._kept = run, kept
+        self._served: tuple[Run, Kept] | None = None
         n, k = sizes
         self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
         self.construct("recorder", {})
+
+    def serve(self, run: Run, kept: Kept) -> None:
+        """Record in the trace of this run from now on."""
+        self._served = run, kept
+
+    def leave(self) -> None:
+        """Serve no run any more."""
+        self._served = None
 
     def get_n_in(self) -> int:
         """The number of outputs of a solver."""
@@ -116,14 +127,15 @@ class Recorder(cs.Callback):  # type: ignore[misc]
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
         """Record an iterate; called by CasADi, which stops its solver if the value is 1."""
         stop = 1.0
-        if self._kept.error is None:
+        run, kept = self._served or (None, None)
+        if run is not None and kept is not None and kept.error is None:
             try:
-                x = _inside(arguments[0], self._run)
-                here = self._run.linearize(x)
-                self._run.record(x, here.cost, here)
+                x = _inside(arguments[0], run)
+                here = run.linearize(x)
+                run.record(x, here.cost, here)
                 stop = 0.0
             except BaseException as error:
-                self._kept.error = error
+                kept.error = error
         if results[0] is not None:
             np.frombuffer(results[0])[:] = stop
         return 0

@@ -8,9 +8,11 @@ from workbench.blocks.directions import dominant, signed
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
 from workbench.solvers.ended import NAMED
+from workbench.solvers.saddle import random_vector
 
 MOST = 300  # unknowns: with more, singular values take too long
 SUSPECT = 1e-6  # of the largest singular value: what J'J cannot tell from zero
+CLEARLY = 1e-6  # an eigenvalue above this one is far from zero, and no inverse iteration needed
 ROUNDS = 2  # of inverse iteration, each of which gains at least three digits
 
 
@@ -25,8 +27,9 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     n = int(inside.sum())
     if here.constraints is not None or here.estimated or not 0 < n <= MOST:
         return ""
-    lengths = here.column_norms[inside]
-    normal = np.asarray(here.normal)[np.ix_(inside, inside)] / np.outer(lengths, lengths)
+    lengths, normal = here.column_norms[inside], np.asarray(here.normal)
+    normal = normal if n == len(x) else normal[np.ix_(inside, inside)]
+    normal = normal / np.outer(lengths, lengths)
     if not _suspect(normal):
         return ""
     unit = here.columns(np.flatnonzero(inside)).scaled(1 / lengths)
@@ -44,11 +47,24 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
 def _suspect(normal: Array) -> bool:
     """Whether the least eigenvalue of J'J, its diagonal being 1, is zero up to its rounding."""
     n = len(normal)
-    L, failed = scipy.linalg.lapack.dpotrf(normal + 10 * n * EPS * np.eye(n), lower=True)
+    if not _factor(normal, -CLEARLY)[1]:
+        return False
+    L, failed = _factor(normal, 10 * n * EPS)
     if failed:
         return True
-    v = np.random.default_rng(0).standard_normal(n)
+    v = random_vector(n)
     for _ in range(ROUNDS):
-        v = scipy.linalg.cho_solve((L, True), v / np.linalg.norm(v), check_finite=False)
+        v = scipy.linalg.lapack.dpotrs(L, v / np.linalg.norm(v), lower=True)[0]
     v /= np.linalg.norm(v)
     return bool(v @ normal @ v <= SUSPECT**2 * n + 100 * n * EPS)
+
+
+def _factor(normal: Array, raised: float) -> tuple[Array, int]:
+    """The Cholesky factor of a matrix (n, n) plus `raised` I, and a number that is 0 if it exists.
+
+    It exists, up to rounding, if no eigenvalue of the matrix is below -raised.
+    """
+    A = normal.copy()
+    np.einsum("ii->i", A)[:] += raised
+    L, failed = scipy.linalg.lapack.dpotrf(A, lower=True)
+    return L, int(failed)

@@ -9,6 +9,7 @@ from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.damping import DAMPED, Damped
 from workbench.solvers.limits import Stop
+from workbench.solvers.made import made_for
 from workbench.solvers.oracle import (
     Hessian,
     Oracle,
@@ -100,8 +101,16 @@ class Ipopt:
 
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
-        constrained = run.problem.stacked_constraints is not None
-        oracle = Oracle(run, self.hessian)
+        with made_for(run.problem, self) as made:
+            oracle = Oracle(run, self.hessian, made.functions)
+            if made.solver is None:
+                made.solver = self._made(oracle, run.problem.stacked_constraints is not None)
+            oracle.serve_again()
+            oracle.minimize(made.solver)
+            return str(made.solver.stats()["return_status"])
+
+    def _made(self, oracle: Oracle, constrained: bool) -> cs.Function:
+        """IPOPT as a function of CasADi, which asks the oracle's functions."""
         x, none, weight, y = oracle.symbols.values()
         nlp = {"x": x, "f": oracle.cost(x, none)}
         # CasADi's interface wants a cost beside the gradient, and does not read it
@@ -128,7 +137,7 @@ class Ipopt:
             "nlp_scaling_method": "none",
             "hessian_approximation": "exact" if self.hessian else "limited-memory",
         }
-        solver = cs.nlpsol(
+        return cs.nlpsol(
             "ipopt",
             "ipopt",
             nlp,
@@ -142,5 +151,3 @@ class Ipopt:
                 "ipopt": options,
             },
         )
-        oracle.minimize(solver)
-        return str(solver.stats()["return_status"])

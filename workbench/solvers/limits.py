@@ -1,7 +1,7 @@
 """How far a run may go, and the exception that ends it."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ContextDecorator
+from types import TracebackType
 from typing import Protocol
 
 import numpy as np
@@ -61,19 +61,28 @@ def stop_of(error: BaseException | None) -> Stop | None:
     return error if isinstance(error, Stop) else None
 
 
-@contextmanager
-def guarded() -> Iterator[None]:
+class Guarded(ContextDecorator):
     """A context for calls of the user's functions: an exception becomes a Stop that quotes it."""
-    try:
-        yield
-    except (Stop, KeyboardInterrupt):
-        raise
-    except TooLarge as error:
-        raise Stop(Status.TOO_LARGE, str(error)) from error
-    except MemoryError as error:
-        raise Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}") from error
-    except Exception as error:
-        raise Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}") from error
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        if isinstance(error, Exception) and not isinstance(error, Stop):
+            raise _quoting(error) from error
+
+
+GUARDED = Guarded()
+
+
+def _quoting(error: Exception) -> Stop:
+    if isinstance(error, TooLarge):
+        return Stop(Status.TOO_LARGE, str(error))
+    if isinstance(error, MemoryError):
+        return Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}")
+    return Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}")
 
 
 def unwarned() -> np.errstate:

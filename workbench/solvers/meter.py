@@ -17,6 +17,7 @@ class Meter:
 
     def __init__(self, kinds: Iterable[str], max_evaluations: int, max_seconds: float) -> None:
         self.counts = dict.fromkeys(kinds, 0)
+        self._limited = tuple(kind for kind in self.counts if is_limited(kind))
         self._max_evaluations, self._max_seconds = max_evaluations, max_seconds
         self._began, self._pauses = time.perf_counter(), 0.0
 
@@ -27,7 +28,7 @@ class Meter:
 
     def check_evaluations(self) -> None:
         """Raise Stop if all evaluations are used up; those of constraints are not limited."""
-        if limited(self.counts) >= self._max_evaluations:
+        if sum(map(self.counts.__getitem__, self._limited)) >= self._max_evaluations:
             raise Stop(Status.MAX_EVALUATIONS)
 
     def check_seconds(self) -> None:
@@ -44,5 +45,10 @@ class Meter:
 
 
 def limited(counts: Mapping[str, int]) -> int:
-    """How many of the evaluations are limited: all but those of constraints."""
-    return sum(count for kind, count in counts.items() if not kind.startswith("constraint"))
+    """How many of the evaluations are limited."""
+    return sum(count for kind, count in counts.items() if is_limited(kind))
+
+
+def is_limited(kind: str) -> bool:
+    """Whether evaluations of a kind are limited: all but those of constraints."""
+    return not kind.startswith("constraint")

@@ -1,7 +1,7 @@
 """The cost and the constraints as NLopt sees them: always finite, and nothing is raised."""
 
 from collections.abc import Callable
-from math import sqrt
+from math import isfinite, sqrt
 
 import nlopt
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization
 from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.rounding import all_finite
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.ending import BOUGHT
 from workbench.solvers.run import Run
@@ -43,7 +44,7 @@ class Objective:
         self._bounded, self._look = run.problem.bounded, LOOK
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
-        self._norms = np.where(scale > 0, scale, np.inf)
+        self._norms, self._steep = np.where(scale > 0, scale, np.inf), 0
         self._error = run.problem.support.norms(run.rounding_noise.at(run.x, here).rows)
 
     def cost(self, y: Array, gradient: Array) -> float:
@@ -96,15 +97,15 @@ class Objective:
 
     def _evaluate(self, y: Array, gradient: Array) -> float:
         run, x = self.run, self._x(y)
-        if not np.isfinite(y).all():
+        if not all_finite(y):
             run.stall(NOT_A_POINT)
         if gradient.size:
             cost, g = run.cost_and_gradient(x)
-            if np.isfinite(cost):
+            if isfinite(cost):
                 gradient[:] = g / self.scale
         else:
             cost, g = run.cost(x), np.zeros(0)
-        if not np.isfinite(cost):
+        if not isfinite(cost):
             return self._cone(y, gradient)
         self._last, self._worst = (y.copy(), cost), max(self._worst, cost)
         if self._is_worth_recording(cost):
@@ -136,18 +137,28 @@ class Objective:
         run, problem = self.run, self.run.problem
         if not (self._descends and g.size):
             return None
-        if problem.stacked_constraints is None:
-            way = -g / self._norms
-            if self._bounded:
-                way = np.clip(
-                    way, (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
-                )
-            size = sqrt(2 * run.best.cost)
-            enough = self._error + self._look * run.limits.gradient_tolerance * size
-            if (np.abs(way) > enough).any():
-                return None
+        if problem.stacked_constraints is None and self._is_steep(x, g):
+            return None
         here = run.linearize(x)
         self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
         self._error = problem.support.norms(run.rounding_noise.at(x, here).rows)
         return here
+
+    def _is_steep(self, x: Array, g: Array) -> bool:
+        """Whether the gradient g (n,) at x (n,) is clearly no longer that of a stationary point.
+
+        Without bounds, the unknown by which the point before was steep is looked at first.
+        """
+        run, problem, i = self.run, self.run.problem, self._steep
+        more = self._look * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+        if self._bounded:
+            low, high = (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
+            way = np.clip(-g / self._norms, low, high)
+        elif abs(g[i]) / self._norms[i] > self._error[i] + more:
+            return True
+        else:
+            way = g / self._norms
+        steep = np.abs(way) > self._error + more
+        self._steep = int(steep.argmax())
+        return bool(steep[self._steep])

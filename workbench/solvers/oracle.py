@@ -78,8 +78,15 @@ class Oracle:
     are the same at every point.
     """
 
-    def __init__(self, run: Run, hessian: Hessian | None) -> None:
+    def __init__(
+        self,
+        run: Run,
+        hessian: Hessian | None,
+        functions: dict[str, External | Recorder] | None = None,
+    ) -> None:
+        """`functions` are those of an earlier oracle of such a problem, and get those made here."""
         self._run, self._kept = run, Kept()
+        self._functions = {} if functions is None else functions
         self._hessian: Hessian = hessian or Damped()
         self._there = run.problem.stacked_constraints
         self._n, self._k = run.problem.free.size, 0 if self._there is None else self._there.size
@@ -99,12 +106,19 @@ class Oracle:
         arguments = [self.symbols[name] for name in reads]
         return cs.Function("oracle", arguments, [*outputs.values()], [*reads], [*outputs])
 
+    def serve_again(self) -> None:
+        """Let all functions of an earlier oracle compute the numbers of this run."""
+        for name in self._functions:
+            getattr(self, name)  # each is served when it is asked for
+
     def minimize(self, solver: cs.Function) -> None:
         """Run a solver of CasADi from the start of the run; raise what was raised inside."""
         problem, there = self._run.problem, self._there
         limits = {} if there is None else {"lbg": there.lower, "ubg": there.upper}
+        if problem.bounded:
+            limits |= {"lbx": problem.lower, "ubx": problem.upper}
         try:
-            solver(x0=self._run.x, lbx=problem.lower, ubx=problem.upper, **limits)
+            solver(x0=self._run.x, **limits)
         finally:
             if self.error is not None:
                 raise self.error
@@ -138,7 +152,7 @@ class Oracle:
         places: Places = self._k, n
         if there is not None and (thin or there.sparse):
             places = there.pattern
-        return self._external("jacobian", places, rows)
+        return self._external("constraint_jacobian", places, rows)
 
     @cached_property
     def hessian(self) -> External:
@@ -152,7 +166,9 @@ class Oracle:
         places: Places = self._square
         if self._there is not None and self._nonzeros is not None:
             places = self._there.hessian_pattern
-        return self._external("bend", places, _of_constraints(self._run), multiplied=True)
+        return self._external(
+            "constraint_hessian", places, _of_constraints(self._run), multiplied=True
+        )
 
     @cached_property
     def convex_hessian(self) -> External:
@@ -179,16 +195,20 @@ class Oracle:
             return raised(unblocked(at(x).normal), of_both(x, multipliers)).matrix
 
         if self._nonzeros is None:
-            return self._external("convex", self._square, definite, multiplied=True)
+            return self._external("convex_hessian", self._square, definite, multiplied=True)
         places = self._nonzeros + eye_array(self._n)
         if there is not None:
             places = places + there.hessian_pattern
-        return self._external("convex", csc_array(places), raised_at, multiplied=True)
+        return self._external("convex_hessian", csc_array(places), raised_at, multiplied=True)
 
     @cached_property
     def recorder(self) -> Recorder:
         """The function that CasADi's solvers call at every iterate."""
-        return Recorder(self._run, self._kept, (self._n, self._k))
+        found = self._functions.get("recorder")
+        if not isinstance(found, Recorder):
+            found = self._functions["recorder"] = Recorder((self._n, self._k))
+        found.serve(self._run, self._kept)
+        return found
 
     @property
     def error(self) -> BaseException | None:
@@ -209,8 +229,12 @@ class Oracle:
     def _external(
         self, name: str, places: Places, compute: Compute, *, multiplied: bool = False
     ) -> External:
-        sizes = self._n, self._k if multiplied else 0
-        return External(name, sizes, places, compute, self._run, self._kept)
+        found = self._functions.get(name)
+        if not isinstance(found, External):
+            sizes = self._n, self._k if multiplied else 0
+            found = self._functions[name] = External(name, sizes, places)
+        found.serve(compute, self._run, self._kept)
+        return found
 
 
 def _nonzeros_of_normal(problem: Problem) -> csc_array | None:

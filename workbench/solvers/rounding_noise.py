@@ -5,7 +5,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
 from workbench.problem.rounding import Rounding
-from workbench.solvers.limits import guarded
+from workbench.solvers.limits import GUARDED
 from workbench.solvers.linearization_cache import LinearizationCache
 
 CLEARLY = 100.0  # times the rounding errors of a few points ago: they do not matter
@@ -35,7 +35,7 @@ class RoundingNoise:
             self._last, self.age = self._problem.rounding(x, self._fixed, here.residual), 0
             return self._last
 
-        return self._linearizations.once("rounding", here, guarded()(measure))
+        return self._linearizations.once("rounding", here, GUARDED(measure))
 
     def of_cost(self, x: Array, here: Linearization) -> float:
         """By how much rounding may have changed the cost at x (n,)."""

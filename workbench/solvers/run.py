@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import asdict
-from math import isfinite, isnan
+from math import isfinite, isnan, sqrt
 from types import TracebackType
 from typing import NoReturn, TypeVar
 
@@ -13,13 +13,13 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem
-from workbench.problem.rounding import fall, half_squared
+from workbench.problem.rounding import all_finite, fall, half_squared
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending, prefer_stationary
 from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.solvers.limits import Options, Stop, guarded, stop_asked, stop_of, unwarned
+from workbench.solvers.limits import GUARDED, Options, Stop, stop_asked, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.meter import Meter
 from workbench.solvers.one_pass import takes_one_pass
@@ -106,7 +106,7 @@ class Run:
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
         """The cost and its gradient at x, by one reverse sweep."""
         cost, g = self.evaluate("gradient", lambda: self.problem.cost_and_gradient(x, self.fixed))
-        return self._kept(x, cost if np.isfinite(g).all() else np.inf), g
+        return self._kept(x, cost if all_finite(g) else np.inf), g
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
@@ -153,7 +153,7 @@ class Run:
         """Call a function of the user, count it, and check the limits before."""
         self.check()
         self.meter.counts[kind] += 1
-        with guarded(), self._interrupts.raised_at_once():
+        with GUARDED, self._interrupts.raised_at_once():
             return function()
 
     def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
@@ -195,7 +195,7 @@ class Run:
         if sure and self.linearizations.at(to) is None:
             self._linearized(to)  # the step will be taken, so that the Jacobian is needed as well
         cost, residual = self.cost_and_residual(to)
-        if not np.isfinite(cost):
+        if not isfinite(cost):
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)
         if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
@@ -247,13 +247,13 @@ class Run:
         Stops the run if it has converged, its iterations are used up, or the callback says so.
         """
         optimality = np.nan if here is None else self.optimality(x, here)
-        step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
+        way = x - (x if self._recorded is None else self._recorded)
         self._recorded = x.copy()
         iterate = Iterate(
             self.problem.free.unpack(x, self._around),
             cost,
             optimality,
-            step,
+            sqrt(way @ way),
             damping,
             Evaluations(**self.meter.counts),
             self.meter.seconds,

@@ -8,6 +8,7 @@ one gradient (Golub and Van Loan, Matrix Computations, 2013, sections 10.1 and 1
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from math import acosh, cosh
 from typing import NamedTuple
 
@@ -113,12 +114,21 @@ def _inverse(here: Linearization, D: Array, held: Mask) -> Product | None:
     if n > DENSE:
         return None
     M = normal / np.outer(D, D)
-    M[held], M[:, held] = 0.0, 0.0
+    if held.any():
+        M[held], M[:, held] = 0.0, 0.0
     M[np.diag_indices(n)] += DAMPING
     L, failed = scipy.linalg.lapack.dpotrf(M, lower=True)
     if failed:
         return None
-    return lambda v: np.asarray(scipy.linalg.cho_solve((L, True), v, check_finite=False))
+    return lambda v: np.asarray(scipy.linalg.lapack.dpotrs(L, v, lower=True)[0])
+
+
+@lru_cache(maxsize=4)
+def random_vector(n: int) -> Array:
+    """Random numbers (n,), normally distributed and always the same; they cannot be written to."""
+    found = np.random.default_rng(0).standard_normal(n)
+    found.setflags(write=False)
+    return found
 
 
 def _searched(
@@ -136,26 +146,29 @@ def _searched(
     Estimating the largest eigenvalue by the power and Lanczos algorithms, 1992).
     """
     n, size = len(held), int((~held).sum())
-    u = np.where(held, 0.0, np.random.default_rng(0).standard_normal(n))
+    u = np.where(held, 0.0, random_vector(n))
     w = inverse(u)
     beta = float(np.sqrt(u @ w))
     dual, primal = np.zeros((n, 0)), np.zeros((n, 0))
-    T, most, tried = np.zeros((0, 0)), min(most, size), False
+    before, most, tried = np.zeros((0, 0)), min(most, size), False
     most_once_seen = most + MORE
     for k in range(1, size + 1):
-        dual, primal = np.c_[dual, u / beta], np.c_[primal, w / beta]
+        dual = np.concatenate([dual, (u / beta)[:, None]], axis=1)
+        primal = np.concatenate([primal, (w / beta)[:, None]], axis=1)
         u = bend(primal[:, -1])
         if not np.isfinite(u).all():
             return None
-        T = np.pad(T, (0, 1))
+        T = np.zeros((k, k))
+        T[:-1, :-1] = before
         T[-1, -1] = u @ primal[:, -1]
         if k > 1:
             T[-1, -2] = T[-2, -1] = beta
         for _ in range(2):  # twice, so that rounding does not bring the same vectors back
             u = u - dual @ (primal.T @ u)
         w = inverse(u)
-        beta = float(np.sqrt(max(u @ w, 0.0)))
+        beta = float(np.sqrt(max(float(u @ w), 0.0)))
         values, vectors = np.linalg.eigh(T)
+        before = T
         least = float(values[0])
         if least < -FLAT and not tried:
             most = min(most_once_seen, size)

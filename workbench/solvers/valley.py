@@ -39,7 +39,7 @@ def valley(
     if len(trace) < ITERATES or not np.isfinite(end.here.cost):
         return None
     last, pack = len(trace) - 1, end.problem.free.pack
-    middle, late, previous, final = (trace[k] for k in (last // 2, (3 * last) // 4, last - 1, last))
+    middle, late, final = (trace[k] for k in (last // 2, (3 * last) // 4, last))
     quarters, there = (pack(middle.values), pack(late.values)), pack(final.values)
     noise = end.noise
     running = _running(end, start, *quarters, end.x)
@@ -47,7 +47,8 @@ def valley(
         running |= _running(end, start, *quarters, there)
     running &= noticed & (end.x != start)
     if converged and running.any():
-        step, way = np.abs(there - pack(previous.values)), np.abs(there - quarters[1])
+        step = np.abs(there - pack(trace[last - 1].values))
+        way = np.abs(there - quarters[1])
         running &= step > SLOWED * way / (last - (3 * last) // 4)
     if not running.any() or not middle.cost > end.here.cost + noise:
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -19,10 +19,16 @@ from workbench.bodies.forward.kinematics import world_rotations
 from workbench.bodies.forward.motion import Kinematics, Motion, Slopes
 from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.forward.vertex import OF_JOINT, motion_column, slopes_column
-from workbench.compiling import library_or_none, source_beside
+from workbench.compiling import (
+    address,
+    function_of_addresses,
+    library_or_none,
+    source_beside,
+)
 from workbench.geometry.rotation import matrix_from_vector
 
 NAME = "joint-kernels"
+ARGUMENTS = {"motion": 4, "slopes": 5}  # of the library's functions
 SMALL = 1e-3  # rad: so near to zero, rotations are series
 
 
@@ -73,26 +79,44 @@ class CompiledJoints:
 
     def motion(self, pose: Array, betas: Array) -> Motion:
         """The motion at pose (K, 3) rad and betas (B,)."""
-        K = len(self.bind)
-        bent, turned = 9 * (K - 1), 9 * (K - 1) + 12 * K
-        found = np.empty(turned + 3 * K)
+        found = np.empty(self._sizes[0])
         self._run("motion", pose, betas, found)
-        G, joints = found[bent:turned].reshape(K, 3, 4), found[turned:].reshape(K, 3)
-        return Motion(G, found[:bent], joints, found)
+        return self._moved(found)
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
+        found = np.empty(self._sizes[1])
+        self._run("slopes", pose, betas, found, None)
+        return self._sloped(found)
+
+    def motion_and_slopes(self, pose: Array, betas: Array) -> tuple[Motion, Slopes]:
+        """Both of them, in one call."""
+        moving, found = np.empty(self._sizes[0]), np.empty(self._sizes[1])
+        self._run("slopes", pose, betas, found, moving)
+        return self._moved(moving), self._sloped(found)
+
+    def _moved(self, found: Array) -> Motion:
+        K = len(self.bind)
+        bent, turned = 9 * (K - 1), 9 * (K - 1) + 12 * K
+        G, joints = found[bent:turned].reshape(K, 3, 4), found[turned:].reshape(K, 3)
+        return Motion(G, found[:bent], joints, found)
+
+    def _sloped(self, found: Array) -> Slopes:
         K, B = len(self.bind), self.skeleton.slopes.shape[2]
         own = OF_JOINT * K + 3 * B * K
         turned, bulged = own + 27 * K, own + 27 * K + 27 * (K - 1)
-        found = np.empty(bulged + 3 * B * K)
-        self._run("slopes", pose, betas, found)
         return Slopes(
             found[own:turned].reshape(K, 9, 3),
             found[turned:bulged].reshape(K - 1, 3, 9),
             found[bulged:].reshape(3 * B, K),
             found[:own],
         )
+
+    @cached_property
+    def _sizes(self) -> tuple[int, int]:
+        """How many numbers `motion` and `slopes` find."""
+        K, B = len(self.bind), self.skeleton.slopes.shape[2]
+        return 9 * (K - 1) + 15 * K, (OF_JOINT + 27) * K + 27 * (K - 1) + 6 * B * K
 
     @cached_property
     def structure(self) -> NDArray[np.intp]:
@@ -102,17 +126,19 @@ class CompiledJoints:
 
     @cached_property
     def _here(self) -> int:
-        return int(self.structure.ctypes.data)
+        return address(self.structure)
 
-    def _run(self, name: str, pose: Array, betas: Array, found: Array) -> None:
+    @cached_property
+    def _functions(self) -> dict[str, Callable[..., None]]:
+        return {n: function_of_addresses(self.library, n, count) for n, count in ARGUMENTS.items()}
+
+    def _run(self, name: str, pose: Array, betas: Array, *found: Array | None) -> None:
         K, _, B = self.skeleton.slopes.shape
         if (pose.size, betas.size) != (3 * K, B):  # the library trusts it
             raise ValueError(f"pose has {pose.size} numbers and betas {betas.size}")
-        given = (np.ascontiguousarray(a, dtype=np.float64) for a in (pose, betas))
-        arrays = *given, found
-        function = getattr(self.library, name)
-        words = (self._here, *(array.ctypes.data for array in arrays))
-        function(*map(ctypes.c_ssize_t, words))
+        pose, betas = (np.ascontiguousarray(a, dtype=np.float64) for a in (pose, betas))
+        places = (None if array is None else address(array) for array in found)
+        self._functions[name](self._here, address(pose), address(betas), *places)
 
 
 def unbinding(bind_pose: Array, parents: Sequence[int]) -> Array:

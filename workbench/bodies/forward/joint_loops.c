@@ -31,7 +31,7 @@ static void walk(const skeleton_t *of, const double *local, integer apart, const
 }
 
 /* found: the features 9 (K - 1), the motions G (K, 12), and the joints (K, 3) at a pose (K, 3) */
-EXPORT void motion(const skeleton_t *of, const double *pose, const double *betas, double *found)
+EXPORT __attribute__((noinline)) void motion(const skeleton_t *of, const double *pose, const double *betas, double *found)
 {
     double turn[JOINTS][9], world[JOINTS][12], rest[JOINTS][3];
     double *features = found, *G = features + 9 * (JOINTS - 1), *joints = G + 12 * JOINTS;
@@ -45,12 +45,13 @@ EXPORT void motion(const skeleton_t *of, const double *pose, const double *betas
 
 /* found, for vertices: three axes and slopes (9, 3) of features of each joint (K, 36), and the shifts of G
 by betas (B, K, 3); and once more as NumPy reads it: the turns (K, 9, 3), the slopes (K - 1, 3, 9), and the
-shifts (3 B, K) */
-EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas, double *found)
+shifts (3 B, K). `moving` is what `motion` finds, or absent */
+EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas, double *found, double *moving)
 {
     double turn[JOINTS][36], world[JOINTS][12], G[JOINTS][12], rest[JOINTS][3];
     double *of_joints = found, *of_betas = of_joints + 36 * JOINTS, *turns = of_betas + 3 * BETAS * JOINTS;
     double *d_features = turns + 27 * JOINTS, *d_shift = d_features + 27 * (JOINTS - 1);
+    if (moving) motion(of, pose, betas, moving);
     memset(found, 0, (36 + 27) * JOINTS * sizeof(double) + 3 * BETAS * JOINTS * sizeof(double));
     for (integer k = 0; k < JOINTS; ++k) local_slopes(pose + 3 * k, turn[k]);
     walk(of, turn[0], 36, betas, world, G[0], rest);

@@ -12,7 +12,7 @@ from workbench.compiling import source_beside, vectors
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
 STORED = ("shapedirs", "posedirs")  # what is read in the type in which it is stored
 WIDENED = {  # a number as it is stored, as a number to compute with
-    Stored.STEPS: "__builtin_convertvector(__builtin_convertvector(x, whole), v)",
+    Stored.STEPS: "__builtin_convertvector(x, v)",
     Stored.SINGLE: "__builtin_convertvector(x, v)",
     Stored.DOUBLE: "(x)",
 }
@@ -30,7 +30,7 @@ def vertex_code(
         **tree_sizes(parents, B),
         "WEIGHTS": 3,
         "ROWS": 3 + K,
-        "STORED": kind.value,
+        "STORED": kind.in_c,
         "WIDENED(x)": WIDENED[kind],
         "FEATURES": B,
         "MOTIONS": B + 9 * (K - 1),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, partial
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from workbench.bodies.forward.numeric import ChunkedArithmetic, ChunkedSurface, 
 from workbench.bodies.forward.packed_vertices import PackedVertices
 from workbench.bodies.forward.rows import Rows, Target
 from workbench.bodies.forward.vertex import motion_column, slopes_column, vertex_functions
-from workbench.compiling import NoLibrary, library
+from workbench.compiling import NoLibrary, address, function_of_addresses, library
 from workbench.errors import NotSupported
 from workbench.threads import for_each, thread_count
 
@@ -35,7 +35,8 @@ WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading th
 WORTH_SHARING = 16e6  # bytes of directions: below, two threads are hardly faster (measured)
 BLOCKS = ("pose", "betas", "trans")
 _STORAGES: WeakKeyDictionary[SurfaceArrays, tuple[Storage, Storage]] = WeakKeyDictionary()
-MANY_SHAPES = 64  # of arrays whose rows' distances are remembered
+MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
+ARGUMENTS = {"points": 4, "tangent": 9, "clear": 2, "adjoint": 5}  # of the library's functions
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
 
@@ -171,9 +172,7 @@ class CompiledArithmetic:
 
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, for all vertices, which is given the addresses of arrays."""
-        function = getattr(self.library, name)
-        words = (0 if array is None else _address(array) for array in arrays)
-        function(*map(ctypes.c_ssize_t, (self._here, *words)))
+        self._functions[name](self._here, *map(_address, arrays))
 
     def share(
         self, name: str, arrays: Sequence[NDArray[np.generic] | None], kept: object = None
@@ -187,17 +186,20 @@ class CompiledArithmetic:
         if count == 1:
             self.run(name, *arrays)
             return
-        function = getattr(self.library, name)
-        words = [ctypes.c_ssize_t(0 if array is None else _address(array)) for array in arrays]
+        function, words = self._functions[name], [*map(_address, arrays)]
 
         def compute(part: NDArray[np.intp], _: object = (arrays, kept)) -> None:
-            function(ctypes.c_ssize_t(_address(part)), *words)
+            function(address(part), *words)
 
         for_each(compute, self.packed.parts(count))
 
     @cached_property
+    def _functions(self) -> dict[str, Callable[..., None]]:
+        return {n: function_of_addresses(self.library, n, count) for n, count in ARGUMENTS.items()}
+
+    @cached_property
     def _here(self) -> int:
-        return _address(self.packed.structure)
+        return address(self.packed.structure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +232,7 @@ class CompiledSurface:
     ) -> None:
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
-        tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
+        tables = {name: _addresses(target, copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
         if clear and "pose" in tables:
             self.of.run("clear", tables["pose"])
@@ -258,27 +260,32 @@ class CompiledSurface:
         return np.ascontiguousarray(self.betas, dtype=np.float64), motion_column(self.motion)
 
 
-def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
+def _addresses(target: Target, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
     """The address that each row is written to, (count,); 0 for a row that is not wanted.
 
     An array whose rows are not float64 in one piece is written aside, and appended to `copied`.
     """
-    if (one := rows.whole) is not None and _plain(one):
-        return _address(one) + _distances(one.strides[0], rows.count)
+    one = target if isinstance(target, np.ndarray) else target.whole
+    if one is not None and _plain(one):
+        return _places(address(one), one.strides[0], len(one))
+    rows = Rows.of(target)
     table = np.zeros(rows.count, dtype=np.intp)
     for first, array in rows.parts:
         room = array
         if not _plain(array):
             room = np.zeros(array.shape)
             copied.append((array, room))
-        table[first : first + len(array)] = _address(room) + room.strides[0] * np.arange(len(array))
+        table[first : first + len(array)] = address(room) + room.strides[0] * np.arange(len(array))
     return table
 
 
-@lru_cache(MANY_SHAPES)
-def _distances(stride: int, count: int) -> NDArray[np.intp]:
-    """How far each of some rows is from the first one, in bytes."""
-    return stride * np.arange(count)
+@lru_cache(MANY_PLACES)
+def _places(begin: int, stride: int, count: int) -> NDArray[np.intp]:
+    """The addresses of rows one after the other; only the library reads them.
+
+    Large Jacobians take turns in a few rooms, so that the same addresses are asked for again.
+    """
+    return begin + stride * np.arange(count)
 
 
 def _plain(array: Array) -> bool:
@@ -286,5 +293,5 @@ def _plain(array: Array) -> bool:
     return array.strides[1] == 8 and array.dtype == np.float64 and array.flags.writeable
 
 
-def _address(array: NDArray[np.generic]) -> int:
-    return int(array.ctypes.data)
+def _address(array: NDArray[np.generic] | None) -> int | None:
+    return None if array is None else address(array)

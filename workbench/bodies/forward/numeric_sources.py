@@ -232,11 +232,13 @@ class PosedPointsAt:
 
     def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
-        self.here.tangent(self.posed.slopes, into, scale)
+        slopes = self.posed.slopes  # first, because it finds the motion as well
+        self.here.tangent(slopes, into, scale)
 
     def tangent_over_zeros(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
-        tangent_over_zeros(self.here)(self.posed.slopes, into, scale)
+        slopes = self.posed.slopes
+        tangent_over_zeros(self.here)(slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""

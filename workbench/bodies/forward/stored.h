@@ -3,4 +3,3 @@ compute with of them, in registers. */
 
 typedef STORED stored
     __attribute__((vector_size(sizeof(STORED) * LANES), aligned(sizeof(STORED)), may_alias));
-typedef int whole __attribute__((vector_size(4 * LANES))); /* on the way: compilers widen twofold */

@@ -4,7 +4,8 @@ A group is LANES vertices, the last ones filled up with zeros. `motion` is the c
 of them share; `column_of` puts it together from betas, the motion of the joints and its slopes.
 The many rows that a derivative is written to make the processor's own guess at what is read next
 fail: memory is asked for ahead of use there, into the second cache, from which more can be on its way at
-a time than into the first one.
+a time than into the first one. Where only points are written, that guess is right, and asking for memory
+takes longer than it saves.
 */
 
 #define AHEAD 8 /* joints that bend: so far ahead are their directions asked for */

@@ -25,7 +25,7 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
         const double *slope = motion + OF_JOINTS + OF_JOINT * k + 9;
         const stored *bend = of->bends + 27 * i;
         v own[9] = {{0}};
-        look_ahead(bend + 27 * AHEAD, 27 * sizeof(stored));
+        if (bulges) look_ahead(bend + 27 * AHEAD, 27 * sizeof(stored));
         _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n) {
             bent(bend + 3 * n, feature + n, sum);
             if (bulges) bulging(bend + 3 * n, slope + 3 * n, own);
