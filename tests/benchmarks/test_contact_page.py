@@ -5,7 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.images.contact import BEGIN, END, FITS, PAGE, RESULTS, WAYS, counted, tables
+from benchmarks.images.contact import (
+    BEGIN,
+    END,
+    FITS,
+    HINGED,
+    PAGE,
+    RESULTS,
+    WAYS,
+    counted,
+    tables,
+)
 
 FOUND = json.loads(RESULTS.read_text())
 TEXT = PAGE.read_text()
@@ -29,29 +39,43 @@ def test_every_way_fitted_the_same_poses() -> None:
 def test_the_hinge_with_a_small_sigma_and_the_limit_agree_from_one_start(way: str) -> None:
     apart = abs(of("hinge, sigma 0.1 mm", "cost") / of(way, "cost") - 1)
     assert apart.max() < 0.01
-    assert (apart < 3e-4).sum() == (7 if way.startswith("IPOPT") else 9)
-    assert abs(of("hinge", "cost") / of("hinge, sigma 0.1 mm", "cost") - 1).max() < 0.0125
+    assert (apart < 3e-4).sum() == 9
+    assert abs(of("hinge", "cost") / of("hinge, sigma 0.1 mm", "cost") - 1).max() < 0.0095
 
 
 def test_all_ways_agree_but_in_three_poses_with_several_minima() -> None:
     ways = [way for way in WAYS if way not in ("nothing", "SMPLify's spheres")]
     costs = np.array([of(way, "cost") for way in ways])
     assert costs.shape[1] == 10
-    several = np.array([2, 8, 9])
+    several = np.array([0, 2, 9])
     ratios = costs / of("hinge, sigma 0.1 mm", "cost")
-    assert (ratios[:, several].min(axis=0) < 0.85).all()
-    assert round(100 * (1 - ratios[:, several].min())) == 31
-    one = np.delete(costs, several, axis=1)
-    assert (one.max(axis=0) / one.min(axis=0)).max() < 1.03
+    assert (costs.max(axis=0) / costs.min(axis=0))[several].min() > 1.2
+    assert not of("SQP", "converged")[several].any()
+    by_damping = ratios[ways.index("hinge, Levenberg-Marquardt")]
+    assert f"{by_damping.max():.2f} times the cost" in " ".join(TEXT.split())
+    assert (by_damping > 1.05).sum() == 1
     assert abs(np.delete(ratios, several, axis=1) - 1).max() < 0.015
 
 
 def test_the_hinge_keeps_limbs_apart_on_the_mesh_and_spheres_do_not() -> None:
     for way in ("hinge", "hinge, Levenberg-Marquardt", "hinge, sigma 0.1 mm"):
-        assert of(way, "depth").max() < 11
-        assert np.sort(of(way, "depth"))[:-1].mean() < 0.21  # but in one pose
+        assert of(way, "depth").max() < 10
+        assert of(way, "depth").mean() < 1
     assert of("SMPLify's spheres", "depth").mean() > 10
     assert of("nothing", "depth").mean() > 40
+
+
+def test_more_poses_say_more_than_ten() -> None:
+    text = " ".join(TEXT.split())
+    few, many = (np.array(FOUND[part]["hinge"]["depth"]) for part in ("fits", "hinged"))
+    assert f"mean depth of {few.mean():.1f} mm and a largest of {few.max():.1f} mm" in text
+    assert len(many) == HINGED
+    assert f"in {HINGED} other poses of the same seed the mean is {many.mean():.1f} mm" in text
+    assert f"and {(many > 10).sum()} are more than 10 mm deep, the deepest {many.max():.1f}" in text
+    seconds = np.array(FOUND["hinged"]["hinge"]["seconds"])
+    assert f"takes {np.median(seconds):.2f} s in half" in text
+    assert f"and {seconds.mean():.2f} s on average" in text
+    assert f"it took {of('hinge', 'seconds').max():.1f} s" in text
 
 
 def test_capsules_miss_what_the_page_tells() -> None:
@@ -64,6 +88,8 @@ def test_capsules_miss_what_the_page_tells() -> None:
     (a, b), (c, d) = told
     text = " ".join(TEXT.split())
     assert f"{a} of {b} deep penetrations of `default` are missed, and {c} of {d} of `full`" in text
-    assert a + c - sum(k["missed beside, too"] for k in counts.values()) == 5  # of the six
-    assert all(k["false"] <= 0.56 * k["alarms"] for k in counts.values())
+    assert not any(k["missed beside, too"] for k in counts.values())
+    assert f"tell of all {a + c} cases" in text
+    assert all(k["false"] <= 0.47 * k["alarms"] for k in counts.values())
     assert FOUND["capsules"]["default"]["others"] < 9.5
+    assert FOUND["linearizations"]["hinge"] < 1.7  # what 30 capsules with 228 pairs took

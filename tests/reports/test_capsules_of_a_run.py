@@ -19,7 +19,7 @@ def test_the_deepest_gap_is_on_the_page(constrained: bool, tmp_path: Path) -> No
     outcome = run(experiment, compare=False)
     shown = capsule_figure(outcome)
     assert shown is not None
-    assert "30 capsules" in shown.caption
+    assert "31 capsules" in shown.caption
 
 
 def test_others_have_none() -> None:

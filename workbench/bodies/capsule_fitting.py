@@ -3,7 +3,7 @@
 Each vertex belongs to the part of the joint that moves it most, and each part has one capsule or
 two (`capsule_parts`). The ends and the radius of a capsule are affine in betas, and minimise
 
-    sum over people and vertices of w^2 (|v - segment| - r)^2,    w = OUTSIDE where v is outside,
+    sum over people and vertices of w^2 (|v - segment| - r)^2,    w > 1 where v is outside,
         + sum over people and points s on the capsule of |s - nearest vertex|^2 (along the normal)
 
 by Gauss-Newton; the nearest places are held in each step. Fitting each person alone, and then
@@ -28,6 +28,7 @@ from workbench.geometry.solids import face_vectors, sums_around
 BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
 STEPS = 25
 OUTSIDE = 1.5  # how much more a vertex outside of its capsule counts than one inside
+LEGS = {"thigh": 2.0, "shin": 2.5}  # the same of these parts
 BACK = 0.35  # how much the distances from the capsule to the person count
 ALONG, AROUND = 6, 8  # points on a capsule
 
@@ -74,13 +75,25 @@ def _fit(body: SkinnedBody, name: str, part: Mask, betas: Array) -> Array:
     people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
     forms = [FREE] if body.mirror is None or opposite(name) != name else [UPRIGHT, ACROSS]
     fits = [
-        _gauss_newton(body.template[part], people, body.faces, part, betas, form) for form in forms
+        _gauss_newton(body.template[part], people, body.faces, part, betas, form, _outside(name))
+        for form in forms
     ]
     return min(fits, key=lambda fit: fit[1])[0]
 
 
+def _outside(capsule: str) -> float:
+    """How much more a vertex outside of this capsule counts than one inside."""
+    return next((w for leg, w in LEGS.items() if part_of(capsule).endswith(leg)), OUTSIDE)
+
+
 def _gauss_newton(
-    rest: Array, people: Array, faces: Index, part: Mask, betas: Array, form: _Form
+    rest: Array,
+    people: Array,
+    faces: Index,
+    part: Mask,
+    betas: Array,
+    form: _Form,
+    outside: float,
 ) -> tuple[Array, float]:
     M = form.matrix
     powers = np.hstack([np.ones((len(betas), 1)), betas])  # (m, 1 + B)
@@ -92,7 +105,7 @@ def _gauss_newton(
     for _ in range(STEPS):
         capsules = powers @ (M @ q).T  # (m, 7)
         rows = [
-            _rows(capsule, person, part, tree, normals)
+            _rows(capsule, person, part, tree, normals, outside)
             for capsule, person, tree, normals in zip(capsules, people, trees, outward, strict=True)
         ]
         cost = float(sum(r @ r for r, _ in rows))
@@ -110,7 +123,7 @@ def _gauss_newton(
 
 
 def _rows(
-    capsule: Array, person: Array, part: Mask, tree: cKDTree, outward: Array
+    capsule: Array, person: Array, part: Mask, tree: cKDTree, outward: Array, outside: float
 ) -> tuple[Array, Array]:
     """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7).
 
@@ -118,15 +131,15 @@ def _rows(
     """
     a, b, r = capsule[:3], capsule[3:6], capsule[6]
     distance, t, normal = _from_segment(person[part], a, b)
-    scale = np.where(distance > r, OUTSIDE, 1.0) / np.sqrt(len(distance))
+    scale = np.where(distance > r, outside, 1.0) / np.sqrt(len(distance))
     r1 = scale * (distance - r)
     J1 = scale[:, None] * np.hstack(
         [-(1 - t)[:, None] * normal, -t[:, None] * normal, -np.ones((len(t), 1))]
     )
     samples, t, normal = _surface(a, b, r)
     _, nearest = tree.query(samples)
-    outside = np.einsum("nc,nc->n", samples - person[nearest], outward[nearest]) > 0
-    scale = BACK * (part[nearest] | outside) / np.sqrt(len(samples))
+    stands_out = np.einsum("nc,nc->n", samples - person[nearest], outward[nearest]) > 0
+    scale = BACK * (part[nearest] | stands_out) / np.sqrt(len(samples))
     r2 = scale * np.einsum("nc,nc->n", samples - person[nearest], normal)
     J2 = scale[:, None] * np.hstack(
         [(1 - t)[:, None] * normal, t[:, None] * normal, np.ones((len(t), 1))]

@@ -1,8 +1,9 @@
 """For which vertices of a body each capsule stands.
 
 Each part has a capsule. Thighs, shins and upper arms, which taper, have a near and a far one; the
-pelvis, which is wide and deep, has one on each side; the head has one for the skull and one for the
-jaw, which reaches the chin; and thumbs have their own.
+pelvis, which is wide and deep, has one on each side; the chest, which is narrower at the neck, has
+a low and a high one; the head has one for the skull and one for the jaw, which reaches the chin;
+and thumbs have their own.
 """
 
 import numpy as np
@@ -12,8 +13,11 @@ from workbench.arrays import Array, Mask
 from workbench.bodies.parts import BONES, owners, part_joints
 from workbench.bodies.skinned import SkinnedBody
 
-HALVED = ("thigh", "shin", "upper_arm")  # parts with a near and a far capsule
+# parts with a near and a far capsule, and where on the bone the far one begins: below the calf
+CUT = {"thigh": 0.5, "shin": 0.6, "upper_arm": 0.5}
 SIDED = ("pelvis",)  # parts with one on each side
+STACKED = ("chest",)  # parts with a low and a high one
+ENDINGS = ("_near", "_far", "_low", "_high")
 THUMB = 0.05  # m from the axis of the hand
 INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
 ON_MIDLINE = 1e-6  # m
@@ -37,8 +41,11 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
         elif part == "head":
             low = np.asarray(body.template[:, 1] < body.joints()[k, 1])
             found |= {"head": mask & ~low, "jaw": mask & low}
-        elif part.endswith(HALVED):
-            far = _far_half(body, k)
+        elif part in STACKED:
+            high = np.asarray(body.template[:, 1] > np.median(body.template[mask, 1]))
+            found |= {f"{part}_low": mask & ~high, f"{part}_high": mask & high}
+        elif limb := next((one for one in CUT if part.endswith(one)), ""):
+            far = _far_end(body, k, CUT[limb])
             found |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
         elif part.endswith("hand"):
             thumb = mask & _off_bone(body, k)
@@ -48,11 +55,11 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
     return found
 
 
-def _far_half(body: SkinnedBody, joint: int) -> Mask:
-    """The vertices (N,) beyond the middle of the bone from a joint to its child."""
+def _far_end(body: SkinnedBody, joint: int, cut: float) -> Mask:
+    """The vertices (N,) beyond a share of the bone from a joint to its child."""
     joints = body.joints()
     start, end = joints[joint], joints[body.parents.index(joint)]
-    return np.asarray((body.template - (start + end) / 2) @ (end - start) > 0)
+    return np.asarray((body.template - start - cut * (end - start)) @ (end - start) > 0)
 
 
 def _off_bone(body: SkinnedBody, joint: int) -> Mask:
@@ -65,7 +72,9 @@ def _off_bone(body: SkinnedBody, joint: int) -> Mask:
 
 def part_of(capsule: str) -> str:
     """The part that a capsule stands for, in whole or in part."""
-    whole = capsule.removesuffix("_near").removesuffix("_far")
+    whole = capsule
+    for ending in ENDINGS:
+        whole = whole.removesuffix(ending)
     if whole.partition("_")[2] in SIDED:
         return whole.partition("_")[2]
     return whole.replace("thumb", "hand").replace("jaw", "head")
