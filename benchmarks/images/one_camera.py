@@ -29,7 +29,13 @@ from workbench.comparison.statistics import rate
 from workbench.experiments.balance import observations
 from workbench.fitting import keypoint_fit, photograph
 from workbench.fitting.image_fit import ImageFits
-from workbench.fitting.image_recipe import ByHeight, WithStature, image_priors, smplify
+from workbench.fitting.image_recipe import (
+    ByHeight,
+    WithStature,
+    image_priors,
+    smplify,
+    tailed_priors,
+)
 from workbench.fitting.keypoint_precision import alike
 from workbench.fitting.keypoint_problem import KeypointProblem
 from workbench.fitting.keypoints import keypoint_setup
@@ -52,6 +58,7 @@ STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
 PEOPLE = 200
 NOISE = 5.0  # px
 POSE = "pose prior"
+STRICT = 0.035  # of the height, from which on keypoints are outliers, with the Student's t
 OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 TITLES = {
     "balance": "The person of `balance`, one camera",
@@ -109,7 +116,7 @@ def from_the_truth(fits: ImageFits) -> Fit:
 
 
 def half(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-    """The terms of an image with a Gaussian of poses that counts half."""
+    """The terms of an image with a pose prior that counts half."""
     return tuple(one.weighed(0.5) if one.name == POSE else one for one in image_priors(body))
 
 
@@ -197,11 +204,9 @@ def run(recording: Path | None, only: Sequence[str] | None = None) -> dict[str, 
         "regressed start, all keypoints alike": in_stages(
             ImageFits(body, ByHeight(relative=alike))
         ),
-        "regressed start, Gaussian of poses": in_stages(
-            ImageFits(body, ByHeight(priors=image_priors))
-        ),
-        "regressed start, Gaussian of poses, half": in_stages(
-            ImageFits(body, ByHeight(priors=half))
+        "regressed start, pose prior half": in_stages(ImageFits(body, ByHeight(priors=half))),
+        "regressed start, Student's t of poses": in_stages(
+            ImageFits(body, ByHeight(priors=tailed_priors, strict=STRICT))
         ),
         "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
     }

@@ -584,8 +584,8 @@ Picture(
 #
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
 # `benchmarks/IMAGES.md` has 200 people in recorded poses that it never saw, and the order is the same: 141.4
-# mm with squares and from rest, 59.9 mm with the robust loss and the learned start, 56.6 mm with it and from
-# the truth. With four wrong keypoints these are 405.3, 103.8 and 92.9 mm.)
+# mm with squares and from rest, 59.2 mm with the robust loss and the learned start, 55.6 mm with it and from
+# the truth. With four wrong keypoints these are 405.3, 97.3 and 87.8 mm.)
 #
 # ## Hypotheses
 #
@@ -891,9 +891,7 @@ print(f"the last regressor alone: {alone_now:.0f} mm")
 #
 # `image_fit` is what is left when everything is taken that has helped: priors, the loss with a scale of 8 %
 # of the person's height in the image, $E_a$, the learned start; stages, a known stature and further
-# hypotheses on demand. Its prior on the pose is no Gaussian but a Student's t, whose tails are those of
-# recorded poses, and of which only as many numbers count as one image determines: the docstring of
-# `workbench.residuals.student_t` says why the density itself would be too sure of the pose.
+# hypotheses on demand.
 
 # %%
 setup = image_fit(shot.observed, body, "Which pose is it?", hypotheses=2)
