@@ -27,7 +27,8 @@ DRAWS, OFTEN = 4_000, 2  # poses of the prior, and in how many of them a pair ov
 def touching(body: SkinnedBody) -> Capsules:
     """The capsules of a body with the pairs that overlap in at least 2 of 4,000 draws of the prior.
 
-    A pair and its mirror image count together. Pairs such as a foot and the head, which never meet,
+    Poses are drawn and betas are not: it is the mean person who takes them. A pair and its mirror
+    image count together. Pairs such as a foot and the head, which never meet,
     only cost time.
     """
     poses = draw_poses(shipped_mixture(), DRAWS, np.random.default_rng(0))

@@ -14,6 +14,8 @@ import scipy.optimize
 from builder.mirrored_poses import both_ways
 from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD
+from workbench.arrays import Mask
+from workbench.errors import BadArgument
 from workbench.priors.mocap import Mocap, read_mocap
 from workbench.priors.tailed_poses import STUDENT_FILE, PoseStudent
 
@@ -29,21 +31,22 @@ def learn_pose_student(mocap: Mocap) -> PoseStudent:
     those with which the frames that were left out are likeliest, by the scales of the others: in
     the frames that a scale was learned from, tails look too light.
     """
-    clips = np.unique(mocap.clip)
+    clips, moves = np.unique(mocap.clip), ~both_ways(mocap)[1]
+    if len(clips) < 2:
+        raise BadArgument("tails are those of clips that are left out; one clip has none")
     found: list[tuple[PoseStudent, np.ndarray]] = []
     for first in range(PARTS):
         out = np.isin(mocap.clip, clips[first::PARTS])
         if out.any() and not out.all():
-            flat, still = both_ways(mocap._where(out))
-            del still
-            found.append((_scale_of(mocap._where(~out)), flat))
-    whole = _scale_of(mocap)
-    moves = _columns(mocap, whole.joint_names)
+            flat, _ = both_ways(mocap._where(out))
+            found.append((_scale_of(mocap._where(~out), moves), flat))
+    whole = _scale_of(mocap, moves)
+    columns = _columns(mocap, whole.joint_names)
 
     def loss(logs: np.ndarray) -> float:
         dof, factor = np.exp(logs)
         told = [
-            replace(one, dof=dof, scale=factor * one.scale).log_density(flat[:, moves])
+            replace(one, dof=dof, scale=factor * one.scale).log_density(flat[:, columns])
             for one, flat in found
         ]
         return -float(np.mean(np.concatenate(told)))
@@ -53,11 +56,12 @@ def learn_pose_student(mocap: Mocap) -> PoseStudent:
     return replace(whole, dof=float(dof), scale=factor * whole.scale)
 
 
-def _scale_of(mocap: Mocap) -> PoseStudent:
-    """Mean and scale by expectation and maximisation (Lange, Little and Taylor 1989)."""
-    flat, still = both_ways(mocap)
-    names = tuple(np.array(mocap.joint_names[1:])[~still])
-    x = flat[:, np.repeat(~still, 3)]
+def _scale_of(mocap: Mocap, moves: Mask) -> PoseStudent:
+    """Mean and scale of the joints that move (K - 1,), without the root, by expectation and
+    maximisation (Lange, Little and Taylor 1989).
+    """
+    names = tuple(np.array(mocap.joint_names[1:])[moves])
+    x = both_ways(mocap)[0][:, np.repeat(moves, 3)]
     n, d = x.shape
     least = LEAST_STD**2 * np.eye(d)
     found = PoseStudent(

@@ -82,7 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recording", type=Path)
     parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--only", nargs="*", help="names of rows, all if not given")
+    parser.add_argument("--only", nargs="+", help="names of rows, all if not given")
     parser.add_argument("--tuning", action="store_true")
     given = parser.parse_args()
     body = load_body("default")

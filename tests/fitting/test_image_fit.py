@@ -321,7 +321,7 @@ def test_bodies_without_these_joints_have_no_bending() -> None:
     assert names == ["pose prior", "shape prior", "bending"]
 
 
-def test_poses_of_one_image_have_tails() -> None:
+def test_the_t_of_poses_has_tails_for_joints_that_move() -> None:
     """The cost of moving joints grows as a logarithm, that of the others as before."""
     tailed, usual = tailed_priors(BODY), image_priors(BODY)
     assert [term.name for term in tailed] == [term.name for term in usual]

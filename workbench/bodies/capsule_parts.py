@@ -41,7 +41,7 @@ def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
         elif part == "head":
             low = np.asarray(body.template[:, 1] < body.joints()[k, 1])
             found |= {"head": mask & ~low, "jaw": mask & low}
-        elif part in STACKED:
+        elif part in STACKED and mask.any():
             high = np.asarray(body.template[:, 1] > np.median(body.template[mask, 1]))
             found |= {f"{part}_low": mask & ~high, f"{part}_high": mask & high}
         elif limb := next((one for one in CUT if part.endswith(one)), ""):

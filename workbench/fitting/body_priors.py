@@ -35,14 +35,16 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
 def tailed_pose_prior(body: Body, counted: float) -> Residual:
     """A Student's t on the joints that the recording moves, and `pose_prior` for the others.
 
-    It is for observations that determine about `counted` of the numbers of a pose (`student_t`),
-    such as those of one image. Both were learned from the same frames
+    It is for observations that determine some of the numbers of a pose, such as those of one image:
+    `counted` of them count (`student_t`). It is meant for likeliest poses, not for draws. Both were learned from the same frames
     (`data/poses/PROVENANCE.md`). A body without these joints gets `pose_prior`.
     """
     learned, names = shipped_student(), body.joint_names[1:]
     if not {*learned.joint_names} <= {*names}:
         return pose_prior(body)
     mean, covariance = pose_gaussian(body)
+    if covariance.ndim == 0:
+        covariance = covariance * np.eye(mean.size)
     x = cs.vec(body.blocks()[0].symbol[:, 1:])
     moving = _numbers(names, learned.joint_names)
     still = np.setdiff1d(np.arange(3 * len(names)), moving)

@@ -31,7 +31,7 @@ ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_the
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
 Recipe = Callable[["Appearance"], "ImageRecipe"]
-DETERMINED = 13.0  # of the numbers of a pose, by one image
+COUNTED = 13.0  # numbers of a pose, by the Student's t: fewer than one image determines
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 
@@ -46,13 +46,14 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
 def tailed_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     """The same with a Student's t for the pose, of which 13 numbers count (`student_t`).
 
-    At the fits to one image the data determine 18 to 20 of them, by the trace of prior precision
-    times Laplace's covariance. With 20, synthetic people are found better and real ones are not;
-    13 was chosen on tuning data of both kinds. A real person is found a little better than with the
-    Gaussian, synthetic ones a little worse, and both worse where detections are grossly wrong
-    (`benchmarks/IMAGES.md`), so that it is not the default.
+    At the fits to one image the data determine 18 to 20 of the 51: 51 less the trace of prior
+    precision times Laplace's covariance. With 20, synthetic people are found better and real ones
+    are not; 13 was chosen on tuning data of both kinds. A real person is found a little better than
+    with the Gaussian, synthetic ones a little worse, and clearly worse where detections are grossly
+    wrong, so that it is not the default (`benchmarks/IMAGES.md`). Take it with outliers that begin
+    at 3.5 % of the height: `ByHeight(priors=tailed_priors, strict=0.035)`.
     """
-    of_pose = tailed_pose_prior(body, DETERMINED)
+    of_pose = tailed_pose_prior(body, COUNTED)
     return tuple(of_pose if one.name == of_pose.name else one for one in image_priors(body))
 
 
@@ -88,10 +89,12 @@ class WithStature:
     Attributes:
         height: the stature in m.
         sigma: its standard deviation in m.
+        priors: the other terms.
     """
 
     height: float
     sigma: float = MEASURED
+    priors: Terms = image_priors
 
     def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
         """The priors of this body. Raises BadArgument for one that is not skinned."""
@@ -100,7 +103,7 @@ class WithStature:
                 f"the stature of body {body.name!r} is no linear function of its shape; fit it "
                 "without a height, or take a skinned body"
             )
-        return (*image_priors(body), stature_prior(body, self.height, sigma=self.sigma))
+        return (*self.priors(body), stature_prior(body, self.height, sigma=self.sigma))
 
 
 @dataclass(frozen=True)

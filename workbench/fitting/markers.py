@@ -63,7 +63,8 @@ def marker_fit(
     are not in `free` are held at their start: with `("trans", "pose")`, shape and offsets are
     given. Solve the problem in the stages of `marker_solver`.
 
-    Raises BadObservation for frames that show less than four markers, or a marker in no frame.
+    Raises BadObservation for frames that show less than four markers, or a marker in no frame, and
+    BadArgument as `offset_prior` does.
     """
     observed = seen_places(markers, marker_set)
     dressed = marker_set.on(body)

@@ -91,7 +91,7 @@ def mosh(
     `markers` are (T, M, 3) m, NaN where one was not seen; the other arguments are those of
     `marker_fit`. `choose` picks the `frames` of the first step. In the second step frames are
     fitted one by one, so that a recording may be long. Raises BadObservation if no frame shows
-    four markers, and BadArgument for markers of another shape.
+    four markers, and BadArgument for markers of another shape and as `offset_prior` does.
     """
     usable = frames_that_place(markers, marker_set)
     observed = np.asarray(markers, dtype=float)[usable]

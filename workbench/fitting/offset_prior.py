@@ -17,7 +17,7 @@ from workbench.geometry.solids import vertex_normals
 from workbench.residuals import Residual, gaussian
 
 NAME = "offset prior"
-ALONG = "along", "along, too", "across"  # the surface, the rows of a marker
+WAYS = "along 1", "along 2", "across"  # the surface: the rows of a marker
 
 
 def offset_prior(
@@ -30,10 +30,12 @@ def offset_prior(
     of the surface of the mean person at rest: its normal at the marker's vertex, and two
     perpendicular to it. A surface is no plane, so that a marker which sits a distance t from its
     vertex is t^2 / 2R lower, on a limb of radius R, though its height is the same: 0.3 mm for
-    t = 5 mm and R = 4 cm. Raises BadArgument for standard deviations that are not above 0.
+    t = 5 mm and R = 4 cm. Raises BadArgument for standard deviations that are not above 0, and, where
+    heights are known, for a marker on a vertex that no face has.
     """
     for what, value in (("offset_sigma", sigma), ("across", across)):
-        if value is not None and not 0 < value < np.inf:
+        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+        if value is not None and not (number and 0 < value < np.inf):
             raise BadArgument(f"{what} is a standard deviation in m, above 0, not {value!r}")
     offsets = body.offsets(MARKERS).symbol
     if across is None:
@@ -42,7 +44,7 @@ def offset_prior(
     rows = cs.sparsify(cs.DM(block_diag(*turns))) @ (
         cs.vec(offsets) - cs.DM(marker_set.nominal.ravel())
     )
-    labels = tuple(f"{name}, {way}" for name in marker_set.names for way in ALONG)
+    labels = tuple(f"{name}, {way}" for name in marker_set.names for way in WAYS)
     sigmas = np.tile([sigma, sigma, across], len(turns))
     return Residual(NAME, rows, sigmas, "m", labels=labels)
 
@@ -52,5 +54,10 @@ def surface_frames(body: SkinnedBody, marker_set: MarkerSet) -> Array:
     the rows of an orthonormal matrix for each marker.
     """
     normals = vertex_normals(body.template, body.faces)[marker_set.vertices]
+    if (lost := np.linalg.norm(normals, axis=1) < 0.5).any():
+        raise BadArgument(
+            f"marker {marker_set.names[int(lost.argmax())]!r} is on a vertex that no face has, so that "
+            "it has no height above a surface; leave `across` out, or put the marker elsewhere"
+        )
     rows = np.linalg.svd(normals[:, None, :])[2]  # +-n first, and what is perpendicular to it
     return np.concatenate([rows[:, 1:], normals[:, None, :]], axis=1)

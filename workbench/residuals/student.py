@@ -14,7 +14,14 @@ others. Where all d numbers are looked for together, the likeliest precision w i
 though d - r of them are where they are expected only because nothing says otherwise: w is far too
 large, and x drawn to the mean. If what is not observed is integrated out instead, the r directions
 have a t distribution as well, whose squared distance is the least m^2 that they leave possible. Its
-density is that above with r instead of d: `counted`.
+density is that above with r instead of d: `counted`. With the others at the places where they are
+likeliest, the cost is exactly minus the log density of these r directions. As a function of all d
+numbers it is no density, if nu + r <= d its integral is infinite, and it cannot be sampled where
+fewer than d - nu - r directions are known otherwise.
+
+Where m^2 is large, J'J is larger than the Hessian: across the way to the mean by (1 + u) log(1 + u)
+/ u for u = m^2 / nu, and along it the Hessian is negative for u > 1. Laplace's standard deviations
+of what hardly anything but this term determines are then too small.
 """
 
 import casadi as cs
@@ -44,7 +51,8 @@ def student_t(
     block's symbol or an expression of d numbers; `dof` is nu, `scale` the matrix S, which is not
     the covariance: that is nu / (nu - 2) S, and infinite up to nu = 2. `mean` and `scale` have the
     shapes that the mean and the covariance of `gaussian` may have, and its errors. `counted` takes
-    the place of d in the formula: how many numbers of x observations determine, all d if not given.
+    the place of d in the formula: how many numbers of x observations determine, all d if not given;
+    with fewer it is meant for likeliest points, not for draws.
     Raises BadResidual for degrees of freedom that are not above 0, and a `counted` that is not
     above 0 and at most d.
     """
