@@ -1,6 +1,7 @@
 """Bodies fitted to markers: what is found again, what is refused, and what files may hold."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,8 +108,12 @@ def test_offsets_of_known_height_are_wide_along_the_surface_alone() -> None:
         r = problem.residual(off.ravel(), np.zeros(0))
         assert r @ r == pytest.approx(41 * (0.002 / sigma) ** 2)
     assert term.label(5).endswith(f"[{WORN.names[1]}, across]")
-    with pytest.raises(BadArgument, match="across is a standard deviation"):
-        offset_prior(dressed, WORN, 0.005, across=0.0)
+    for wrong in (0.0, True, "0.001"):
+        with pytest.raises(BadArgument, match="across is a standard deviation"):
+            offset_prior(dressed, WORN, 0.005, across=wrong)
+    bare = (dressed.faces != WORN.vertices[3]).all(axis=1)
+    with pytest.raises(BadArgument, match=f"{WORN.names[3]!r} is on a vertex that no face has"):
+        offset_prior(replace(dressed, faces=dressed.faces[bare]), WORN, 0.005, across=0.001)
 
 
 def test_known_heights_find_markers_that_were_moved_along_the_surface() -> None:

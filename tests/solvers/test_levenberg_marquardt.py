@@ -162,6 +162,22 @@ def test_where_two_steps_lead_too_far_the_first_is_tried_alone(start) -> None:
     np.testing.assert_allclose(two.values["x"], [1, 1], atol=1e-5)
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_no_point_is_evaluated_twice(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """Neither where a further step is left out nor where the first step is tried alone."""
+    problem, _ = rosenbrock()
+    asked: list[bytes] = []
+
+    def noted(x: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+        asked.append(x.tobytes())
+        return Problem.residual(problem, x, fixed)
+
+    monkeypatch.setitem(vars(problem), "residual", noted)
+    found = LevenbergMarquardt(steps_per_jacobian=count).solve(problem, {"x": [-1.2, 1.0]})
+    assert found.converged
+    assert len(asked) == len(set(asked)) > 10
+
+
 def test_a_further_step_that_is_hardly_shorter_is_not_taken() -> None:
     """From 1.3, Newton's steps for arctan(x) = 0 lead to and fro, each hardly shorter."""
     x = Block("x").symbol

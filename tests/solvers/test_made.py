@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as cs
@@ -61,6 +62,28 @@ def test_other_options_take_another_solver(count: list[str]) -> None:
     assert Ipopt().solve(problem, start).iterations > 2
     assert Ipopt(max_iterations=2).solve(problem, start).status is Status.MAX_ITERATIONS
     assert len(count) == 2
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A user's Hessian that holds an array, so that two of them cannot be compared as a whole."""
+
+    by: np.ndarray
+
+    def __call__(self, run: Run, x: np.ndarray, here: Linearization) -> np.ndarray:
+        return np.asarray(here.normal) * self.by
+
+
+def test_hessians_of_a_user_share_a_solver_and_are_not_kept(count: list[str]) -> None:
+    problem, start = decay()
+    one, other = Scaled(np.array([1.0, 1.0, 1.0])), Scaled(np.array([2.0, 2.0, 2.0]))
+    found = [numbers(Ipopt(each).solve(problem, start)) for each in (one, other)]
+    assert len(count) == 1
+    assert found[1] == numbers(Ipopt(other).solve(decay()[0], start)) != found[0]
+    kept = weakref.ref(other)
+    del other
+    gc.collect()
+    assert kept() is None
 
 
 def test_a_run_within_a_run_has_its_own(count: list[str]) -> None:

@@ -36,8 +36,9 @@ def tailed_pose_prior(body: Body, counted: float) -> Residual:
     """A Student's t on the joints that the recording moves, and `pose_prior` for the others.
 
     It is for observations that determine some of the numbers of a pose, such as those of one image:
-    `counted` of them count (`student_t`). It is meant for likeliest poses, not for draws. Both were learned from the same frames
-    (`data/poses/PROVENANCE.md`). A body without these joints gets `pose_prior`.
+    `counted` of them count (`student_t`). It is meant for likeliest poses, not for draws. The t and
+    the Gaussian were learned from the same frames (`data/poses/PROVENANCE.md`). A body without
+    these joints gets `pose_prior`.
     """
     learned, names = shipped_student(), body.joint_names[1:]
     if not {*learned.joint_names} <= {*names}:

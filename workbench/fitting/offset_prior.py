@@ -30,8 +30,8 @@ def offset_prior(
     of the surface of the mean person at rest: its normal at the marker's vertex, and two
     perpendicular to it. A surface is no plane, so that a marker which sits a distance t from its
     vertex is t^2 / 2R lower, on a limb of radius R, though its height is the same: 0.3 mm for
-    t = 5 mm and R = 4 cm. Raises BadArgument for standard deviations that are not above 0, and, where
-    heights are known, for a marker on a vertex that no face has.
+    t = 5 mm and R = 4 cm. Raises BadArgument for standard deviations that are not above 0, and
+    where heights are known for a marker on a vertex that no face has.
     """
     for what, value in (("offset_sigma", sigma), ("across", across)):
         number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
@@ -56,8 +56,8 @@ def surface_frames(body: SkinnedBody, marker_set: MarkerSet) -> Array:
     normals = vertex_normals(body.template, body.faces)[marker_set.vertices]
     if (lost := np.linalg.norm(normals, axis=1) < 0.5).any():
         raise BadArgument(
-            f"marker {marker_set.names[int(lost.argmax())]!r} is on a vertex that no face has, so that "
-            "it has no height above a surface; leave `across` out, or put the marker elsewhere"
+            f"marker {marker_set.names[int(lost.argmax())]!r} is on a vertex that no face has, so "
+            "that it has no height above a surface; leave `across` out, or put the marker elsewhere"
         )
     rows = np.linalg.svd(normals[:, None, :])[2]  # +-n first, and what is perpendicular to it
     return np.concatenate([rows[:, 1:], normals[:, None, :]], axis=1)

@@ -14,7 +14,7 @@ from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damping import FASTEST_FALL, eased
-from workbench.solvers.run import Run
+from workbench.solvers.run import Known, Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
 
@@ -29,7 +29,7 @@ class Trial(NamedTuple):
 
     to: Array
     predicted: float
-    known: tuple[float, Array] | None = None
+    known: Known = None
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
 
 T = TypeVar("T")
+Known = tuple[float, Array] | None  # the cost and the residual (m,) at a point
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 TRIES = 6  # to find a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
@@ -138,8 +139,7 @@ class Run:
 
     def constraints(self, x: Array) -> Array:
         """The constraints' values at x (k,), each in its unit."""
-        there = self.problem.stacked_constraints
-        if there is None:
+        if (there := self.problem.stacked_constraints) is None:
             return np.zeros(0)
         return self.evaluate("constraint", lambda: there.values(x, self.fixed))
 
@@ -183,18 +183,12 @@ class Run:
         return self.rounding_noise.optimality(x, here)
 
     def gain_ratio(
-        self,
-        x: Array,
-        here: Linearization,
-        to: Array,
-        predicted: float,
-        known: tuple[float, Array] | None = None,
+        self, x: Array, here: Linearization, to: Array, predicted: float, known: Known = None
     ) -> float:
         """The actual decrease of the cost from x to another point over the `predicted` one.
 
-        The cost and the residual there are evaluated unless they are `known`.
-        If rounding errors hide both decreases, it is 1 for a more stationary point. If several
-        points in a row are not more stationary, nothing is left to gain and the run ends.
+        What is `known` there is not evaluated. Where rounding hides both, it is 1 for a more
+        stationary point; after several in a row that are not, the run ends.
         """
         self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
@@ -209,8 +203,7 @@ class Run:
         if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
             self._sure = self.one_pass and fallen >= SURE * predicted
             return fallen / predicted
-        there = self.linearize(to)
-        if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
+        if self.optimality(to, self.linearize(to)) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
             return 1.0
         self._unpolished += 1
@@ -237,8 +230,7 @@ class Run:
         def is_free(turned: Array) -> bool:
             return self.cost(turned) <= there.cost + self.rounding_noise.of_cost(to, there)
 
-        x = rewrapped(self.problem, to, is_free)
-        here = self.linearize(x)
+        here = self.linearize(x := rewrapped(self.problem, to, is_free))
         self.record(x, here.cost, here, damping, linear_algebra)
         return x, here
 
