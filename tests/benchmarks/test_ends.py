@@ -20,8 +20,9 @@ def test_the_page_counts_what_is_stored() -> None:
     of_smpl = [r for r in stored() if r["problem"] == "body-points-smpl"]
     assert Counter(r["cause"] for r in of_smpl)["second basin"] == 15
     text = " ".join(README.read_text(encoding="utf-8").split())
-    assert "16 end in a second basin (15 of SMPL" in text
-    assert "5 at the time limit and 5 without an end" in text
+    assert "16 ended in a second basin (15 of them fits of SMPL" in text
+    assert f"the file lists {len(stored())}: " in text
+    assert "5 ended at the time limit, and 5 were stopped from outside" in text
 
 
 def test_only_ends_with_a_cause_and_killed_runs_are_cases() -> None:

@@ -122,7 +122,7 @@ def test_what_is_said_of_causes_holds() -> None:
         f"{share(sigmas['4']['depth'])}, but the mean error rises from {sigmas['4']['mpjpe']:.1f} "
         f"to {sigmas['10']['mpjpe']:.1f} mm" in TEXT
     )
-    assert f"they suggest {FOUND_NUMBERS['noise, unknown']:.1f} px on `balance`" in TEXT
+    assert f"They suggest {FOUND_NUMBERS['noise, unknown']:.1f} px on `balance`" in TEXT
     rms = FOUND_NUMBERS["report, known"]["0"]["stature"]["rms"]
     assert f"known one by {rms:.0f} mm (root mean square)" in TEXT
 

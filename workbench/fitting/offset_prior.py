@@ -1,8 +1,9 @@
 """Where markers may sit: beside their nominal places, or on the surface at a known height.
 
-The centre of a ball that is glued to the skin is as far above it as the ball's radius and its foot
-say. What is not known is where on the surface somebody put it, and so its offset is uncertain along
-the surface and nearly known across it (Loper, Mahmood and Black, MoSh, 2014, section 3).
+How far the centre of a ball lies above the skin to which it is glued is known: it is the radius of
+the ball and the thickness of its foot. What is not known is where on the surface somebody put it,
+so that its offset is uncertain along the surface and nearly known across it (Loper, Mahmood and
+Black, MoSh, 2014, section 3).
 """
 
 import casadi as cs
@@ -28,10 +29,12 @@ def offset_prior(
     `sigma` is the standard deviation along each axis in m; with `across`, it is that of the two
     directions along the surface, and `across` that of the height above it. The directions are those
     of the surface of the mean person at rest: its normal at the marker's vertex, and two
-    perpendicular to it. A surface is no plane, so that a marker which sits a distance t from its
-    vertex is t^2 / 2R lower, on a limb of radius R, though its height is the same: 0.3 mm for
-    t = 5 mm and R = 4 cm. Raises BadArgument for standard deviations that are not above 0, and
-    where heights are known for a marker on a vertex that no face has.
+    perpendicular to it. A surface is curved: on a limb of radius R, a marker at the distance t from
+    its vertex lies t^2 / 2R below the tangent plane in which the prior expects it, though its
+    height above the skin is right; that is 0.3 mm for t = 5 mm and R = 4 cm. A coarse mesh and the
+    shapes of other people add to it (`benchmarks/MARKERS.md`). Raises BadArgument for standard
+    deviations that are not above 0, and where heights are known for a marker on a vertex that
+    belongs to no face.
     """
     for what, value in (("offset_sigma", sigma), ("across", across)):
         number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)

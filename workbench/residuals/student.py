@@ -9,19 +9,20 @@ Gamma distribution of the mean 1 and the shape nu / 2: what is unusual in one of
 expected to be so in the others (Lange, Little and Taylor, Robust statistical modeling using the t
 distribution, 1989). For nu -> infinity it is the Gaussian of covariance S.
 
-Observations often determine some directions of x alone, r of them, and the prior is to fill in the
-others. Where all d numbers are looked for together, the likeliest precision w is that of d numbers,
-though d - r of them are where they are expected only because nothing says otherwise: w is far too
-large, and x drawn to the mean. If what is not observed is integrated out instead, the r directions
-have a t distribution as well, whose squared distance is the least m^2 that they leave possible. Its
-density is that above with r instead of d: `counted`. With the others at the places where they are
-likeliest, the cost is exactly minus the log density of these r directions. As a function of all d
-numbers it is no density, if nu + r <= d its integral is infinite, and it cannot be sampled where
-fewer than d - nu - r directions are known otherwise.
+Observations often determine only r directions of x, and the prior has to fill in the others. If all
+d numbers are estimated together, the likeliest precision w counts all d of them as evidence that x
+is usual, although d - r of them are near their expected values only because no observation moves
+them. The precision is then far too large, and x is drawn to the mean. If the directions that are
+not observed are integrated out instead, the r others again have a t distribution. Its squared
+distance is the least m^2 that these r directions leave possible, and its density is the one above
+with r in place of d; `counted` is this r. With the unobserved directions at their likeliest places,
+the cost is exactly minus the log density of the r directions. As a function of all d numbers it
+belongs to no density: if nu + r <= d, its integral is infinite, and nothing can be sampled unless
+at least d - nu - r directions are determined otherwise.
 
-Where m^2 is large, J'J is larger than the Hessian: across the way to the mean by (1 + u) log(1 + u)
-/ u for u = m^2 / nu, and along it the Hessian is negative for u > 1. Laplace's standard deviations
-of what hardly anything but this term determines are then too small.
+Where m^2 is large, J'J is larger than the Hessian. With u = m^2 / nu, it is larger by the factor
+(1 + u) log(1 + u) / u across the way to the mean; along this way the Hessian is negative for u > 1.
+Laplace's standard deviations of what hardly anything but this term determines are then too small.
 """
 
 import casadi as cs
@@ -47,12 +48,13 @@ def student_t(
 ) -> Residual:
     """g(m^2) L^-1 (x - mean), with S = L L' and m^2 g(m^2)^2 = (nu + d) log(1 + m^2 / nu).
 
-    Half the sum of its d squares is exactly minus the log density, less that at the mean. x is a
-    block's symbol or an expression of d numbers; `dof` is nu, `scale` the matrix S, which is not
-    the covariance: that is nu / (nu - 2) S, and infinite up to nu = 2. `mean` and `scale` have the
-    shapes that the mean and the covariance of `gaussian` may have, and its errors. `counted` takes
-    the place of d in the formula: how many numbers of x observations determine, all d if not given;
-    with fewer it is meant for likeliest points, not for draws.
+    Half the sum of its d squares is the log density at the mean less the log density at x. x is a
+    block's symbol or an expression of d numbers, and `dof` is nu. `scale` is the matrix S, which is
+    not the covariance: the covariance is nu / (nu - 2) S if nu > 2, and infinite otherwise. `mean`
+    and `scale` have the shapes that the mean and the covariance of `gaussian` may have, and raise
+    the same errors. `counted` says how many of the numbers of x the observations determine; it
+    takes the place of d in the formula, and is d if not given. With fewer than d, the residual is
+    no longer the log density of x: use it to find likeliest points, and not to draw samples.
     Raises BadResidual for degrees of freedom that are not above 0, and a `counted` that is not
     above 0 and at most d.
     """

@@ -46,17 +46,18 @@ class LevenbergMarquardt:
     before the step is tried, because it may be large only for a column that is much shorter than
     others. Between bounds the step is the best one that stays inside.
 
-    Several steps may be taken with each Jacobian: from x + p the next one solves the same equations
-    with the residual there, (J'J + damping D^2) q = -J'r(x + p), and all of them are tried as one
-    step, after which the damping falls as after so many. This saves linearizations where a further
-    residual and its product with J' cost much less. Where a system of equations has a solution, m
-    steps with each Jacobian of Newton's method converge with order m + 1 (Shamanskii, A
-    modification of Newton's method, 1967), and two of this method with order 3 if the damping
-    vanishes with the residual (Fan, The modified Levenberg-Marquardt method for nonlinear equations
-    with cubic convergence, 2012). Here it falls by a factor of 10 at most for each step, so that
-    this order shows only where the damping is negligible. No further step is taken that is longer
-    than 3/4 of the one before it; where all of them do not lower the cost, the first is tried
-    alone. Raises BadArgument for less than one step.
+    Several steps may be taken with each Jacobian. After the first step p, the next one q solves the
+    same equations with the residual at x + p, (J'J + damping D^2) q = -J'r(x + p), and so on. Their
+    sum is tried as one step; where k steps are accepted together, the factor by which the damping
+    falls is applied k times. This saves linearizations where a further residual and its product
+    with J' cost much less. For equations that have a solution, Newton's method with m steps for
+    each Jacobian converges with order m + 1 (Shamanskii, A modification of Newton's method, 1967),
+    and this method with two of them with order 3, if the damping vanishes with the residual (Fan,
+    The modified Levenberg-Marquardt method for nonlinear equations with cubic convergence, 2012).
+    Here the damping falls by a factor of 10 at most for each step, so that this order shows only
+    where the damping is negligible. A further step that is longer than 3/4 of the one before it is
+    not taken. If the sum does not lower the cost, the first step is tried alone. Raises BadArgument
+    for less than one step.
 
     Attributes:
         scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
@@ -67,7 +68,7 @@ class LevenbergMarquardt:
             larger one begins with shorter steps, nearer to the gradient.
         steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the method of
             Levenberg and Marquardt, 2 for Fan's.
-        max_iterations: the largest number of steps.
+        max_iterations: the largest number of iterates after the start.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
             Jacobian and its Hessian together.
         max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step

@@ -1,7 +1,7 @@
-"""A solver of CasADi that is made once and serves one run on a problem after the other.
+"""A solver object of CasADi that is made once and then serves several runs on the same problem.
 
-To make IPOPT's takes about as long as two of its iterations on the pose of a body, and a problem is
-often solved again with other fixed numbers, as for each frame of a video.
+To make that of IPOPT takes about as long as two iterations of IPOPT on the pose of a body, and a
+problem is often solved again with other fixed numbers, as for each frame of a video.
 """
 
 from collections.abc import Iterator
@@ -34,10 +34,11 @@ class Made:
 
 @contextmanager
 def made_for(problem: Problem, options: object) -> Iterator[Made]:
-    """The solver that a run before has left with the problem, or else an empty place for one.
+    """The solver that an earlier run left with the problem, or an empty `Made` to put one into.
 
-    It is left there for the next run, unless something unexpected happens. The problem keeps one:
-    a run within a run gets its own.
+    Afterwards it is left with the problem for the next run, unless something unexpected was raised,
+    the problem is sparse, or it has more than 500 unknowns. A problem keeps one solver at a time,
+    so that a run within a run makes its own.
     """
     try:
         found = problem.solvers_made.pop()  # at once, whatever other threads do
