@@ -20,7 +20,7 @@ from workbench.solvers.limits import Stop
 
 GOAL = 1e-6  # m, the largest distance of a vertex
 LM, GN, IPOPT = "Levenberg-Marquardt", "Gauss-Newton", "IPOPT"
-TWO_STEPS = "Levenberg-Marquardt, two steps with each Jacobian"
+TWO_STEPS = "Levenberg-Marquardt, two steps"
 TO_THE_END, ALONE = "Levenberg-Marquardt to its own end", "its linearizations and solves alone"
 SCIPY_LM, SCIPY_TRF = "scipy lm, our Jacobian", "scipy trf, our Jacobian"
 

@@ -80,13 +80,17 @@ def test_the_readme_says_what_was_measured() -> None:
     results = {part: json.loads((RESULTS / f"{part}.json").read_text()) for part in parts}
     ratio = {target.name: target.measured for target in targets.all_of(results)}
     text = " ".join((HERE.parent / "README.md").read_text(encoding="utf-8").split())
-    assert "a Jacobian in a ninth of the time that JAX needs; with a C compiler, in a forti" in text
-    assert round(ratio["workbench: JAX / Jacobian"]) == 9
-    assert round(ratio["workbench, compiled: JAX / Jacobian"]) == 40
+    assert (
+        "in less than a tenth of the time that JAX needs; with a C compiler, in less than a" in text
+    )
+    assert 10 < ratio["workbench: JAX / Jacobian"] < 12
+    assert 40 < ratio["workbench, compiled: JAX / Jacobian"] < 50
     plain, compiled = (
         ratio[f"{way}: forward / JAX"] for way in ("workbench", "workbench, compiled")
     )
-    assert f"takes {plain:.1f} times as long as with JAX, and {compiled:.1f} times with" in text
+    assert (
+        f"takes {plain:.1f} times as long as with JAX, and {compiled:.1f} times as long w" in text
+    )
     fits = [value for name, value in ratio.items() if "our Jacobian / LM" in name]
     assert "between a quarter and a nineteenth of what `scipy.optimize.least_squares`" in text
     assert (round(min(fits)), round(max(fits))) == (4, 19)
