@@ -42,9 +42,10 @@ class LevenbergMarquardt:
     Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.2). The
     entries of D never decrease, so that an unknown whose column vanishes on the way is still damped
     (Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978). If the predicted
-    decrease is so small that rounding errors hide it, the damping is lowered as far as possible
-    before the step is tried, because it may be large only for a column that is much shorter than
-    others. Between bounds the step is the best one that stays inside.
+    decrease is so small that rounding errors hide it, the damping is lowered first, until a
+    decrease can be seen or the damping is negligible: it may be so large that it suppresses every
+    step in an unknown whose column is much shorter than the others. Between bounds the step is the
+    best one that stays inside.
 
     Several steps may be taken with each Jacobian. After the first step p, the next one q solves the
     same equations with the residual at x + p, (J'J + damping D^2) q = -J'r(x + p), and so on. Their
