@@ -28,8 +28,7 @@ def touching(body: SkinnedBody) -> Capsules:
     """The capsules of a body with the pairs that overlap in at least 2 of 4,000 draws of the prior.
 
     Poses are drawn and betas are not: it is the mean person who takes them. A pair and its mirror
-    image count together. Pairs such as a foot and the head, which never meet,
-    only cost time.
+    image count together. Pairs such as a foot and the head, which never meet, only cost time.
     """
     poses = draw_poses(shipped_mixture(), DRAWS, np.random.default_rng(0))
     capsules = capsules_of(body)

@@ -4,13 +4,13 @@ Run as `python -m builder.pose_gaussian MOCAP.npz --out workbench/data/poses`, w
 `workbench.priors.mocap` describes it.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 
+from builder.from_a_recording import asked
 from builder.mirrored_poses import both_ways
-from workbench.priors.mocap import Mocap, read_mocap
+from workbench.priors.mocap import Mocap
 from workbench.priors.poses import GAUSSIAN_FILE, PoseGaussian
 
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
@@ -49,13 +49,9 @@ def save_pose_gaussian(prior: PoseGaussian, path: Path) -> None:
 
 def main() -> None:
     """Learn the prior from a recording and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("mocap", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    learned_from, _ = read_mocap(arguments.mocap).split()
+    learned_from, _, out = asked(__doc__)
     prior = learn_pose_gaussian(learned_from)
-    save_pose_gaussian(prior, arguments.out / GAUSSIAN_FILE)
+    save_pose_gaussian(prior, out / GAUSSIAN_FILE)
     print(f"{prior.n_frames} frames; not moved in them: {', '.join(prior.unmeasured)}")
     print(f"held out: {', '.join(prior.held_out)}")
 

@@ -4,17 +4,17 @@ Run as `python -m builder.pose_mixture MOCAP.npz --out workbench/data/poses`, wi
 `workbench.priors.mocap` describes it.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 from scipy.special import logsumexp
 
+from builder.from_a_recording import asked
 from builder.mirrored_poses import both_ways
 from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD
 from workbench.arrays import Array
-from workbench.priors.mocap import Mocap, read_mocap
+from workbench.priors.mocap import Mocap
 from workbench.priors.poses import MIXTURE_FILE, PoseMixture
 
 COMPONENTS = 8
@@ -104,13 +104,9 @@ def save_pose_mixture(mixture: PoseMixture, path: Path) -> None:
 
 def main() -> None:
     """Learn the mixture from a recording and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("mocap", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    learned_from, held_out = read_mocap(arguments.mocap).split()
+    learned_from, held_out, out = asked(__doc__)
     mixture = learn_pose_mixture(learned_from)
-    save_pose_mixture(mixture, arguments.out / MIXTURE_FILE)
+    save_pose_mixture(mixture, out / MIXTURE_FILE)
     flat = held_out.poses[:, 1:].reshape(len(held_out.poses), -1)
     density = float(logsumexp(mixture.log_density(flat), axis=1).mean())
     print(f"{mixture.n_frames} frames; shares {np.round(mixture.shares, 3).tolist()}")

@@ -4,19 +4,19 @@ Run as `python -m builder.pose_student MOCAP.npz --out workbench/data/poses`, wi
 `workbench.priors.mocap` describes it.
 """
 
-import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import scipy.optimize
 
+from builder.from_a_recording import asked
 from builder.mirrored_poses import both_ways
 from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD
 from workbench.arrays import Mask
 from workbench.errors import BadArgument
-from workbench.priors.mocap import Mocap, read_mocap
+from workbench.priors.mocap import Mocap
+from workbench.priors.poses import numbers_of
 from workbench.priors.tailed_poses import STUDENT_FILE, PoseStudent
 
 DOF = 4.0  # while the scale is learned: near to what the parts that are left out then say
@@ -41,7 +41,7 @@ def learn_pose_student(mocap: Mocap) -> PoseStudent:
             flat, _ = both_ways(mocap._where(out))
             found.append((_scale_of(mocap._where(~out), moves), flat))
     whole = _scale_of(mocap, moves)
-    columns = _columns(mocap, whole.joint_names)
+    columns = numbers_of(whole.joint_names, mocap.joint_names[1:])
 
     def loss(logs: np.ndarray) -> float:
         dof, factor = np.exp(logs)
@@ -75,22 +75,12 @@ def _scale_of(mocap: Mocap, moves: Mask) -> PoseStudent:
     return found
 
 
-def _columns(mocap: Mocap, names: tuple[str, ...]) -> np.ndarray:
-    """The columns of these joints among the angles of all but the root."""
-    joints = np.array([mocap.joint_names[1:].index(name) for name in names])
-    return np.asarray((3 * joints[:, None] + np.arange(3)).ravel())
-
-
 def main() -> None:
     """Learn the prior from a recording and write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("mocap", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    learned_from, held_out = read_mocap(arguments.mocap).split()
+    learned_from, held_out, out = asked(__doc__)
     prior = learn_pose_student(learned_from)
     write_arrays(
-        arguments.out / STUDENT_FILE,
+        out / STUDENT_FILE,
         {
             "mean": prior.mean.astype(np.float32),
             "scale": prior.scale.astype(np.float32),
@@ -100,7 +90,8 @@ def main() -> None:
             "held_out_clips": np.array(prior.held_out),
         },
     )
-    flat = both_ways(held_out)[0][:, _columns(held_out, prior.joint_names)]
+    columns = numbers_of(prior.joint_names, held_out.joint_names[1:])
+    flat = both_ways(held_out)[0][:, columns]
     print(f"{prior.dof:.2f} degrees of freedom; {prior.n_frames} frames")
     print(f"mean log density of held-out frames: {prior.log_density(flat).mean():.2f}")
 

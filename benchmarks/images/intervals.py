@@ -35,6 +35,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.fitting.body_priors import POSE_PRIOR
 from workbench.fitting.depth_interval import OFFSET, Z90, spreads
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight, WithStature, image_priors
@@ -199,7 +200,7 @@ def without_bias(body: SkinnedBody, tuning: list[Case], cases: list[Case]) -> li
 def wide_pose(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     """The terms of an image with known stature, and a pose prior three times as wide."""
     of = WithStature(STATURE)(body)
-    return tuple(one.weighed(1 / 9) if one.name == "pose prior" else one for one in of)
+    return tuple(one.weighed(1 / 9) if one.name == POSE_PRIOR else one for one in of)
 
 
 def known_shape(betas: Array) -> Terms:

@@ -29,6 +29,7 @@ from workbench.comparison.statistics import rate
 from workbench.errors import check_known
 from workbench.experiments.balance import observations
 from workbench.fitting import keypoint_fit, photograph
+from workbench.fitting.body_priors import POSE_PRIOR
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import (
     ByHeight,
@@ -58,7 +59,6 @@ REPORTED = range(0, 100, 4)  # frames of `balance`; recipes were chosen on 2, 10
 STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
 PEOPLE = 200
 NOISE = 5.0  # px
-POSE = "pose prior"
 STRICT = 0.035  # of the height, from which on keypoints are outliers, with the Student's t
 OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 TITLES = {
@@ -118,7 +118,7 @@ def from_the_truth(fits: ImageFits) -> Fit:
 
 def half(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     """The terms of an image with a pose prior that counts half."""
-    return tuple(one.weighed(0.5) if one.name == POSE else one for one in image_priors(body))
+    return tuple(one.weighed(0.5) if one.name == POSE_PRIOR else one for one in image_priors(body))
 
 
 def balance_cases(body: SkinnedBody, frames: Iterable[int] = REPORTED) -> Iterator[Case]:

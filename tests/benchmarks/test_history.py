@@ -8,7 +8,10 @@ import pytest
 
 from benchmarks import history, history_page, targets
 from benchmarks.__main__ import BUSY, PARTS
+from benchmarks.fits import LM, TWO_STEPS
+from benchmarks.ours import COMPILED, NUMPY
 from benchmarks.targets import Target
+from benchmarks.timing import best
 
 HERE = Path(history_page.__file__).parent
 RESULTS = HERE / "results"
@@ -94,3 +97,16 @@ def test_the_readme_says_what_was_measured() -> None:
     fits = [value for name, value in ratio.items() if "our Jacobian / LM" in name]
     assert "between a quarter and a nineteenth of what `scipy.optimize.least_squares`" in text
     assert (round(min(fits)), round(max(fits))) == (4, 19)
+
+
+def test_the_page_says_what_two_steps_with_each_jacobian_take() -> None:
+    found = json.loads((RESULTS / "fits.json").read_text())["found"]
+    ratios = [
+        best(each["seconds"][f"{way}: {TWO_STEPS}"]) / best(each["seconds"][f"{way}: {LM}"])
+        for each in found.values()
+        for way in (NUMPY, COMPILED)
+        if f"{way}: {LM}" in each["seconds"]
+    ]
+    assert len(ratios) == 10
+    text = " ".join((HERE / "README.md").read_text(encoding="utf-8").split())
+    assert f"takes {min(ratios):.2f} to {max(ratios):.2f} of the time of one step" in text

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from benchmarks.images.markers import RESULTS
 
@@ -34,6 +35,10 @@ def test_the_page_holds_the_means_of_the_stored_results() -> None:
         assert len(several) == 8
     met = "Both wishes are met for these markers, whether heights are known or not"
     assert met in " ".join(text.split())
+    known, unknown = (
+        np.mean([r["offsets"] for r in rows[stored]]) for stored in reversed(ON_THE_SURFACE)
+    )
+    assert known / unknown == pytest.approx(0.75, abs=0.02)  # lower by a quarter
     for stored in ON_THE_SURFACE:
         assert np.mean([r["shape"] for r in rows[stored]]) < 3
         assert np.mean([r["offsets"] for r in rows[stored]]) < 3.5

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
+from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
 from workbench.fitting.body_priors import pose_prior, tailed_pose_prior
@@ -336,6 +337,24 @@ def test_the_t_of_poses_has_tails_for_joints_that_move() -> None:
     assert 0.5 * r @ r == pytest.approx(expected, rel=1e-5)
     hand = load_body("hand")
     assert tailed_pose_prior(hand, 13).size == pose_prior(hand).size
+
+
+def test_a_body_without_feet_has_the_t_too() -> None:
+    """It has all joints that move in the recording, but not all down to the wrists."""
+    kept = [k for k, name in enumerate(BODY.joint_names) if not name.endswith("_foot")]
+    features = [9 * (k - 1) + i for k in kept[1:] for i in range(9)]
+    no_feet = SkinnedBody(
+        template=BODY.template,
+        shapedirs=BODY.shapedirs,
+        posedirs=BODY.posedirs[:, :, features],
+        J_regressor=BODY.J_regressor[kept],
+        weights=BODY.weights[:, kept] / BODY.weights[:, kept].sum(axis=1, keepdims=True),
+        parents=tuple(-1 if k == 0 else kept.index(BODY.parents[k]) for k in kept),
+        faces=BODY.faces,
+        joint_names=tuple(BODY.joint_names[k] for k in kept),
+    )
+    found = tailed_pose_prior(no_feet, 13)
+    assert found.size == pose_prior(no_feet).size == 3 * 21
 
 
 def test_one_camera_of_a_real_person() -> None:

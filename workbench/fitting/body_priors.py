@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import casadi as cs
 import numpy as np
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.hand_axes import hands_of
 from workbench.bodies.pose_space import PoseSpace, has_pose_space, pose_space
 from workbench.priors.hand_limits import hand_limits
-from workbench.priors.poses import shipped_gaussian
+from workbench.priors.poses import numbers_of, shipped_gaussian
 from workbench.priors.tailed_poses import shipped_student
 from workbench.residuals import Residual, gaussian, student_t
 
@@ -47,7 +47,7 @@ def tailed_pose_prior(body: Body, counted: float) -> Residual:
     if covariance.ndim == 0:
         covariance = covariance * np.eye(mean.size)
     x = cs.vec(body.blocks()[0].symbol[:, 1:])
-    moving = _numbers(names, learned.joint_names)
+    moving = numbers_of(learned.joint_names, names)
     still = np.setdiff1d(np.arange(3 * len(names)), moving)
     of_moving = student_t(
         x[moving.tolist()],
@@ -106,16 +106,11 @@ def _place(
 ) -> None:
     """Write the Gaussian of some of the joints, the first in their own, to where they stand."""
     mean, covariance = into
-    joints, numbers = np.array([names.index(name) for name in some]), _numbers(names, some)
+    numbers = numbers_of(some, names)
+    joints = numbers[::3] // 3
     n = len(numbers)
     mean[joints] = own[0].reshape(-1, 3)[: len(joints)]
     covariance[np.ix_(numbers, numbers)] = own[1][:n, :n]
-
-
-def _numbers(names: Sequence[str], some: Sequence[str]) -> Index:
-    """Where the numbers of some joints stand among those of all joints."""
-    joints = np.array([names.index(name) for name in some])
-    return np.asarray((3 * joints[:, None] + np.arange(3)).ravel())
 
 
 def shape_prior(body: Body) -> Residual:

@@ -6,6 +6,7 @@ each by itself. SMPLify's prior has eight components as well (Bogo et al., Keep 
 section 3.3). `data/poses/PROVENANCE.md` says where the priors come from.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.errors import BadFile
 from workbench.reading.archive import AGAIN, opened
 from workbench.reading.expected import read_expected, reals, texts, wholes
@@ -92,11 +93,25 @@ class PoseMixture:
         """The log density of each component at poses (n, D), log shares included: (n, C)."""
         found = np.empty((len(flat), len(self.shares)))
         for c, (mean, covariance) in enumerate(zip(self.means, self.covariances, strict=True)):
-            L = scipy.linalg.cholesky(covariance, lower=True)
-            white = scipy.linalg.solve_triangular(L, (flat - mean).T, lower=True)
-            scale = np.log(np.diag(L)).sum() + 0.5 * len(L) * np.log(2 * np.pi)
-            found[:, c] = np.log(self.shares[c]) - 0.5 * (white**2).sum(axis=0) - scale
+            squares, log_volume = squared_distances(flat, mean, covariance)
+            scale = log_volume + 0.5 * len(mean) * np.log(2 * np.pi)
+            found[:, c] = np.log(self.shares[c]) - 0.5 * squares - scale
         return found
+
+
+def squared_distances(flat: Array, mean: Array, covariance: Array) -> tuple[Array, float]:
+    """The squared distances (n,) of points (n, D) from a mean (D,) by a covariance (D, D), and half
+    the logarithm of its determinant (Mahalanobis, On the generalised distance in statistics, 1936).
+    """
+    L = scipy.linalg.cholesky(covariance, lower=True)
+    white = scipy.linalg.solve_triangular(L, (flat - mean).T, lower=True)
+    return np.asarray((white**2).sum(axis=0)), float(np.log(np.diag(L)).sum())
+
+
+def numbers_of(some: Sequence[str], names: Sequence[str]) -> Index:
+    """Where the three numbers of each of some joints stand among those of all `names`."""
+    joints = np.array([names.index(name) for name in some])
+    return np.asarray((3 * joints[:, None] + np.arange(3)).ravel())
 
 
 def _with_pelvis(flat: Array) -> Array:

@@ -10,12 +10,11 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
-import scipy.linalg
 from scipy.special import gammaln
 
 from workbench.arrays import Array
 from workbench.errors import BadFile
-from workbench.priors.poses import EXPECTED
+from workbench.priors.poses import EXPECTED, squared_distances
 from workbench.reading.archive import AGAIN, opened
 from workbench.reading.expected import read_expected, reals
 
@@ -47,16 +46,15 @@ class PoseStudent:
 
     def squares(self, flat: Array) -> Array:
         """The squared distances m^2 (n,) from the mean of poses (n, 3 K), by `scale`."""
-        L = scipy.linalg.cholesky(self.scale, lower=True)
-        white = scipy.linalg.solve_triangular(L, (flat - self.mean).T, lower=True)
-        return np.asarray((white**2).sum(axis=0))
+        return squared_distances(flat, self.mean, self.scale)[0]
 
     def log_density(self, flat: Array) -> Array:
         """The log density (n,) at poses (n, 3 K) rad."""
         nu, d = self.dof, len(self.mean)
-        within = np.linalg.slogdet(self.scale)[1] + d * np.log(nu * np.pi)
-        constant = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * within
-        return np.asarray(constant - 0.5 * (nu + d) * np.log1p(self.squares(flat) / nu))
+        squares, log_volume = squared_distances(flat, self.mean, self.scale)
+        within = log_volume + 0.5 * d * np.log(nu * np.pi)
+        constant = gammaln((nu + d) / 2) - gammaln(nu / 2) - within
+        return np.asarray(constant - 0.5 * (nu + d) * np.log1p(squares / nu))
 
 
 def read_pose_student(path: Path) -> PoseStudent:

@@ -1,4 +1,4 @@
-"""The smallest type that holds the numbers of an array exactly.
+"""The type that holds the numbers of an array exactly and is read in the least time.
 
 What limits a posed surface is reading its shape and pose directions. Those of an embedded body are
 whole multiples of one step, and those of many files are single precision: four bytes hold each of
@@ -34,12 +34,12 @@ class Stored(Enum):
 
     @property
     def in_c(self) -> str:
-        """The type in C."""
+        """How the C code calls the type of one stored number: `double` or `float`."""
         return "double" if self is Stored.DOUBLE else "float"
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """The type in NumPy."""
+        """The type of one stored number in NumPy: double or single precision."""
         return np.dtype(np.float64 if self is Stored.DOUBLE else np.float32)
 
 
