@@ -11,6 +11,7 @@ import argparse
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,16 +61,27 @@ SHAPE = "shape prior"
 SAMPLED, STEPS = 40, 6000  # the frame whose posteriors are drawn from, and the steps of a walker
 
 
-def seen_from(body: SkinnedBody, view: View, values: Values) -> Callable[..., Array]:
+def places_of(body: SkinnedBody, pose: Array, betas: Array, trans: Array) -> Array:
+    """The pelvis and the landmarks (N, 1 + M, 3) m of N poses, betas and trans."""
+    root = body.joints(pose, betas, trans)[:, :1]
+    return np.concatenate([root, body.landmark("coco", pose, betas, trans)], axis=1)
+
+
+def seen_from(
+    body: SkinnedBody, view: View, values: Values, places: Callable[..., Array] | None = None
+) -> Callable[..., Array]:
     """Depth and stature, and where the 12 limb landmarks are relative to the pelvis in the axes of
-    the camera: a function from N poses, betas and trans to (N, 38) m.
+    the camera: a function from N poses, betas and trans to (N, 38) m. `places` computes what
+    `places_of` does.
     """
     R = matrix_from_vector(values[view.camera.rotation.name])
     t = values[view.camera.translation.name]
+    found = partial(places_of, body) if places is None else places
 
     def of(pose: Array, betas: Array, trans: Array) -> Array:
-        root = body.joints(pose, betas, trans)[:, :1] @ R.T + t
-        there = limbs(body, body.landmark("coco", pose, betas, trans)) @ R.T + t - root
+        points = found(pose, betas, trans) @ R.T + t
+        root = points[:, :1]
+        there = limbs(body, points[:, 1:]) - root
         across, along = there[..., :2].reshape(len(pose), -1), there[..., 2]
         return np.hstack([root[:, 0, 2:], stature(body, betas)[:, None], across, along])
 

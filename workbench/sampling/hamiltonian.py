@@ -13,21 +13,25 @@ after half of the warm-up a square root of the covariance of all chains. The ste
 the warm-up until 95 % of the ends are accepted. A longer step would suit most places, but in a bent
 ridge chains would hardly ever leave those where the density is narrow, and its tails would be
 explored slowly. Each chain takes a random fraction of the step, and trajectories have random
-lengths, so that none returns to where it began. An end beyond bounds or constraints is refused, so
+lengths, so that none returns to where it began. Where several modes are known, each trajectory is
+followed by an attempt to jump from one mode to another (Tjelmeland and Hegstad 2001, Mode jumping
+proposals in MCMC). An end beyond bounds or constraints is refused, so
 that many active bounds make chains slow.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.interrupts import Interrupts
+from workbench.sampling.descent import Mode
 from workbench.sampling.ensemble_settings import Callback, Progress, without_burn_in
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import TIMES, Mixing
+from workbench.sampling.modes import nearest_mode
 from workbench.threads import limited_threads
 
 WARM = 60  # trajectories of the warm-up
@@ -110,11 +114,35 @@ class _Chains:
                 p = p + 0.5 * e * slope
             change = log_p - 0.5 * np.sum(p**2, axis=1) - before
             chance = np.nan_to_num(np.exp(np.minimum(0.0, change)))
-        taken = rng.uniform(size=N) < chance
+        self._take(rng.uniform(size=N) < chance, u, log_p, slope)
+        return float(chance[self._counted(u)].mean()), count
+
+    def jump(self, found: Sequence[Mode], rng: np.random.Generator) -> None:
+        """Each chain tries to go to the place in another mode that corresponds to its own.
+
+        From mode i to mode j, z becomes z_j + H_j H_i^-1 (z - z_i), with the halves H of Laplace's
+        approximation. Both modes are drawn at random, wherever the chain is, and the end is
+        accepted with a chance of min(1, ratio of the densities times |H_j| / |H_i|), so that the
+        posterior stays what it is.
+        """
+        N, z = len(self.u), self.z
+        i = rng.integers(len(found), size=N)
+        j = (i + rng.integers(1, len(found), size=N)) % len(found)
+        to, volume = np.empty_like(z), np.empty(N)
+        for a, b in sorted({*zip(i.tolist(), j.tolist(), strict=True)}):
+            some, here, there = (i == a) & (j == b), found[a], found[b]
+            to[some] = there.z + (z[some] - here.z) @ np.linalg.solve(here.half.T, there.half.T)
+            volume[some] = np.linalg.slogdet(there.half)[1] - np.linalg.slogdet(here.half)[1]
+        u = np.asarray(np.linalg.solve(self.half, (to - self.centre).T).T)
+        log_p, slope = self._at(u)
+        with np.errstate(invalid="ignore"):
+            change = np.nan_to_num(log_p - self.log_p + volume, nan=-np.inf)
+        self._take(np.log(rng.uniform(size=N)) < change, u, log_p, slope)
+
+    def _take(self, taken: Mask, u: Array, log_p: Array, slope: Array) -> None:
         self.u = np.where(taken[:, None], u, self.u)
         self.log_p = np.where(taken, log_p, self.log_p)
         self.slope = np.where(taken[:, None], slope, self.slope)
-        return float(chance[self._counted(u)].mean()), count
 
     def _counted(self, u: Array) -> Mask:
         """Which ends say whether steps are short enough: not those that only a bound refuses."""
@@ -126,16 +154,21 @@ class _Chains:
         inside = self._target.allows(self._target.subspace.points(z))
         return inside if inside.mean() > SOME_INSIDE else everywhere
 
-    def whitened(self, seen: Array) -> "_Chains":
+    def whitened(self, seen: Array, found: Sequence[Mode]) -> "_Chains":
         """The same chains in coordinates in which the points seen (M, d) have covariance 1.
 
-        The fewer points there are, the more of the covariance is taken from the coordinates as
-        they are.
+        The covariance is that around the mean of each mode: how far modes are from each other says
+        nothing of how long a step can be in any of them. The fewer points there are, the more of
+        the covariance is taken from the coordinates as they are.
         """
         d, worth = seen.shape[1], len(seen) / WORTH
+        mean = seen.mean(axis=0)
+        if len(found) > 1:
+            which = nearest_mode(found, self.centre + seen @ self.half.T)
+            means = {i: seen[which == i].mean(axis=0) for i in set(which.tolist())}
+            seen = seen - np.array([means[i] for i in which.tolist()])
         known = worth / (worth + d)
         root = np.linalg.cholesky(known * np.cov(seen.T).reshape(d, d) + (1 - known) * np.eye(d))
-        mean = seen.mean(axis=0)
         u = np.linalg.solve(root, (self.u - mean).T).T
         return _Chains(self._target, self.centre + self.half @ mean, self.half @ root, u)
 
@@ -143,7 +176,7 @@ class _Chains:
 def run_hamiltonian(
     target: LogDensity,
     starts: Array,
-    half: Array,
+    found: Sequence[Mode],
     judged: Callable[[Array], Array],
     labels: tuple[str, ...],
     plan: HamiltonianSettings,
@@ -152,13 +185,14 @@ def run_hamiltonian(
 ) -> HamiltonianRun:
     """Draw from the target, beginning at `starts` (E W, d), until what is judged is usable.
 
-    `half` (d, d) is a square root of a covariance that serves as the first unit of steps. `judged`
-    takes points of all entries (N, d) to what the verdict is on, (N, k), whose names are `labels`.
-    An interrupt from the keyboard, or a callback that returns True, ends the run; draws after the
+    `found` are modes, at which the starts are by their shares; the `half` of the first is the first
+    unit of steps. Where there are several, chains also try to jump among them. `judged` takes
+    points of all entries (N, d) to what the verdict is on, (N, k), whose names are `labels`. An
+    interrupt from the keyboard, or a callback that returns True, ends the run; draws after the
     warm-up are kept.
     """
     began = time.perf_counter()
-    centre = starts.mean(axis=0)
+    centre, half = starts.mean(axis=0), found[0].half
     chains = _Chains(target, centre, half, np.linalg.solve(half, (starts - centre).T).T)
     kept = _Kept(plan, labels)
     history: list[Array] = []
@@ -169,6 +203,8 @@ def run_hamiltonian(
                 interrupts.check()
                 chance, count = chains.move(step, float(rng.uniform(*LENGTH)), rng)
                 steps += count
+                if len(found) > 1:
+                    chains.jump(found, rng)
                 if len(history) < WARM:
                     if len(history) < WARM - SETTLING:
                         step = float(
@@ -176,7 +212,8 @@ def run_hamiltonian(
                         )
                     history.append(chains.u)
                     if len(history) == WARM // 2:
-                        chains, step = chains.whitened(np.concatenate(history[-WARM // 4 :])), FIRST
+                        seen = np.concatenate(history[-WARM // 4 :])
+                        chains, step = chains.whitened(seen, found), FIRST
                     kept.warm = steps
                 else:
                     kept.add(judged(chains.z), chains.log_p, chance, steps)
