@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
-from benchmarks.images.intervals import LEVEL, WHAT, line, parts
+from benchmarks.images.intervals import LEVEL, WHAT, line, parts, share
 from workbench.arrays import Array
 from workbench.fitting.depth_interval import OFFSET, Z90
 
@@ -18,6 +19,7 @@ KINDS = {
     "known": "`balance`, stature known",
     "people": "synthetic people",
 }
+RESAMPLED = 1000
 Runs = dict[str, dict[str, Any]]  # posteriors by name
 
 
@@ -68,22 +70,21 @@ def shapes(runs: Runs) -> dict[str, dict[str, float]]:
     """How draws differ from Laplace's Gaussian, by what the numbers are.
 
     `sd` and `widest` are the median and the 95 % quantile of their standard deviations over
-    Laplace's; `skewness` is the median of its absolute value; `moved` is the root mean square of
-    the distance of their mean from the likeliest body, in Laplace's standard deviations; `farther`
-    is its mean in mm.
+    Laplace's; `skewness` is the median of its absolute value; `moved` and `farthest` are the median
+    and the 95 % quantile of the distance of their mean from the fit, in Laplace's standard
+    deviations.
     """
     sd, fit = column(runs, "laplace", "sd"), column(runs, "laplace", "fit")
     ratio = parts(column(runs, "draws", "sd") / sd)
-    moved = parts((column(runs, "draws", "mean") - fit) / sd)
-    farther = parts(1e3 * (column(runs, "draws", "mean") - fit))
+    moved = parts(np.abs(column(runs, "draws", "mean") - fit) / sd)
     skewness = parts(column(runs, "draws", "skewness"))
     return {
         name: {
             "sd": float(np.median(ratio[name])),
             "widest": float(np.quantile(ratio[name], 0.95)),
             "skewness": float(np.median(np.abs(skewness[name]))),
-            "moved": float(np.sqrt(np.mean(moved[name] ** 2))),
-            "farther": float(farther[name].mean()),
+            "moved": float(np.median(moved[name])),
+            "farthest": float(np.quantile(moved[name], 0.95)),
         }
         for name in WHAT
     }
@@ -112,7 +113,7 @@ def compared(found: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         yield (
             name.removesuffix(", emcee"),
             {
-                "emcee": one,
+                "emcee": one | one["entries"],
                 "hamiltonian": other,
                 "apart": float(np.max(np.abs(a["mean"] - b["mean"]) / b["sd"])),
                 "within 2": int(np.sum(np.abs(means) < 2) + np.sum(np.abs(sds) < 2)),
@@ -123,11 +124,67 @@ def compared(found: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         )
 
 
+def factors(runs: Runs, way: str, name: str = "along") -> tuple[float, float]:
+    """The 95 % interval of `judged`'s factor, if other images were as alike as these (bootstrap of
+    posteriors).
+    """
+    off = parts(outside(runs, way))[name]
+    rng = np.random.default_rng(0)
+    some = rng.integers(len(off), size=(RESAMPLED, len(off)))
+    found = np.quantile(off[some].reshape(RESAMPLED, -1), LEVEL, axis=1)
+    low, high = np.quantile(found, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def findings(found: dict[str, Any]) -> Iterator[str]:
+    """Sentences about the numbers, one an item."""
+    kinds = {kind: runs for kind in KINDS if (runs := of_kind(found, kind))}
+    for kind, runs in kinds.items():
+        told = []
+        for way in ("Laplace", "draws"):
+            one, (low, high) = judged(runs, way)["along"], factors(runs, way)
+            told.append(
+                f"by {way} {share(one)} hold the truth, and they should be {one['factor']:.2f} "
+                f"times as wide (95 %: {low:.2f} to {high:.2f})"
+            )
+        yield f"Limbs along the axis, {KINDS[kind]} ({len(runs)} posteriors): {'; '.join(told)}."
+    for kind in ("unknown", "known"):
+        if kind in kinds:
+            off = bias(kinds[kind])
+            yield (
+                f"Depth of {KINDS[kind]}: in the mean of {len(kinds[kind])} posteriors the "
+                f"likeliest body is {-off['fit']:.0f} mm too near, and the mean of the draws "
+                f"{-off['draws']:.0f} mm."
+            )
+    everywhere = [run for runs in kinds.values() for run in runs.values()]
+    behind = [run["behind"] for run in everywhere if run["behind"] > 0]
+    most = 100 * max(behind, default=0.0)
+    yield (
+        f"Searches for modes find bodies behind the camera in {len(behind)} of "
+        f"{len(everywhere)} posteriors, with up to {most:.0f} % of the mass."
+    )
+    for name, pair in compared(found):
+        low, high = pair["ratio"]
+        yield (
+            f"emcee and Hamiltonian Monte Carlo ({name}): {pair['within 2']} of the {pair['of']} "
+            "means and standard deviations differ by less than two standard errors, means by at "
+            f"most {pair['apart']:.2f} standard deviations, and standard deviations by factors of "
+            f"{low:.2f} to {high:.2f}."
+        )
+
+
 def tables(found: dict[str, Any]) -> str:
     """The tables of the page."""
     head = "depth | stature | limbs across | limbs along"
     rule = " --: | --: | --: | --: |"
-    lines = ["", "90 % intervals that hold the truth (factor by which they should be wider):", ""]
+    items = (fill(f"- {one}", 120, subsequent_indent="  ") for one in findings(found))
+    lines = [
+        "",
+        *items,
+        "",
+        "90 % intervals that hold the truth (factor by which they should be wider):",
+        "",
+    ]
     lines += [f"| posteriors | intervals | {head} |", f"| --- | --- |{rule}"]
     for kind, title in KINDS.items():
         if not (runs := of_kind(found, kind)):
@@ -138,14 +195,16 @@ def tables(found: dict[str, Any]) -> str:
         lines += [f"| {len(runs)}, {title} | {way} | {line(judged(runs, way))} |" for way in ways]
     lines += ["", "The draws, compared with Laplace's Gaussian:", ""]
     lines += ["| posteriors | numbers | sd / Laplace's: median, 95 % quantile | skewness, median |"]
-    lines[-1] += " mean off the fit, sd (rms) |"
+    lines[-1] += " mean off the fit, sd: median, 95 % quantile |"
     lines += ["| --- | --- | --: | --: | --: |"]
     for kind, title in KINDS.items():
         if not (runs := of_kind(found, kind)):
             continue
         for name, one in shapes(runs).items():
             cells = f"{one['sd']:.2f}, {one['widest']:.2f} | {one['skewness']:.2f}"
-            lines.append(f"| {title} | {name} | {cells} | {one['moved']:.2f} |")
+            lines.append(
+                f"| {title} | {name} | {cells} | {one['moved']:.2f}, {one['farthest']:.2f} |"
+            )
     lines += ["", "How well Hamiltonian Monte Carlo mixes in the 38 numbers:", ""]
     lines += ["| posteriors | usable | of one mode, usable | of several modes, usable |"]
     lines[-1] += " evaluations, median | CPU s, median |"
@@ -162,15 +221,13 @@ def tables(found: dict[str, Any]) -> str:
     both = list(compared(found))
     if both:
         lines += ["", "The same posteriors by emcee and by Hamiltonian Monte Carlo:", ""]
-        lines += [
-            "| stature, frame, camera | method | evaluations | CPU s | steps / longest time |"
-        ]
+        lines += ["| stature, frame, camera | method | evaluations | steps / longest time |"]
         lines[-1] += " R-hat | least effective draws | usable |"
-        lines += ["| --- | --- | --: | --: | --: | --: | --: | --- |"]
+        lines += ["| --- | --- | --: | --: | --: | --: | --- |"]
     for name, pair in both:
         for method in ("emcee", "hamiltonian"):
             run = pair[method]
-            cells = f"{run['evaluations']:,.0f} | {run['seconds']:.0f} | {run['times']:.0f}"
+            cells = f"{run['evaluations']:,.0f} | {run['times']:.0f}"
             cells += f" | {run['R-hat']:.3f} | {run['effective']:,.0f}"
             lines.append(f"| {name} | {method} | {cells} | {'yes' if run['usable'] else 'no'} |")
     return "\n".join(lines[1:]) + "\n"
