@@ -147,7 +147,11 @@ def findings(found: dict[str, Any]) -> Iterator[str]:
                 f"by {way} {share(one)} hold the truth, and they should be {one['factor']:.2f} "
                 f"times as wide (95 %: {low:.2f} to {high:.2f})"
             )
-        yield f"Limbs along the axis, {KINDS[kind]} ({len(runs)} posteriors): {'; '.join(told)}."
+        first, second = (judged(runs, way)["along"]["factor"] for way in ("Laplace", "draws"))
+        yield (
+            f"Limbs along the axis, {KINDS[kind]} ({len(runs)} posteriors): {'; '.join(told)}. A "
+            f"factor of {first / second:.2f} is the approximation's, and {second:.2f} the model's."
+        )
     for kind in ("unknown", "known"):
         if kind in kinds:
             off = bias(kinds[kind])

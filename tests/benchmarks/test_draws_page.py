@@ -10,15 +10,21 @@ from benchmarks.images import draws
 from benchmarks.images.draws_tables import (
     BEGIN,
     END,
+    KINDS,
     RESULTS,
+    bias,
+    compared,
     judged,
+    of_kind,
     outside,
+    shapes,
     tables,
 )
-from benchmarks.images.intervals import places_of
+from benchmarks.images.intervals import WHAT, places_of
 from benchmarks.images.one_camera import PAGE
-from benchmarks.images.one_posterior import NUMBERS, compiled_places
-from workbench import SkinnedBody, load_body
+from benchmarks.images.one_posterior import LEAPFROGS, NUMBERS, STEPS, compiled_places
+from workbench import load_body
+from workbench.bodies import SkinnedBody
 from workbench.compiling import NoLibrary
 from workbench.fitting.depth_interval import Z90
 
@@ -29,6 +35,49 @@ TEXT = " ".join(PAGE.read_text().split())
 def test_the_tables_are_written_from_the_numbers() -> None:
     text = PAGE.read_text().partition(BEGIN)[2].partition(END)[0]
     assert text.strip() == tables(FOUND).strip()
+
+
+@pytest.mark.parametrize("kind", ["unknown", "known"])
+def test_what_is_said_of_balance_holds(kind: str) -> None:
+    runs = of_kind(FOUND, kind)
+    laplace, drawn = (judged(runs, way) for way in ("Laplace", "draws"))
+    model = drawn["along"]["factor"]
+    assert laplace["along"]["factor"] / model > model  # most is the approximation's
+    assert drawn["across"]["factor"] < laplace["across"]["factor"]
+    assert drawn["depth"]["within"] > laplace["depth"]["within"]
+    found = shapes(runs)
+    assert max(abs(found[name]["sd"] - 1) for name in WHAT[:2]) < 0.06
+    assert abs(found["along"]["sd"] - 1) < 0.1
+    assert 1.6 < found["along"]["widest"] < 2
+    off = bias(runs)
+    assert 0.2 < 1 - off["draws"] / off["fit"] < 0.45  # about a third
+    wide = judged(runs, "draws with offsets")
+    assert all(wide[name]["factor"] < 0.9 for name in WHAT)
+
+
+def test_what_is_said_of_synthetic_people_and_times_holds() -> None:
+    runs = of_kind(FOUND, "people")
+    laplace, drawn = (judged(runs, way)["along"]["factor"] for way in ("Laplace", "draws"))
+    assert drawn < 0.9 * laplace
+    everywhere = [of_kind(FOUND, kind) for kind in KINDS]
+    assert all(9 < np.median([r["seconds"] for r in some.values()]) < 21 for some in everywhere)
+    front = [run["draws"]["ends"][0][0] for some in everywhere for run in some.values()]
+    assert min(front) > 0
+    assert (LEAPFROGS.ensembles * LEAPFROGS.walkers, LEAPFROGS.steps) == (32, 30_000)
+    assert "with 32 chains in four groups" in TEXT
+
+
+def test_what_is_said_of_emcee_holds() -> None:
+    ((name, pair),) = compared(FOUND)
+    emcee, other = pair["emcee"], pair["hamiltonian"]
+    assert name.startswith("unknown")
+    assert pair["within 2"] > 0.9 * pair["of"]
+    assert f"needs {emcee['evaluations'] / other['evaluations']:.0f} times as many" in TEXT
+    assert f"After {STEPS:,} steps of each walker its draws are {emcee['times']:.0f} of" in TEXT
+    assert f"the 85 unknowns; {emcee['autocorrelation']:,.0f} steps" in TEXT
+    assert f"not reached with {emcee['evaluations'] / 1e6:.0f} million" in TEXT
+    assert emcee["usable"]
+    assert emcee["times"] < 50
 
 
 def test_intervals_of_draws_are_measured_from_the_median_on_each_side() -> None:
