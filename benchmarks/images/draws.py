@@ -133,7 +133,7 @@ def drawn(fits: Fits, kind: str, method: str, case: Case, seed: int, saved: Path
     laplace = {"fit": fit, "sd": sd, "lever": lever, "true": true}
     told = {"laplace": {name: one.tolist() for name, one in laplace.items()}}
     rng = np.random.default_rng((seed, 2))
-    return told | summary(found, true, OFFSET * lever, rng)
+    return told | summary(found, OFFSET * lever, rng)
 
 
 def draw(folder: Path, plan: tuple[Posteriors, ...] = PLAN) -> Iterator[str]:
@@ -169,7 +169,7 @@ def main() -> None:
     for line in (options.folder / "posteriors.jsonl").read_text().splitlines():
         one = json.loads(line)
         found["posteriors"][one["name"]] = one["run"]
-    keep(RESULTS, found, 6)  # means are close to each other
+    keep(RESULTS, found, 5)  # means are close to each other
     write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))
 
 

@@ -126,7 +126,7 @@ def by_emcee(setup: Setup, values: Values, numbers: Any, seed: int, checkpoint: 
     )
 
 
-def summary(found: Drawn, true: Array, offset: Array, rng: np.random.Generator) -> dict[str, Any]:
+def summary(found: Drawn, offset: Array, rng: np.random.Generator) -> dict[str, Any]:
     """What is kept of draws: moments with their standard errors, and ends of 90 % intervals.
 
     `offset` are the standard deviations (38,) that a detector's landmarks add, which are drawn
@@ -147,7 +147,6 @@ def summary(found: Drawn, true: Array, offset: Array, rng: np.random.Generator) 
         "error of mean": sd / np.sqrt(mixing.effective),
         "error of sd": squares.reshape(-1, NUMBERS).std(axis=0) / np.sqrt(of_squares) / (2 * sd),
         "skewness": skew(flat, axis=0),
-        "below": np.mean(flat < true, axis=0),
         "ends": np.stack([low, middle, high]),
         "ends with offsets": of_wide,
     }

@@ -20,7 +20,7 @@ from benchmarks.images.draws_tables import (
     shapes,
     tables,
 )
-from benchmarks.images.intervals import WHAT, places_of
+from benchmarks.images.intervals import WHAT, places_of, share
 from benchmarks.images.one_camera import PAGE
 from benchmarks.images.one_posterior import LEAPFROGS, NUMBERS, STEPS, compiled_places
 from workbench import load_body
@@ -42,23 +42,34 @@ def test_what_is_said_of_balance_holds(kind: str) -> None:
     runs = of_kind(FOUND, kind)
     laplace, drawn = (judged(runs, way) for way in ("Laplace", "draws"))
     model = drawn["along"]["factor"]
-    assert laplace["along"]["factor"] / model > model  # most is the approximation's
+    assert 1.1 < laplace["along"]["factor"] / model < model  # the model's is the larger part
     assert drawn["across"]["factor"] < laplace["across"]["factor"]
-    assert drawn["depth"]["within"] > laplace["depth"]["within"]
     found = shapes(runs)
     assert max(abs(found[name]["sd"] - 1) for name in WHAT[:2]) < 0.06
     assert abs(found["along"]["sd"] - 1) < 0.1
-    assert 1.6 < found["along"]["widest"] < 2
+    assert found["along"]["widest"] >= 1.7
     off = bias(runs)
-    assert 0.2 < 1 - off["draws"] / off["fit"] < 0.45  # about a third
+    assert 0.25 < 1 - off["draws"] / off["fit"] < 0.4  # about a third
     wide = judged(runs, "draws with offsets")
-    assert all(wide[name]["factor"] < 0.9 for name in WHAT)
+    assert share(wide["along"]) == "92 %"
+    assert wide["depth"]["factor"] < 0.9
+    depth = drawn["depth"]
+    if kind == "unknown":
+        assert f"hold depth in all {depth['of']} posteriors" in TEXT
+        assert depth["within"] == depth["of"]
+    else:
+        held = f"in {depth['within']} of {depth['of']} instead of Laplace's"
+        assert f"{held} {laplace['depth']['within']}" in TEXT
+    with_offsets = judged(runs, "Laplace with offsets")["along"]
+    assert share(with_offsets) == {"unknown": "86 %", "known": "87 %"}[kind]
 
 
 def test_what_is_said_of_synthetic_people_and_times_holds() -> None:
     runs = of_kind(FOUND, "people")
-    laplace, drawn = (judged(runs, way)["along"]["factor"] for way in ("Laplace", "draws"))
-    assert drawn < 0.9 * laplace
+    laplace, drawn = (judged(runs, way)["along"] for way in ("Laplace", "draws"))
+    assert abs(drawn["factor"] - 1) < 0.1
+    assert laplace["factor"] > 1.2 * drawn["factor"]
+    assert drawn["within"] / drawn["of"] > 0.88
     everywhere = [of_kind(FOUND, kind) for kind in KINDS]
     assert all(9 < np.median([r["seconds"] for r in some.values()]) < 21 for some in everywhere)
     front = [run["draws"]["ends"][0][0] for some in everywhere for run in some.values()]
