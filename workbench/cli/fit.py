@@ -14,7 +14,7 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.cluster import Dask, Workers
 from workbench.cli.images import fit_folder
-from workbench.cli.marker_fits import fit_markers
+from workbench.cli.marker_fits import Worn, fit_markers
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Compare, Out, carry_out, solver_named
 from workbench.cli.video import fit_video
@@ -27,6 +27,7 @@ from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.marker_files import READERS as MARKERS
+from workbench.fitting.marker_sets import OUT
 from workbench.fitting.meshes import own_mesh
 from workbench.fitting.setup import Setup
 from workbench.fitting.stature import checked_height
@@ -135,6 +136,21 @@ def fit(
         Path | None,
         typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
     ] = None,
+    marker_height: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of the centres of markers above the skin in m, such as 0.007; "
+            f"{OUT:g} if not given."
+        ),
+    ] = None,
+    across: Annotated[
+        float | None,
+        typer.Option(
+            help="How well this height is known: its standard deviation in m, such as 0.001. "
+            "Places of markers are then uncertain along the skin only; without it, in all "
+            "directions alike."
+        ),
+    ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
@@ -170,6 +186,7 @@ def fit(
         solver_named(solver)
     reading = ImageReading(_size(size), focal, cameras, person)
     recipe = _recipe(height, sigma)
+    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
     model, paths = load_body(body), [expanded(path) for path in files]
     given = Given(Console(), model, body, reading, recipe, sigma, solver, compare, out)
     first = paths[0]
@@ -182,7 +199,11 @@ def fit(
         "--person": person is not None,
     }
     moving = {"--fps": fps is not None}
-    of_markers = {"--marker-set": marker_set is not None}
+    of_markers = {
+        "--marker-set": marker_set is not None,
+        "--marker-height": marker_height is not None,
+        "--across": across is not None,
+    }
     if len(paths) > 1 and (video or first.is_dir() or first.suffix.lower() in (*READERS, *MARKERS)):
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
@@ -207,7 +228,7 @@ def fit(
         fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
     elif first.suffix.lower() in MARKERS:
         given.mind(of_keypoints | one_image | {"--compare": compare}, "it is not for markers")
-        fit_markers(given.console, first, model, marker_set, fps, sigma, given.named, out)
+        fit_markers(given.console, first, model, worn, fps, sigma, given.named, out)
     elif first.suffix.lower() in READERS:
         given.mind(of_keypoints, "it is for keypoints, and this is a mesh")
         given.mind(one_image | moving | of_markers, "it is not for a mesh")
