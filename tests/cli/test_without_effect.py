@@ -35,9 +35,9 @@ def test_a_mesh_has_no_camera(workbench: Run, tmp_path: Path, fitted: list[objec
     write_mesh(tmp_path / "me.obj", posed, body.faces)
     given = ("--size", "1088x1920", "--focal", "1500", "--person", "0", "--cameras", "none.toml")
     of_markers = ("--across", "0.001", "--marker-height", "0.007")
-    code, out, _ = workbench("fit", "me.obj", "--body", "small", *given, *of_markers)
+    code, out, _ = workbench("fit", "me.obj", "--body", "small", "--mean", *given, *of_markers)
     assert code == 0
-    for option in of_markers[::2]:
+    for option in (*of_markers[::2], "--mean"):
         assert f"{option} changes nothing: it is not for a mesh" in out
     for option in given[::2]:
         assert f"{option} changes nothing: it is for keypoints, and this is a mesh" in out

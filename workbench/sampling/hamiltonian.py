@@ -78,8 +78,16 @@ class HamiltonianRun:
     interrupted: bool
 
 
-class _Chains:
-    """Positions u (N, d) with their log densities (N,) and gradients (N, d)."""
+class Chains:
+    """Chains side by side: positions u (N, d) with their log densities (N,) and gradients (N, d).
+
+    Attributes:
+        centre: (d,) where u = 0.
+        half: (d, d) how z = centre + half u moves with u.
+        u: (N, d) where the chains are.
+        log_p: (N,) their log densities.
+        slope: (N, d) the gradients of these.
+    """
 
     def __init__(self, target: LogDensity, centre: Array, half: Array, u: Array) -> None:
         self._target, self.centre, self.half, self.u = target, centre, half, u
@@ -126,7 +134,7 @@ class _Chains:
         inside = self._target.allows(self._target.subspace.points(z))
         return inside if inside.mean() > SOME_INSIDE else everywhere
 
-    def whitened(self, seen: Array) -> "_Chains":
+    def whitened(self, seen: Array) -> "Chains":
         """The same chains in coordinates in which the points seen (M, d) have covariance 1.
 
         The fewer points there are, the more of the covariance is taken from the coordinates as
@@ -137,7 +145,12 @@ class _Chains:
         root = np.linalg.cholesky(known * np.cov(seen.T).reshape(d, d) + (1 - known) * np.eye(d))
         mean = seen.mean(axis=0)
         u = np.linalg.solve(root, (self.u - mean).T).T
-        return _Chains(self._target, self.centre + self.half @ mean, self.half @ root, u)
+        return Chains(self._target, self.centre + self.half @ mean, self.half @ root, u)
+
+
+def adapted(step: float, chance: float, wanted: float) -> float:
+    """The next step, after one with which this share of the ends was accepted."""
+    return float(np.clip(step * np.exp(GAIN * (chance - wanted)), LEAST, MOST))
 
 
 def run_hamiltonian(
@@ -159,7 +172,7 @@ def run_hamiltonian(
     """
     began = time.perf_counter()
     centre = starts.mean(axis=0)
-    chains = _Chains(target, centre, half, np.linalg.solve(half, (starts - centre).T).T)
+    chains = Chains(target, centre, half, np.linalg.solve(half, (starts - centre).T).T)
     kept = _Kept(plan, labels)
     history: list[Array] = []
     steps, step, stopped = 0, FIRST, False
@@ -171,9 +184,7 @@ def run_hamiltonian(
                 steps += count
                 if len(history) < WARM:
                     if len(history) < WARM - SETTLING:
-                        step = float(
-                            np.clip(step * np.exp(GAIN * (chance - ACCEPTED)), LEAST, MOST)
-                        )
+                        step = adapted(step, chance, ACCEPTED)
                     history.append(chains.u)
                     if len(history) == WARM // 2:
                         chains, step = chains.whitened(np.concatenate(history[-WARM // 4 :])), FIRST
