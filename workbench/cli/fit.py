@@ -123,8 +123,8 @@ def fit(
         bool,
         typer.Option(
             "--mean",
-            help="Also write the mean of the posterior, which is nearer to the truth on average "
-            "than the likeliest body.",
+            help="For one image or a video: also write the mean of the posterior, which on average "
+            "is nearer to the truth than the likeliest body.",
         ),
     ] = False,
     video: Annotated[
@@ -221,7 +221,7 @@ def fit(
     if not first.is_dir() or video:
         given.mind(many, "it is for a folder of images")
     if video:
-        given.mind(one_image | drawn | of_markers | {"--compare": compare}, "it is not for a clip")
+        given.mind(one_image | of_markers | {"--compare": compare}, "it is not for a clip")
         clip = read_clip(
             first,
             fps=fps or FPS,
@@ -230,7 +230,7 @@ def fit(
             focal=focal,
             person=person,
         )
-        fit_video(given.console, first, clip, model, recipe.sigma, given.named, out)
+        fit_video(given.console, first, clip, model, recipe.sigma, given.named, out, mean)
     elif first.is_dir():
         single = {"--compare": compare, "--solver": solver is not None}
         given.mind(single | drawn | moving | of_markers, "it is not for a folder of images")

@@ -41,7 +41,7 @@ def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> No
     console.print(
         f"in the mean of the posterior, the body is {1e3 * moved:.0f} mm from where it is "
         f"likeliest; about their middle, landmarks are {1e3 * apart.mean():.0f} mm from there, "
-        f"and are known to {1e3 * np.sqrt(np.mean(sd**2)):.0f} mm (standard deviation, root mean square)",
+        f"and are known to {1e3 * np.sqrt(np.mean(sd**2)):.0f} mm (standard deviation)",
         highlight=False,
         soft_wrap=True,
     )
