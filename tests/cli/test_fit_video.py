@@ -31,7 +31,7 @@ def test_a_clip_becomes_a_page_and_a_motion(
     clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workbench: Run
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    options = "--video", "--fps", "60", "--size", "1088x1920", "--focal", "1681"
+    options = "--video", "--fps", "60", "--size", "1088x1920", "--focal", "1681", "--mean"
     code, said, _ = workbench("fit", str(clip), *options)
     assert code == 0
     assert "independent frames" in said
@@ -42,6 +42,10 @@ def test_a_clip_becomes_a_page_and_a_motion(
         assert motion["trans"].shape == (5, 3)
         assert motion["fps"] == 60
     assert len(read_motion("runs/clip/motion.npz")) == 5
+    mean, likeliest = (read_motion(f"runs/clip/{name}.npz") for name in ("mean", "motion"))
+    assert mean.pose.shape == likeliest.pose.shape
+    np.testing.assert_array_equal(mean.betas, likeliest.betas)
+    assert 0.01 < abs(mean.pose - likeliest.pose).max() < 1.5
     summary = json.loads(Path("runs/clip/summary.json").read_text())
     measures = {one["name"]: one["value"] for one in summary["measures"]}
     assert summary["frames"] == 5

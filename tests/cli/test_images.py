@@ -104,10 +104,20 @@ def test_a_file_that_cannot_be_read_does_not_end_the_others(tmp_path: Path) -> N
 def test_one_image_has_a_page_with_its_hypotheses(tmp_path: Path) -> None:
     (file,) = written(tmp_path, 1)
     out = tmp_path / "runs"
-    arguments = (str(file), *OPTIONS, "--height", "1.7", "--hypotheses", "3", "--out", str(out))
-    assert fit(*arguments).exit_code == 0
+    likeliest = ("--height", "1.7", "--hypotheses", "3", "--mean")
+    arguments = (str(file), *OPTIONS, *likeliest, "--out", str(out))
+    told = fit(*arguments)
+    assert told.exit_code == 0
     page = (out / "frame0" / "index.html").read_text()
     assert "stature" in page
+    with np.load(out / "frame0" / "mean.npz") as mean:
+        assert mean["pose"].shape == (24, 3)
+        found = BODY.landmark("coco", mean["pose"], mean["betas"], mean["trans"])
+        np.testing.assert_allclose(found, mean["landmarks"], atol=1e-12)
+        assert mean["names"].tolist() == list(BODY.landmark_names("coco"))
+        known = np.sqrt(np.mean(mean["sd"] ** 2))
+    assert 0.01 < known < 0.2
+    assert f"are known to {1e3 * known:.0f} mm" in " ".join(told.output.split())
     summary = json.loads((out / "frame0" / "summary.json").read_text())
     assert summary["solver"].startswith("3 starts of")
 

@@ -34,6 +34,8 @@ compared = ("gauss-newton", "nlopt-lbfgs")
         ("fit kp.json --focal -5", "--focal takes a length in px above 0"),
         ("fit kp.json --sigma 0", "--sigma takes a number above 0"),
         ("fit kp.json --sigma nan", "--sigma takes a number above 0"),
+        ("fit walk.c3d --across 1", "--across takes a length in m, above 0 and below 0.1"),
+        ("fit walk.c3d --marker-height nan", "--marker-height takes a length in m, above 0"),
         ("fit kp.json --size 0x0", "--size takes WIDTHxHEIGHT"),
         ("fit kp.json --size ²x2", "--size takes WIDTHxHEIGHT"),
         ("fit kp.json --size 3", "--size takes WIDTHxHEIGHT"),

@@ -9,6 +9,7 @@ import pytest
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.test_mistakes import KEYPOINTS, LINE
+from workbench.cli.marker_fits import Worn
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
 from workbench.experiments.own_file import BESIDE, ENOUGH
@@ -33,12 +34,28 @@ def test_a_mesh_has_no_camera(workbench: Run, tmp_path: Path, fitted: list[objec
     posed = body.vertices(0.1 * np.ones((24, 3)), [1.0, -1.0], [0.5, 1.0, 0.0])
     write_mesh(tmp_path / "me.obj", posed, body.faces)
     given = ("--size", "1088x1920", "--focal", "1500", "--person", "0", "--cameras", "none.toml")
-    code, out, _ = workbench("fit", "me.obj", "--body", "small", *given)
+    of_markers = ("--across", "0.001", "--marker-height", "0.007")
+    code, out, _ = workbench("fit", "me.obj", "--body", "small", "--mean", *given, *of_markers)
     assert code == 0
+    for option in (*of_markers[::2], "--mean"):
+        assert f"{option} changes nothing: it is not for a mesh" in out
     for option in given[::2]:
         assert f"{option} changes nothing: it is for keypoints, and this is a mesh" in out
     assert workbench("fit", "me.obj", "--body", "small")[1] == ""
     assert len(fitted) == 2
+
+
+def test_what_is_known_of_markers_reaches_their_fit(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+    monkeypatch.setattr("workbench.cli.fit.fit_markers", lambda *given: asked.append(given[3]))
+    assert workbench("fit", "walk.c3d", "--across", "0.001", "--marker-height", "0.007")[:2] == (
+        0,
+        "",
+    )
+    assert workbench("fit", "walk.c3d", "--marker-set", "own.json")[:2] == (0, "")
+    assert asked == [Worn(None, 0.007, 0.001), Worn(Path("own.json"), 0.0095, None)]
 
 
 def test_a_calibration_has_the_focal_length(

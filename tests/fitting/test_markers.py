@@ -11,7 +11,7 @@ from rich.console import Console
 import workbench as wb
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.cli.marker_fits import fit_markers
+from workbench.cli.marker_fits import Worn, fit_markers
 from workbench.diagnostics import diagnose
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments import find
@@ -281,7 +281,8 @@ def test_the_command_writes_the_motion_of_every_frame(
     labels = np.array([*WORN.names, "*41"])
     more = np.concatenate([1000 * observed, np.ones((14, 1, 3))], axis=1)
     path = written(tmp_path / "take.npz", markers=more, labels=labels)
-    fit_markers(Console(), path, BODY, None, 30.0, None, TrustRegion(), tmp_path / "runs")
+    known = Worn(height=0.012, across=1e-4)
+    fit_markers(Console(), path, BODY, known, 30.0, None, TrustRegion(), tmp_path / "runs")
     said = " ".join(capsys.readouterr().out.split())
     assert "not fitted are *41" in said
     assert "the unit is taken to be mm" in said
@@ -291,6 +292,9 @@ def test_the_command_writes_the_motion_of_every_frame(
         shapes = {name: found[name].shape for name in found}
         assert found["fps"] == 30.0
         assert found["labels"].tolist() == list(WORN.names)
+        out = WORN.nominal / np.linalg.norm(WORN.nominal, axis=1, keepdims=True)
+        heights = np.sum(found["offsets"] * out, axis=1)
+        np.testing.assert_allclose(heights, 0.012, atol=1e-3)  # 9.5 mm, had it not been given
     assert shapes == {
         "poses": (14, 24, 3),
         "trans": (14, 3),

@@ -8,7 +8,15 @@ import pytest
 from workbench import load_body
 from workbench.errors import BadArgument
 from workbench.experiments.balance_video import balance_clip
-from workbench.fitting import BadObservation, Clip, Film, Smoothness, video_fit
+from workbench.fitting import (
+    BadObservation,
+    Clip,
+    Film,
+    Smoothness,
+    mesh_fit,
+    video_fit,
+    video_mean,
+)
 from workbench.fitting.videos import errors_of
 from workbench.solvers import Status, TrustRegion
 
@@ -134,3 +142,26 @@ def test_a_body_cannot_be_placed_by_three_keypoints() -> None:
     few = replace(clip, films=(replace(film, confidence=sure),))
     with pytest.raises(BadObservation, match="no frame shows 4 keypoints"):
         video_fit(few, BODY, "?")
+
+
+def test_the_mean_of_a_video_differs_smoothly_from_its_mode() -> None:
+    clip = gapped(balance_clip(range(40, 53), ["cam01"]), [5, 6])
+    setup = video_fit(clip, BODY, "?")
+    values = setup.start
+    asked: list[tuple[int, int]] = []
+    mean = video_mean(setup, values, told=lambda *count: asked.append(count))
+    assert asked == [(1, 3), (2, 3), (3, 3)]  # frames 0, 7, 12: every fifth that was seen
+    for name in set(values) - {"pose", "trans"}:
+        np.testing.assert_array_equal(mean[name], values[name])
+    for name in ("pose", "trans"):
+        apart = mean[name] - values[name]
+        assert 0.01 < abs(apart).max() < 1.5
+        assert abs(np.diff(apart, axis=0)).max() < 0.3 * abs(apart).max()
+    again = video_mean(setup, values)
+    np.testing.assert_allclose(again["pose"], mean["pose"], atol=1e-12)
+
+
+def test_a_mean_of_what_is_no_video() -> None:
+    setup = mesh_fit(BODY, BODY.template, "?", sigma=0.01)
+    with pytest.raises(BadArgument, match="give one that `video_fit` made"):
+        video_mean(setup, setup.start)

@@ -1,7 +1,6 @@
 """`workbench fit`: fits a body to keypoints, a video, markers or a mesh of the user."""
 
 import math
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -9,12 +8,15 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.cluster import Dask, Workers
+from workbench.cli.fit_options import recipe_of, size_of
+from workbench.cli.image_mean import add_mean
 from workbench.cli.images import fit_folder
-from workbench.cli.marker_fits import fit_markers
+from workbench.cli.marker_fits import Worn, fit_markers
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Compare, Out, carry_out, solver_named
 from workbench.cli.video import fit_video
@@ -24,12 +26,12 @@ from workbench.fitting.clip_files import read_clip
 from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_jobs import ImageReading, ImageWork
-from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.fitting.image_recipe import ByHeight
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.marker_files import READERS as MARKERS
+from workbench.fitting.marker_sets import OUT
 from workbench.fitting.meshes import own_mesh
 from workbench.fitting.setup import Setup
-from workbench.fitting.stature import checked_height
 from workbench.geometry.meshes import READERS, REGISTERED
 from workbench.homes import expanded
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
@@ -117,6 +119,14 @@ def fit(
             "such as one that faces the other way."
         ),
     ] = 1,
+    mean: Annotated[
+        bool,
+        typer.Option(
+            "--mean",
+            help="For one image or a video: also write the mean of the posterior, which on average "
+            "is nearer to the truth than the likeliest body.",
+        ),
+    ] = False,
     video: Annotated[
         bool,
         typer.Option(
@@ -134,6 +144,21 @@ def fit(
     marker_set: Annotated[
         Path | None,
         typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
+    ] = None,
+    marker_height: Annotated[
+        float | None,
+        typer.Option(
+            help="Height of the centres of markers above the skin in m, such as 0.007; "
+            f"{OUT:g} if not given."
+        ),
+    ] = None,
+    across: Annotated[
+        float | None,
+        typer.Option(
+            help="How well this height is known: its standard deviation in m, such as 0.001. "
+            "Places of markers are then uncertain along the skin only; without it, in all "
+            "directions alike."
+        ),
     ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
@@ -168,13 +193,15 @@ def fit(
             raise BadArgument(f"{option} takes {what} above 0, not {number:g}")
     if solver is not None:
         solver_named(solver)
-    reading = ImageReading(_size(size), focal, cameras, person)
-    recipe = _recipe(height, sigma)
+    reading = ImageReading(size_of(size), focal, cameras, person)
+    recipe = recipe_of(height, sigma)
+    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
     model, paths = load_body(body), [expanded(path) for path in files]
     given = Given(Console(), model, body, reading, recipe, sigma, solver, compare, out)
     first = paths[0]
     many = {"--workers": workers > 1, "--dask": dask is not None}
     one_image = {"--height": height is not None, "--hypotheses": hypotheses != 1}
+    drawn = {"--mean": mean}
     of_keypoints = {
         "--cameras": cameras is not None,
         "--size": size is not None,
@@ -182,7 +209,11 @@ def fit(
         "--person": person is not None,
     }
     moving = {"--fps": fps is not None}
-    of_markers = {"--marker-set": marker_set is not None}
+    of_markers = {
+        "--marker-set": marker_set is not None,
+        "--marker-height": marker_height is not None,
+        "--across": across is not None,
+    }
     if len(paths) > 1 and (video or first.is_dir() or first.suffix.lower() in (*READERS, *MARKERS)):
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
@@ -199,18 +230,20 @@ def fit(
             focal=focal,
             person=person,
         )
-        fit_video(given.console, first, clip, model, recipe.sigma, given.named, out)
+        fit_video(given.console, first, clip, model, recipe.sigma, given.named, out, mean)
     elif first.is_dir():
         single = {"--compare": compare, "--solver": solver is not None}
-        given.mind(single | moving | of_markers, "it is not for a folder of images")
+        given.mind(single | drawn | moving | of_markers, "it is not for a folder of images")
         work = ImageWork(model, recipe, reading, hypotheses)
         fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
     elif first.suffix.lower() in MARKERS:
-        given.mind(of_keypoints | one_image | {"--compare": compare}, "it is not for markers")
-        fit_markers(given.console, first, model, marker_set, fps, sigma, given.named, out)
+        given.mind(
+            of_keypoints | one_image | drawn | {"--compare": compare}, "it is not for markers"
+        )
+        fit_markers(given.console, first, model, worn, fps, sigma, given.named, out)
     elif first.suffix.lower() in READERS:
         given.mind(of_keypoints, "it is for keypoints, and this is a mesh")
-        given.mind(one_image | moving | of_markers, "it is not for a mesh")
+        given.mind(one_image | drawn | moving | of_markers, "it is not for a mesh")
         setup = own_mesh(first, model, 0.002 if sigma is None else sigma)
         _carry_out(given, first, setup)
     else:
@@ -218,7 +251,10 @@ def fit(
         if len(paths) > 1:
             why = "it is for one camera; several show where and how tall a person is"
             given.mind(one_image, why)
-        _carry_out(given, first, _keypoints(given, paths, hypotheses))
+        setup = _keypoints(given, paths, hypotheses)
+        found = _carry_out(given, first, setup)
+        if mean:
+            add_mean(given.console, setup, *found)
 
 
 def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
@@ -245,28 +281,10 @@ def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
     )
 
 
-def _carry_out(given: Given, file: Path, setup: Setup) -> None:
-    """Solve a setup and write its report."""
+def _carry_out(given: Given, file: Path, setup: Setup) -> tuple[Values, Path]:
+    """Solve a setup and write its report: the values, and the folder."""
     experiment = Experiment(
         file.stem, lambda: setup, "a user's own file", source=str(file.resolve())
     )
     named = None if given.solver is None and setup.strategy is not None else given.named
-    carry_out(given.console, experiment, named, given.compare, given.out)
-
-
-def _recipe(height: float | None, sigma: float | None) -> ByHeight:
-    """How one image is fitted, with a known stature, and with another sigma of keypoints."""
-    recipe = ByHeight(sigma=4.0 if sigma is None else sigma)
-    if height is None:
-        return recipe
-    checked_height(height)
-    return replace(recipe, priors=WithStature(height))
-
-
-def _size(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    found = re.fullmatch("([1-9][0-9]{0,5})x([1-9][0-9]{0,5})", text.strip().lower())
-    if not found:
-        raise BadArgument(f"--size takes WIDTHxHEIGHT in px, such as 1920x1080; not {text!r}")
-    return int(found[1]), int(found[2])
+    return carry_out(given.console, experiment, named, given.compare, given.out)

@@ -1,5 +1,6 @@
 """`workbench fit MARKERS.npz`: MoSh on a recording of markers, with its results as arrays."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,17 @@ from workbench.bodies.body import Body
 from workbench.bodies.skinned_only import not_skinned
 from workbench.cli.output import say_notes
 from workbench.cli.run import carry_out
-from workbench.errors import NotSupported
+from workbench.errors import BadArgument, NotSupported
 from workbench.experiments import Experiment
 from workbench.fitting.marker_files import MarkerRecording, read_markers
 from workbench.fitting.marker_frames import spread_frames
-from workbench.fitting.marker_sets import MarkerSet, default_markers, matched, read_marker_set
+from workbench.fitting.marker_sets import (
+    OUT,
+    MarkerSet,
+    default_markers,
+    matched,
+    read_marker_set,
+)
 from workbench.fitting.markers import SIGMA, marker_fit, marker_solver, rms_of_markers
 from workbench.fitting.mosh import FRAMES, frames_that_place, pose_every_frame
 from workbench.fitting.setup import Setup
@@ -23,13 +30,43 @@ from workbench.solvers import Solver
 from workbench.writing import write_arrays
 
 WORST = 5  # markers that are named
+HIGHEST = 0.1  # m above the skin: what is given in mm by mistake is above it
+
+
+@dataclass(frozen=True)
+class Worn:
+    """What is known of the markers that a person wears. Raises BadArgument for lengths in mm.
+
+    Attributes:
+        file: the marker set, in JSON; None for the body's own 41 markers.
+        height: of their centres above the skin, in m.
+        across: its standard deviation in m, or None where places are uncertain in all directions.
+    """
+
+    file: Path | None = None
+    height: float = OUT
+    across: float | None = None
+
+    def __post_init__(self) -> None:
+        for option, length in (("--marker-height", self.height), ("--across", self.across)):
+            if length is not None and not 0 < length < HIGHEST:
+                raise BadArgument(
+                    f"{option} takes a length in m, above 0 and below {HIGHEST:g}, such as 0.001 "
+                    f"for 1 mm; not {length:g}"
+                )
+
+    def on(self, body: SkinnedBody) -> MarkerSet:
+        """The markers on a body. Raises BadFile as `read_marker_set` does."""
+        placed = default_markers(body) if self.file is None else read_marker_set(self.file, body)
+        vertices = dict(zip(placed.names, placed.vertices, strict=True))
+        return MarkerSet.of(body, vertices, self.height)
 
 
 def fit_markers(
     console: Console,
     file: Path,
     body: Body,
-    marker_set: Path | None,
+    markers_worn: Worn,
     fps: float | None,
     sigma: float | None,
     solver: Solver,
@@ -44,8 +81,7 @@ def fit_markers(
     if not isinstance(body, SkinnedBody):
         raise NotSupported(not_skinned(body, "a fit to markers", "take a SkinnedBody"))
     recording = read_markers(file)
-    known = default_markers(body) if marker_set is None else read_marker_set(marker_set, body)
-    worn, places, notes = matched(recording.labels, known)
+    worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
     usable = frames_that_place(markers, worn)
@@ -56,7 +92,9 @@ def fit_markers(
     )
 
     def build() -> Setup:
-        return marker_fit(markers[chosen], body, worn, question, sigma=precision)
+        return marker_fit(
+            markers[chosen], body, worn, question, sigma=precision, across=markers_worn.across
+        )
 
     experiment = Experiment(file.stem, build, "a user's own file", source=str(file.resolve()))
     values, folder = carry_out(console, experiment, marker_solver(solver), False, out)

@@ -7,13 +7,16 @@ from rich.markup import escape
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.cli.image_mean import FILE
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace
 from workbench.fitting.clips import Clip
+from workbench.fitting.video_mean import video_mean
 from workbench.fitting.videos import video_fit
-from workbench.reports.video_page import write_video
+from workbench.reports.video_page import motion_arrays, write_video
 from workbench.solvers import Solver, Status
+from workbench.writing import write_arrays
 
 
 def fit_video(
@@ -24,11 +27,12 @@ def fit_video(
     sigma: float,
     solver: Solver,
     out: Path,
+    mean: bool,
 ) -> None:
     """Fit all frames of a clip together, and write the page.
 
-    After an interrupt the page holds the motion that was found until then, and the exit code is
-    130.
+    With `mean`, the folder gets `mean.npz` as well, the mean of the posterior as a motion. After an
+    interrupt the page holds the motion that was found until then, and the exit code is 130.
     """
     folder = folder_to_write(out, source.resolve().name, str(source.resolve()))
     question = f"Which shape and which motion explain the {clip.count} frames of {source}?"
@@ -54,3 +58,12 @@ def fit_video(
     print_page(console, "report", page)
     if solution.status is Status.STOPPED:
         raise Interrupted("interrupted; the page holds the motion that was found until then")
+    if mean and setup.moving is not None:
+        with console.status("") as status:
+            expected = video_mean(
+                setup,
+                values,
+                told=lambda done, all_: status.update(f"drawing: frame {done} of {all_}"),
+            )
+        write_arrays(folder / FILE, motion_arrays(setup.moving, expected))
+        console.print(f"mean: {folder / FILE}", highlight=False, soft_wrap=True)

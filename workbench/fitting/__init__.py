@@ -69,6 +69,7 @@ from workbench.fitting.scan_boundary import boundary
 from workbench.fitting.scan_files import ReadScan, read_scan
 from workbench.fitting.setup import Measure, Moving, Setup, View
 from workbench.fitting.stature import stature, stature_prior
+from workbench.fitting.video_mean import video_mean
 from workbench.fitting.videos import Smoothness, video_fit
 
 __all__ = [
@@ -156,6 +157,7 @@ __all__ = [
     "train_pose_regressor",
     "usual_priors",
     "video_fit",
+    "video_mean",
     "wider",
     "without_hidden",
 ]

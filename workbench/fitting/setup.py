@@ -86,12 +86,14 @@ class Moving:
         views: one per camera, with `observed` (T, M, 2) and `confidence` (T, M).
         fps: frames per second.
         data: the names of the residuals of keypoints.
+        frame: the problem of a frame by itself, where there is one.
     """
 
     body: SkinnedBody | TriangleBody
     views: tuple[View, ...]
     fps: float
     data: tuple[str, ...] = ()
+    frame: Problem | None = None
 
     def motion(self, values: Values) -> Motion:
         """The motion that values describe. Raises BadArgument if each frame has its own betas."""

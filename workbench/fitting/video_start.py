@@ -15,6 +15,7 @@ COARSE = (286.0, 40.0)  # px, the sigmas of the stages before the last
 EVERY = 10  # frames between two that are fitted from scratch
 FEWEST = 4  # keypoints that place a body
 QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
 Told = Callable[[int, int], object]  # called with the number of a frame and that of all frames
 
 
@@ -27,7 +28,8 @@ class FrameFits:
         body: the body.
         data: the names of the residuals of keypoints.
         sigma: their standard deviation in the last stage, in px.
-        solver: what solves each stage.
+        solver: what solves each stage of a fit from scratch.
+        following: what solves a frame from the one before.
     """
 
     frame: Problem
@@ -35,6 +37,7 @@ class FrameFits:
     data: tuple[str, ...]
     sigma: float
     solver: TrustRegion = QUICK
+    following: TrustRegion = ROUGHLY
 
     def from_scratch(self, values: Values, views: Sequence[View]) -> Values:
         """Placed in closed form, then in stages whose sigma falls to the last one."""
@@ -48,7 +51,7 @@ class FrameFits:
 
     def from_there(self, values: Values) -> Values:
         """The last stage alone."""
-        return self._solved(self.solver, values)
+        return self._solved(self.following, values)
 
     def _solved(self, solver: Solver, values: Values) -> Values:
         solution = solver.solve(self.frame, values)

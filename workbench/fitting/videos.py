@@ -147,7 +147,7 @@ def video_fit(
         View(film.name, camera, film.size, kind, film.pixels, film.confidence)
         for film, camera in zip(films, cameras, strict=True)
     )
-    moving = Moving(body, whole, clip.fps, data_names)
+    moving = Moving(body, whole, clip.fps, data_names, frame)
     gaps = clip.gaps
     missing = f"In {len(gaps)} of {T} frames no keypoint was observed; smoothness alone fills them"
     return Setup(

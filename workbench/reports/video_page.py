@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.fitting.setup import Setup
+from workbench.blocks import Values
+from workbench.fitting.setup import Moving, Setup
 from workbench.replay import recorded_frames
 from workbench.reports import tables
 from workbench.reports.folder import SUMMARY, Content, write_folder
@@ -21,15 +22,10 @@ FILES = {
 }
 
 
-def write_video(
-    setup: Setup, solution: Solution, folder: str | Path, title: str, source: str
-) -> Path:
-    """Write the folder of a fitted clip, and return its page `index.html`; raises BadFile."""
-    values = {**setup.start, **solution.values}
-    moving = setup.moving
-    assert moving is not None  # a fit of a clip says what moves
+def motion_arrays(moving: Moving, values: Values) -> dict[str, Array]:
+    """The arrays of `motion.npz`, which `read_motion` reads."""
     pose, betas, trans = (values[block.name] for block in moving.body.blocks())
-    motion: dict[str, Array] = {
+    return {
         "poses": pose,
         "trans": trans,
         "betas": betas,
@@ -37,6 +33,16 @@ def write_video(
         "joint_names": np.array(moving.body.joint_names),
         "up_axis": np.array("y"),
     }
+
+
+def write_video(
+    setup: Setup, solution: Solution, folder: str | Path, title: str, source: str
+) -> Path:
+    """Write the folder of a fitted clip, and return its page `index.html`; raises BadFile."""
+    values = {**setup.start, **solution.values}
+    moving = setup.moving
+    assert moving is not None  # a fit of a clip says what moves
+    motion = motion_arrays(moving, values)
     measures = setup.measures(values)
     text = page(
         "video.html",
@@ -59,7 +65,7 @@ def write_video(
         "kind": "video",
         "status": solution.status.name,
         "cost": solution.cost,
-        "frames": len(pose),
+        "frames": len(motion["poses"]),
         "notes": list(setup.notes),
         "measures": [{"name": m.name, "value": m.value, "unit": m.unit} for m in measures],
     }

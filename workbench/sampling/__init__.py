@@ -12,6 +12,7 @@ from workbench.sampling.mixing import Mixing, Usability
 from workbench.sampling.modes import ModeSearch, search_in_words
 from workbench.sampling.moves import MOVES, BiasedMove, Snooker
 from workbench.sampling.posterior import NotConverged, Posterior
+from workbench.sampling.posterior_mean import PosteriorMean, posterior_mean
 from workbench.sampling.sample import sample
 from workbench.sampling.subspace import Improper, Names, Subspace, directions, fixed, integrated
 
@@ -28,6 +29,7 @@ __all__ = [
     "Names",
     "NotConverged",
     "Posterior",
+    "PosteriorMean",
     "Progress",
     "Snooker",
     "Subspace",
@@ -40,6 +42,7 @@ __all__ = [
     "fixed",
     "integrated",
     "laplace",
+    "posterior_mean",
     "prior_deviations",
     "sample",
     "sampling_blocks",

@@ -16,7 +16,15 @@ WORTH = 5.0  # successive points of a chain that tell as much of a covariance as
 
 
 class Chains:
-    """Positions u (N, d) with their log densities (N,) and gradients (N, d)."""
+    """Positions u (N, d) with their log densities (N,) and gradients (N, d).
+
+    Attributes:
+        centre: (d,) where u = 0.
+        half: (d, d) how z = centre + half u moves with u.
+        u: (N, d) where the chains are.
+        log_p: (N,) their log densities.
+        slope: (N, d) the gradients of these.
+    """
 
     def __init__(self, target: LogDensity, centre: Array, half: Array, u: Array) -> None:
         self._target, self.centre, self.half, self.u = target, centre, half, u

@@ -78,6 +78,11 @@ class HamiltonianRun:
     interrupted: bool
 
 
+def adapted(step: float, chance: float, wanted: float) -> float:
+    """The next step, after one with which this share of the ends was accepted."""
+    return float(np.clip(step * np.exp(GAIN * (chance - wanted)), LEAST, MOST))
+
+
 def run_hamiltonian(
     target: LogDensity,
     starts: Array,
@@ -112,9 +117,7 @@ def run_hamiltonian(
                     chains.jump(found, rng)
                 if len(history) < WARM:
                     if len(history) < WARM - SETTLING:
-                        step = float(
-                            np.clip(step * np.exp(GAIN * (chance - ACCEPTED)), LEAST, MOST)
-                        )
+                        step = adapted(step, chance, ACCEPTED)
                     history.append(chains.u)
                     if len(history) == WARM // 2:
                         seen = np.concatenate(history[-WARM // 4 :])
