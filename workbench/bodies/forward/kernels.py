@@ -36,7 +36,7 @@ WORTH_SHARING = 16e6  # bytes of directions: below, two threads are hardly faste
 BLOCKS = ("pose", "betas", "trans")
 _STORAGES: WeakKeyDictionary[SurfaceArrays, tuple[Storage, Storage]] = WeakKeyDictionary()
 MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
-ARGUMENTS = {"points": 4, "tangent": 9, "clear": 2, "adjoint": 5}  # of the library's functions
+ARGUMENTS = {"points": 5, "tangent": 10, "clear": 2, "adjoint": 5}  # of the library's functions
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
 
@@ -170,6 +170,10 @@ class CompiledArithmetic:
         """The surface moved by a motion, of the person with these betas (B,)."""
         return CompiledSurface(self, motion, betas)
 
+    def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> CompiledSurface:
+        """The same, whose points are moved by trans (3,) m as they are written."""
+        return CompiledSurface(self, motion, betas, np.ascontiguousarray(trans, dtype=np.float64))
+
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, for all vertices, which is given the addresses of arrays."""
         self._functions[name](self._here, *map(_address, arrays))
@@ -204,17 +208,18 @@ class CompiledArithmetic:
 
 @dataclass(frozen=True, eq=False)
 class CompiledSurface:
-    """The points at one motion and shape, before translation; see AtOrigin."""
+    """The points at one motion and shape; before translation (see AtOrigin), or moved by trans."""
 
     of: CompiledArithmetic
     motion: Motion
     betas: Array
+    trans: Array | None = None
 
     @cached_property
     def points(self) -> Array:
-        """The posed vertices before translation, (N, 3) m."""
+        """The posed vertices, (N, 3) m; before translation, if there is none."""
         found = np.empty((self.of.packed.count, 3))
-        self.of.run("points", *self._moved, found)
+        self.of.run("points", *self._moved, self.trans, found)
         return found
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
@@ -236,7 +241,7 @@ class CompiledSurface:
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
         if clear and "pose" in tables:
             self.of.run("clear", tables["pose"])
-        wanted = factor, *(tables.get(name) for name in BLOCKS), found
+        wanted = factor, *(tables.get(name) for name in BLOCKS), self.trans, found
         arrays = *self._moved, slopes_column(slopes), *wanted
         self.of.share("tangent", arrays, kept=(into, copied))
         if found is not None:
