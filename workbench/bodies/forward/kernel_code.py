@@ -12,8 +12,8 @@ from workbench.compiling import source_beside, vectors
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
 STORED = ("shapedirs", "posedirs")  # what is read in the type in which it is stored
 WIDENED = {  # a number as it is stored, as a number to compute with
-    Stored.STEPS: "__builtin_convertvector(x, v)",
-    Stored.SINGLE: "__builtin_convertvector(x, v)",
+    Stored.STEPS: "DOUBLES(x)",
+    Stored.SINGLE: "DOUBLES(x)",
     Stored.DOUBLE: "(x)",
 }
 
