@@ -51,22 +51,23 @@ EXPORT void motion(const skeleton_t *of, const double *pose, const double *betas
     moved(of, pose, betas, world, found);
 }
 
-/* found, for vertices: three axes and slopes (9, 3) of features of each joint (K, 36), and the shifts of G
-by betas (B, K, 3); and once more as NumPy reads it: the turns (K, 9, 3), the slopes (K - 1, 3, 9), and the
+/* found, for vertices: three axes, slopes (9, 3) of features and what halves are multiplied with (13), of each
+joint (K, OF_JOINT), and the shifts of G by betas (B, K, 3); and once more as NumPy reads it: the turns (K, 9, 3), the slopes (K - 1, 3, 9), and the
 shifts (3 B, K). `moving` is what `motion` finds, or absent */
 EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas, double *found, double *moving)
 {
     double world[JOINTS][12], aside[9 * (JOINTS - 1) + 15 * JOINTS];
-    double *of_joints = found, *of_betas = of_joints + 36 * JOINTS, *turns = of_betas + 3 * BETAS * JOINTS;
+    double *of_joints = found, *of_betas = of_joints + OF_JOINT * JOINTS, *turns = of_betas + 3 * BETAS * JOINTS;
     double *d_features = turns + 27 * JOINTS, *d_shift = d_features + 27 * (JOINTS - 1);
     if (!moving) moving = aside;
     const double *G = moving + 9 * (JOINTS - 1);
     moved(of, pose, betas, world, moving);
-    memset(found, 0, (36 + 27) * JOINTS * sizeof(double) + 3 * BETAS * JOINTS * sizeof(double));
+    memset(found, 0, (OF_JOINT + 27) * JOINTS * sizeof(double) + 3 * BETAS * JOINTS * sizeof(double));
     for (integer k = 0; k < JOINTS; ++k) {
         const double *above = k ? G + 12 * parents[k] : nowhere;
-        double turn[36], *own = of_joints + 36 * k;
+        double turn[36], *own = of_joints + OF_JOINT * k;
         local_slopes(pose + 3 * k, turn);
+        halves(pose + 3 * k, own + SLOPED);
         axes(k ? world[parents[k]] : nowhere, turn, own);
         for (int a = 0; a < 3; ++a) {
             const double *axis = own + 3 * a;

@@ -26,6 +26,13 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
         const stored *bend = of->bends + 27 * i;
         v own[9] = {{0}};
         if (bulges) look_ahead(bend + 27 * AHEAD, 27 * sizeof(stored));
+        if (BY_HALVES && bulges) {
+            v both[12];
+            bending(bend, motion + OF_JOINTS + OF_JOINT * k + SLOPED, both);
+            for (int d = 0; d < 3; ++d) sum[d] += both[d];
+            bulged((const anywhere *)M, (const anywhere *)both + 3, bulges + 9 * i);
+            continue;
+        }
         _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n) {
             bent(bend + 3 * n, feature + n, sum);
             if (bulges) bulging(bend + 3 * n, slope + 3 * n, own);
