@@ -1,8 +1,8 @@
-"""The least time that a core needs for the products of a compiled body, however fast its memory is.
+"""The least time in which a core forms the products of a compiled body, however fast memory is.
 
-Nearly all arithmetic of a surface is products that are added to something, and a core does a product
-and a sum in one instruction. How many such instructions it does in a second is found by BLAS, with
-matrices that stay in the cache.
+Nearly all arithmetic of a surface is products that are added to something, and a core does a
+product and a sum in one instruction. How many such instructions it does in a second is found by
+BLAS, with matrices that stay in the cache.
 """
 
 from dataclasses import replace

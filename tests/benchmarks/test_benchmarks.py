@@ -338,7 +338,7 @@ def test_floors_are_told_and_judged() -> None:
 
 
 def test_products_of_a_body_are_counted() -> None:
-    """Joint 1 carries one group of four vertices, so that joint 0 turns it, too; joint 2 bends it."""
+    """Joint 1 carries a group of four vertices, so that joint 0 turns it, too; joint 2 bends it."""
     sizes = {"n_vertices": 4, "n_joints": 3, "n_betas": 2}
     body = bodies_made_up.random_body(**sizes, parents=(-1, 0, 0))
     posedirs = body.posedirs * (np.arange(18) >= 9)
