@@ -10,6 +10,8 @@ from workbench.blocks.elementwise import Elementwise
 POINTS, SEEN, X = cs.MX.sym("points", 3, 7), cs.MX.sym("seen", 21), cs.MX.sym("x", 4)
 SIGMA = cs.MX(cs.DM(np.linspace(0.1, 0.9, 21)))
 APART = cs.vec(POINTS - cs.reshape(SEEN, 3, 7))
+TWICE = POINTS * 2
+READ_AGAIN = cs.vec(TWICE - cs.reshape(cs.vec(TWICE) * SEEN, 3, 7))  # after a change of its copy
 
 
 def function_of(residual: cs.MX) -> cs.Function:
@@ -17,7 +19,7 @@ def function_of(residual: cs.MX) -> cs.Function:
 
 
 @pytest.mark.parametrize(
-    "residual", [APART / 0.01, 3 * APART + SEEN, (APART + SEEN) * APART, APART / SEEN, APART * 2.5]
+    "residual", [APART / 0.01, 3 * APART + SEEN, (APART + SEEN) * APART, APART / SEEN, READ_AGAIN]
 )
 def test_the_same_bits_as_by_casadi(residual: cs.MX) -> None:
     function = function_of(residual)
