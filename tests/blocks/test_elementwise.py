@@ -10,8 +10,8 @@ from workbench.blocks.elementwise import Elementwise
 POINTS, SEEN, X = cs.MX.sym("points", 3, 7), cs.MX.sym("seen", 21), cs.MX.sym("x", 4)
 SIGMA = cs.MX(cs.DM(np.linspace(0.1, 0.9, 21)))
 APART = cs.vec(POINTS - cs.reshape(SEEN, 3, 7))
-TWICE = POINTS * 2
-READ_AGAIN = cs.vec(TWICE - cs.reshape(cs.vec(TWICE) * SEEN, 3, 7))  # after a change of its copy
+LONGER = POINTS * 2.5
+READ_AGAIN = cs.vec(LONGER - cs.reshape(cs.vec(LONGER) * SEEN, 3, 7))  # after a change of its copy
 
 
 def function_of(residual: cs.MX) -> cs.Function:
