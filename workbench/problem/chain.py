@@ -48,12 +48,11 @@ class Chain:
         self.sources, self.free, self._fixed = tuple(sources), free, fixed
         arguments = [graph.x, graph.fixed, *graph.points]
         r = cs.densify(graph.residual)
-        self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
-        self._residual = Elementwise.of(self.to_residual.function) or self.to_residual
+        self.to_residual = Buffered(residual := cs.Function("residual", arguments, [r]))
+        self._residual = Elementwise.of(residual) or self.to_residual
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
-        self.to_derivative = Buffered(
-            without_calls(cs.Function("derivative", arguments, [r, *jacobians]))
-        )
+        derivative = cs.Function("derivative", arguments, [r, *jacobians])
+        self.to_derivative = Buffered(without_calls(derivative))
         self._slopes: Buffered | None = None  # the Jacobians alone, if they do not read the points
         read = cs.veccat(*graph.points)
         if self.sources and not any(cs.depends_on(J, read) for J in jacobians):
@@ -87,9 +86,8 @@ class Chain:
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Stored]:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
-        m, n = self.by_x.shape
         if not self.sparse:
-            check_fits(m, n)
+            check_fits(*self.by_x.shape)
         places = self._at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
