@@ -3,14 +3,16 @@
 90 % intervals of the distance of the pelvis along the camera's axis, of stature, and of the places
 of limbs relative to the pelvis, across the image and along the axis, from one camera. The truth on
 `balance` is the fit to four cameras. The standard deviation of a landmark's offset was chosen on
-frames 2, 10, ..., 98; the others are reported. With `--sample`, emcee draws from a few posteriors.
-Numbers go to `results/intervals.json`, and the tables of IMAGES.md are written from them.
+frames 2, 10, ..., 98; the others are reported. `benchmarks.images.draws` draws from some of these
+posteriors. Numbers go to `results/intervals.json`, and the tables of IMAGES.md are written from
+them.
 """
 
 import argparse
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +49,6 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.residuals import Residual, gaussian
-from workbench.sampling import sample
 
 RESULTS = Path(__file__).parent.parent / "results" / "intervals.json"
 BEGIN = "<!-- intervals: written by `python -m benchmarks.images.intervals` -->"
@@ -57,19 +58,29 @@ OFFSETS = 0.0, 0.005, 0.01, 0.015, 0.02  # m
 WHAT = "depth", "stature", "across", "along"  # 1, 1, 24 and 12 numbers of a fit
 LEVEL = 0.9
 SHAPE = "shape prior"
-SAMPLED, STEPS = 40, 6000  # the frame whose posteriors are drawn from, and the steps of a walker
 
 
-def seen_from(body: SkinnedBody, view: View, values: Values) -> Callable[..., Array]:
+def places_of(body: SkinnedBody, pose: Array, betas: Array, trans: Array) -> Array:
+    """The pelvis and the landmarks (N, 1 + M, 3) m of N poses, betas and trans."""
+    root = body.joints(pose, betas, trans)[:, :1]
+    return np.concatenate([root, body.landmark("coco", pose, betas, trans)], axis=1)
+
+
+def seen_from(
+    body: SkinnedBody, view: View, values: Values, places: Callable[..., Array] | None = None
+) -> Callable[..., Array]:
     """Depth and stature, and where the 12 limb landmarks are relative to the pelvis in the axes of
-    the camera: a function from N poses, betas and trans to (N, 38) m.
+    the camera: a function from N poses, betas and trans to (N, 38) m. `places` computes what
+    `places_of` does.
     """
     R = matrix_from_vector(values[view.camera.rotation.name])
     t = values[view.camera.translation.name]
+    found = partial(places_of, body) if places is None else places
 
     def of(pose: Array, betas: Array, trans: Array) -> Array:
-        root = body.joints(pose, betas, trans)[:, :1] @ R.T + t
-        there = limbs(body, body.landmark("coco", pose, betas, trans)) @ R.T + t - root
+        points = found(pose, betas, trans) @ R.T + t
+        root = points[:, :1]
+        there = limbs(body, points[:, 1:]) - root
         across, along = there[..., :2].reshape(len(pose), -1), there[..., 2]
         return np.hstack([root[:, 0, 2:], stature(body, betas)[:, None], across, along])
 
@@ -247,50 +258,8 @@ def causes(body: SkinnedBody, tuning: list[Case], cases: list[Case]) -> dict[str
     return told
 
 
-def sampled(body: SkinnedBody, cameras: Iterable[str], steps: int) -> list[dict[str, Any]]:
-    """Draws by emcee of all unknowns in one frame of cameras, beside Laplace's intervals."""
-    told = []
-    fits = ImageFits(body)
-    for case in balance_cases(body, [SAMPLED]):
-        setup, values = fitted(fits, case)
-        view, of = view_of(setup), seen_from(body, view_of(setup), values)
-        if view.name not in cameras:
-            continue
-        posterior = sample(setup.problem, values, steps=steps, ensembles=2)
-        draws = posterior.values(3000)
-        numbers = of(*(np.array([one[b.name] for one in draws]) for b in body.blocks()))
-        assert case.made_of is not None
-        true = of(*(case.made_of[block.name][None] for block in body.blocks()))[0]
-        found, sd, _ = spreads(setup, view, values, of)
-        low, high = np.quantile(numbers, [0.05, 0.95], axis=0)
-        within = (low <= true) & (true <= high)
-        gaussian = np.abs(found - true) <= Z90 * sd
-        row: dict[str, Any] = {
-            "camera": view.name,
-            "usable": posterior.usable,
-            "verdict": posterior.verdict,
-            "seconds": posterior.seconds,
-            "autocorrelation": float(np.max(posterior.mixing.times)),
-            "R-hat": float(np.max(posterior.mixing.scales)),
-        }
-        for name in WHAT:
-            several = numbers.std(axis=0), sd, within, gaussian, numbers.mean(axis=0) - found
-            table = [parts(np.atleast_2d(one))[name] for one in several]
-            spread, of_laplace, inside, by_laplace, moved = table
-            row[name] = {
-                "sd ratio": float(np.sqrt(np.mean((spread / of_laplace) ** 2))),
-                "shift": float(1e3 * np.mean(moved)),
-                "within": int(inside.sum()),
-                "within by Laplace": int(by_laplace.sum()),
-                "of": inside.size,
-            }
-        told.append(row)
-        print("sampled", json.dumps(row), flush=True)
-    return told
-
-
 def run(recording: Path | None) -> dict[str, Any]:
-    """All but what emcee draws."""
+    """All numbers."""
     body = load_body("default")
     kinds = {"unknown": ByHeight(), "known": ByHeight(priors=WithStature(STATURE))}
     tuning, report = (list(balance_cases(body, some)) for some in (TUNING, REPORTED))
@@ -375,17 +344,6 @@ def tables(found: dict[str, Any]) -> str:
     lines += ["", f"{PEOPLE} synthetic people (true intervals: {low} to {high} %):", ""]
     lines += [f"| poses of | {head} |", f"| --- |{rule}"]
     lines += [f"| {name} | {line(one)} |" for name, one in found["people"].items()]
-    if found.get("sampled"):
-        title = (
-            f"emcee in frame {SAMPLED}: standard deviations over Laplace's, and how much farther"
-        )
-        lines += ["", f"{title} the mean is than the likeliest body:", ""]
-        lines += [f"| camera | usable | {head} | farther, mm |", f"| --- | --- |{rule} --: |"]
-        for row in found["sampled"]:
-            cells = " | ".join(f"{row[name]['sd ratio']:.2f}" for name in WHAT)
-            shift = f"{row['depth']['shift']:+.0f}"
-            usable = "yes" if row["usable"] else "no"
-            lines.append(f"| {row['camera']} | {usable} | {cells} | {shift} |")
     return "\n".join(lines[1:]) + "\n"
 
 
@@ -393,18 +351,9 @@ def main() -> None:
     """Run, keep the numbers, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recording", type=Path, nargs="?", help="motion capture (.npz)")
-    help_ = "draw by emcee from what these cameras saw, and nothing else"
-    parser.add_argument("--sample", nargs="*", default=(), help=help_)
-    parser.add_argument("--steps", type=int, default=STEPS, help="of each walker")
     parser.add_argument("--dry", action="store_true", help="print, and write nothing")
     options = parser.parse_args()
-    before = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    if options.sample:
-        others = [row for row in before.get("sampled", ()) if row["camera"] not in options.sample]
-        drawn = sampled(load_body("default"), options.sample, options.steps)
-        found = before | {"sampled": sorted(others + drawn, key=lambda row: row["camera"])}
-    else:
-        found = before | run(options.recording)
+    found = run(options.recording)
     if not options.dry:
         keep(RESULTS, found, 4)
         write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))

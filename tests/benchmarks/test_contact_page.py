@@ -9,6 +9,7 @@ from benchmarks.images.contact import (
     BEGIN,
     END,
     FITS,
+    FRESH,
     HINGED,
     PAGE,
     RESULTS,
@@ -67,17 +68,41 @@ def test_the_hinge_keeps_limbs_apart_on_the_mesh_and_spheres_do_not() -> None:
 
 def test_more_poses_say_more_than_ten() -> None:
     text = " ".join(TEXT.split())
-    few, many = (np.array(FOUND[part]["hinge"]["depth"]) for part in ("fits", "hinged"))
+    many, fresh = (np.array(FOUND[p]["hinge"]["depth"]) for p in ("hinged, seed 700", "hinged"))
+    few = of("hinge", "depth")
     assert f"mean depth of {few.mean():.1f} mm and a largest of {few.max():.1f} mm" in text
-    assert len(many) == HINGED
+    assert len(many) == len(fresh) == HINGED
     assert f"In {HINGED} other poses of the same seed the mean is {many.mean():.1f} mm" in text
     assert f"and {(many > 10).sum()} are more than 10 mm deep" in text
     assert f"deepest has fingers {many.max():.1f} mm in the neck" in text
-    seconds = np.array(FOUND["hinged"]["hinge"]["seconds"])
-    assert f"takes {np.median(seconds):.2f} s in the median" in text
-    assert f"and {seconds.mean():.2f} s in the mean" in text
+    assert f"seed ({FRESH}) that was not looked at" in text
+    assert f"there the mean is {fresh.mean():.1f} mm, and {(fresh > 10).sum()} is more" in text
+    assert f"hand that is {fresh.max():.1f} mm in the thigh" in text
+
+
+def test_the_dogleg_is_quicker_than_damping() -> None:
+    text = " ".join(TEXT.split())
+    damped, dogleg = (FOUND["hinged"][name] for name in ("hinge", "hinge, dogleg"))
+    first, second = np.array(damped["seconds"]), np.array(dogleg["seconds"])
+    assert (
+        f"takes {np.median(first):.2f} s in the median and {first.mean():.2f} s in the mean with "
+        f"the default solver, and {np.median(second):.2f} s and {second.mean():.2f} s with" in text
+    )
+    assert second.mean() < 0.15 < first.mean()
+    ratio = np.array(dogleg["own"]) / np.array(damped["own"])
+    apart = abs(ratio - 1) > 0.01
+    assert f"less than 1 % but in {apart.sum()} pose, in which the dogleg's is" in text
+    assert f"is {100 * (1 - ratio[apart][0]):.0f} % lower" in text
     ten = np.sort(of("hinge", "seconds"))
     assert f"one took {ten[-1]:.1f} s, and the other nine {ten[:-1].mean():.2f} s in the" in text
+
+
+def test_the_shape_space_limits_the_capsules_of_small() -> None:
+    text = " ".join(TEXT.split())
+    small, default = (FOUND["capsules"][name] for name in ("small", "default"))
+    assert default["others"] < 9.5 < small["others"]
+    assert f"capsules of `small` are {small['nearest']:.1f} mm away" in text
+    assert f"and those of `default` {default['nearest']:.1f} mm" in text
 
 
 def test_capsules_miss_what_the_page_tells() -> None:

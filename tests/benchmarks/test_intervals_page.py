@@ -127,18 +127,6 @@ def test_what_is_said_of_causes_holds() -> None:
     assert f"known one by {rms:.0f} mm (root mean square)" in TEXT
 
 
-def test_what_is_said_of_emcee_holds() -> None:
-    drawn = FOUND_NUMBERS["sampled"]
-    assert not any(row["usable"] for row in drawn)
-    assert all(abs(row[name]["sd ratio"] - 1) < 0.1 for row in drawn for name in WHAT[:2])
-    assert len(drawn) == 3
-    shifts = [row["depth"]["shift"] for row in drawn]
-    assert f"depth is {min(shifts):.0f} to {max(shifts):.0f} mm farther" in TEXT
-    widest = max(row["along"]["sd ratio"] for row in drawn)
-    assert f"up to {widest:.2f} times Laplace's" in TEXT
-    assert all(700 < row["autocorrelation"] < 1500 for row in drawn)
-
-
 def test_intervals_are_judged_by_what_they_hold() -> None:
     """Errors of exactly the stated size are held in 90 %, and offsets count in quadrature."""
     rng = np.random.default_rng(0)

@@ -132,6 +132,22 @@ def test_the_jaw_reaches_the_chin_and_each_side_of_the_pelvis_is_on_its_side() -
     assert np.allclose(body.template[parts["left_pelvis"] & parts["right_pelvis"], 0], 0, atol=1e-6)
 
 
+def test_a_chest_that_moves_no_vertices_has_no_capsules() -> None:
+    body = load_body("small")
+    assert isinstance(body, SkinnedBody)
+    chest, ribs = (body.joint_names.index(name) for name in ("spine3", "spine2"))
+    weights = body.vertex_weights.copy()
+    weights[:, ribs] += weights[:, chest]
+    weights[:, chest] = 0
+    parts = parts_of_capsules(replace(body, weights=weights, capsules=None))
+    of_chest = [name for name in parts if part_of(name) == "chest"]
+    assert not any(parts[name].any() for name in of_chest)
+    usual = parts_of_capsules(body)
+    assert parts.keys() - of_chest == {name for name in usual if part_of(name) != "chest"}
+    chest_before = usual["chest_low"] | usual["chest_high"]
+    assert np.array_equal(parts["ribs"], usual["ribs"] | chest_before)
+
+
 def _owned(body: SkinnedBody, joint: str) -> np.ndarray:
     return owners(body) == body.joint_names.index(joint)
 

@@ -96,8 +96,8 @@ def test_a_second_mode_of_the_rest_is_found() -> None:
     at = {"x": 5.0, "s": 5.0, "y": np.full(22, 0.01)}
     posterior = sample(problem, at, "x", steps=3000, walkers=WALKERS)
     assert len(posterior.modes) == 2
-    assert np.quantile(posterior.flat, 0.05) < -4  # chains are in both
-    assert not posterior.usable  # and none went from one to the other
+    assert np.mean(posterior.flat > 0) == pytest.approx(0.5, abs=0.05)
+    assert posterior.usable, posterior.verdict  # chains jump from one to the other
 
 
 def test_a_run_can_be_stopped() -> None:

@@ -13,18 +13,22 @@ after half of the warm-up a square root of the covariance of all chains. The ste
 the warm-up until 95 % of the ends are accepted. A longer step would suit most places, but in a bent
 ridge chains would hardly ever leave those where the density is narrow, and its tails would be
 explored slowly. Each chain takes a random fraction of the step, and trajectories have random
-lengths, so that none returns to where it began. An end beyond bounds or constraints is refused, so
+lengths, so that none returns to where it began. Where several modes are known, each trajectory is
+followed by an attempt to jump from one mode to another (Tjelmeland and Hegstad 2001, Mode jumping
+proposals in MCMC). An end beyond bounds or constraints is refused, so
 that many active bounds make chains slow.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array
 from workbench.interrupts import Interrupts
+from workbench.sampling.chains import Chains
+from workbench.sampling.descent import Mode
 from workbench.sampling.ensemble_settings import Callback, Progress, without_burn_in
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import TIMES, Mixing
@@ -36,14 +40,10 @@ FIRST = 0.1  # step at the beginning, in standard deviations of Laplace's approx
 LEAST, MOST = 1e-3, 1.5  # of a step
 ACCEPTED = 0.95  # of the ends: for evenly wide densities 0.65 to 0.9 (Betancourt et al. 2014)
 GAIN = 0.3  # by which the log of the step follows the acceptance
-FRACTION = 0.5  # of the step that a chain takes at least
 LENGTH = (0.2 * np.pi, np.pi)  # of trajectories; pi / 2 makes an end of a Gaussian forget its start
-LONGEST = 64  # leapfrog steps in a trajectory
 CHECKED = 150  # trajectories after which draws are judged first; then after 2, 4, ... times as many
-SOME_INSIDE = 0.1  # of the ends: fewer, and steps are to become shorter whatever the reason
 FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
 KEPT = 4096  # points with all numbers that are kept at least, if there are as many
-WORTH = 5.0  # successive points of a chain that tell as much of a covariance as a single one
 
 
 @dataclass(frozen=True)
@@ -78,72 +78,10 @@ class HamiltonianRun:
     interrupted: bool
 
 
-class _Chains:
-    """Positions u (N, d) with their log densities (N,) and gradients (N, d)."""
-
-    def __init__(self, target: LogDensity, centre: Array, half: Array, u: Array) -> None:
-        self._target, self.centre, self.half, self.u = target, centre, half, u
-        self.log_p, self.slope = self._at(u)
-
-    @property
-    def z(self) -> Array:
-        """(N, d) the entries that are sampled."""
-        return np.asarray(self.centre + self.u @ self.half.T)
-
-    def _at(self, u: Array) -> tuple[Array, Array]:
-        log_p, slope = self._target.with_gradient(self.centre + u @ self.half.T)
-        return log_p, slope @ self.half
-
-    def move(self, step: float, length: float, rng: np.random.Generator) -> tuple[float, int]:
-        """One trajectory of each chain: the mean chance of acceptance, and its leapfrog steps."""
-        N = len(self.u)
-        count = int(np.clip(round(length / step), 1, LONGEST))
-        e = step * rng.uniform(FRACTION, 1.0, size=(N, 1)) * 2 / (1 + FRACTION)
-        p = rng.standard_normal(self.u.shape)
-        u, slope, before = self.u, self.slope, self.log_p - 0.5 * np.sum(p**2, axis=1)
-        log_p = self.log_p
-        with np.errstate(all="ignore"):  # a chain that runs away is rejected
-            for _ in range(count):
-                p = p + 0.5 * e * slope
-                u = u + e * p
-                log_p, slope = self._at(u)
-                p = p + 0.5 * e * slope
-            change = log_p - 0.5 * np.sum(p**2, axis=1) - before
-            chance = np.nan_to_num(np.exp(np.minimum(0.0, change)))
-        taken = rng.uniform(size=N) < chance
-        self.u = np.where(taken[:, None], u, self.u)
-        self.log_p = np.where(taken, log_p, self.log_p)
-        self.slope = np.where(taken[:, None], slope, self.slope)
-        return float(chance[self._counted(u)].mean()), count
-
-    def _counted(self, u: Array) -> Mask:
-        """Which ends say whether steps are short enough: not those that only a bound refuses."""
-        problem = self._target.problem
-        everywhere = np.ones(len(u), dtype=bool)
-        if not problem.bounded and problem.stacked_constraints is None:
-            return everywhere
-        z = self.centre + u @ self.half.T
-        inside = self._target.allows(self._target.subspace.points(z))
-        return inside if inside.mean() > SOME_INSIDE else everywhere
-
-    def whitened(self, seen: Array) -> "_Chains":
-        """The same chains in coordinates in which the points seen (M, d) have covariance 1.
-
-        The fewer points there are, the more of the covariance is taken from the coordinates as
-        they are.
-        """
-        d, worth = seen.shape[1], len(seen) / WORTH
-        known = worth / (worth + d)
-        root = np.linalg.cholesky(known * np.cov(seen.T).reshape(d, d) + (1 - known) * np.eye(d))
-        mean = seen.mean(axis=0)
-        u = np.linalg.solve(root, (self.u - mean).T).T
-        return _Chains(self._target, self.centre + self.half @ mean, self.half @ root, u)
-
-
 def run_hamiltonian(
     target: LogDensity,
     starts: Array,
-    half: Array,
+    found: Sequence[Mode],
     judged: Callable[[Array], Array],
     labels: tuple[str, ...],
     plan: HamiltonianSettings,
@@ -152,14 +90,15 @@ def run_hamiltonian(
 ) -> HamiltonianRun:
     """Draw from the target, beginning at `starts` (E W, d), until what is judged is usable.
 
-    `half` (d, d) is a square root of a covariance that serves as the first unit of steps. `judged`
-    takes points of all entries (N, d) to what the verdict is on, (N, k), whose names are `labels`.
-    An interrupt from the keyboard, or a callback that returns True, ends the run; draws after the
+    `found` are modes, at which the starts are by their shares; the `half` of the first is the first
+    unit of steps. Where there are several, chains also try to jump among them. `judged` takes
+    points of all entries (N, d) to what the verdict is on, (N, k), whose names are `labels`. An
+    interrupt from the keyboard, or a callback that returns True, ends the run; draws after the
     warm-up are kept.
     """
     began = time.perf_counter()
-    centre = starts.mean(axis=0)
-    chains = _Chains(target, centre, half, np.linalg.solve(half, (starts - centre).T).T)
+    centre, half = starts.mean(axis=0), found[0].half
+    chains = Chains(target, centre, half, np.linalg.solve(half, (starts - centre).T).T)
     kept = _Kept(plan, labels)
     history: list[Array] = []
     steps, step, stopped = 0, FIRST, False
@@ -169,6 +108,8 @@ def run_hamiltonian(
                 interrupts.check()
                 chance, count = chains.move(step, float(rng.uniform(*LENGTH)), rng)
                 steps += count
+                if len(found) > 1:
+                    chains.jump(found, rng)
                 if len(history) < WARM:
                     if len(history) < WARM - SETTLING:
                         step = float(
@@ -176,7 +117,8 @@ def run_hamiltonian(
                         )
                     history.append(chains.u)
                     if len(history) == WARM // 2:
-                        chains, step = chains.whitened(np.concatenate(history[-WARM // 4 :])), FIRST
+                        seen = np.concatenate(history[-WARM // 4 :])
+                        chains, step = chains.whitened(seen, found), FIRST
                     kept.warm = steps
                 else:
                     kept.add(judged(chains.z), chains.log_p, chance, steps)

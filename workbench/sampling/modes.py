@@ -1,11 +1,12 @@
 """Where a posterior has its modes: minima of the cost, looked for from many places."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.geometry import rotation
 from workbench.sampling.descent import Mode, NoMinimum, bounds_of, into_bounds, mode_from
 from workbench.sampling.log_density import LogDensity
@@ -118,24 +119,30 @@ def search_in_words(found: ModeSearch) -> str:
 def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
     """The largest mode of comparable mass that draws (N, k) hardly visit, or None.
 
-    Returns two shares of this mode: of the mass of all modes, and of the draws. A draw belongs to
-    the mode whose Laplace approximation, times its share, has the highest density there.
+    Returns two shares of this mode: of the mass of all modes, and of the draws.
     """
     if len(known) < 2:
         return None
     some = draws[:: max(1, len(draws) // ASSIGNED)]
-    likely = [
-        np.log(mode.share)
-        - np.linalg.slogdet(mode.half)[1]
-        - 0.5 * np.sum(np.linalg.solve(mode.half, (some - mode.z).T) ** 2, axis=0)
-        for mode in known
-    ]
-    which = np.argmax(likely, axis=0)
+    which = nearest_mode(known, some)
     for i, mode in enumerate(known):
         here = float(np.mean(which == i))
         if mode.share >= COMPARABLE and here < VISITED * mode.share:
             return mode.share, here
     return None
+
+
+def nearest_mode(known: Sequence[Mode], z: Array) -> Index:
+    """The number of the mode (N,) that each point z (N, k) belongs to: that whose Laplace
+    approximation, times its share, has the highest density there.
+    """
+    likely = [
+        np.log(mode.share)
+        - np.linalg.slogdet(mode.half)[1]
+        - 0.5 * np.sum(np.linalg.solve(mode.half, (z - mode.z).T) ** 2, axis=0)
+        for mode in known
+    ]
+    return np.asarray(np.argmax(likely, axis=0))
 
 
 def walkers_at(

@@ -112,7 +112,10 @@ class Subspace:
 
     def points(self, z: Array, w: Array | None = None) -> Array:
         """x (M, n) for z (M, k), and w (M, c) if it is not to be zero."""
-        x = self.origin + (z - self.centre) @ self.along.T
+        if self.entries_only:
+            x = np.repeat(self.origin[None], len(z), axis=0)
+        else:
+            x = self.origin + (z - self.centre) @ self.along.T
         if self.entries is not None:
             x[:, self.entries] = z  # and not their sum with the origin, to the last bit
         if w is None:

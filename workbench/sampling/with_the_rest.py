@@ -66,7 +66,7 @@ def drawn_with_the_rest(
     run = run_hamiltonian(
         whole,
         starts,
-        found.modes[0].half,
+        found.modes,
         lambda z: space.centre + (z - x[free]) @ into.T,
         space.labels,
         plan,

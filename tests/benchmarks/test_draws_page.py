@@ -1,0 +1,146 @@
+"""The section on draws is what its numbers say."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.images import draws
+from benchmarks.images.draws_tables import (
+    BEGIN,
+    END,
+    KINDS,
+    RESULTS,
+    bias,
+    compared,
+    judged,
+    of_kind,
+    outside,
+    shapes,
+    tables,
+)
+from benchmarks.images.intervals import WHAT, places_of, share
+from benchmarks.images.one_camera import PAGE
+from benchmarks.images.one_posterior import LEAPFROGS, NUMBERS, STEPS, compiled_places
+from workbench import load_body
+from workbench.bodies import SkinnedBody
+from workbench.compiling import NoLibrary
+from workbench.fitting.depth_interval import Z90
+
+FOUND = json.loads(RESULTS.read_text())
+TEXT = " ".join(PAGE.read_text().split())
+
+
+def test_the_tables_are_written_from_the_numbers() -> None:
+    text = PAGE.read_text().partition(BEGIN)[2].partition(END)[0]
+    assert text.strip() == tables(FOUND).strip()
+
+
+@pytest.mark.parametrize("kind", ["unknown", "known"])
+def test_what_is_said_of_balance_holds(kind: str) -> None:
+    runs = of_kind(FOUND, kind)
+    laplace, drawn = (judged(runs, way) for way in ("Laplace", "draws"))
+    model = drawn["along"]["factor"]
+    assert 1.1 < laplace["along"]["factor"] / model < model  # the model's is the larger part
+    assert drawn["across"]["factor"] < laplace["across"]["factor"]
+    found = shapes(runs)
+    assert max(abs(found[name]["sd"] - 1) for name in WHAT[:2]) < 0.06
+    assert abs(found["along"]["sd"] - 1) < 0.1
+    assert found["along"]["widest"] >= 1.7
+    off = bias(runs)
+    assert 0.25 < 1 - off["draws"] / off["fit"] < 0.4  # about a third
+    wide = judged(runs, "draws with offsets")
+    assert share(wide["along"]) == "92 %"
+    assert wide["depth"]["factor"] < 0.9
+    depth = drawn["depth"]
+    if kind == "unknown":
+        assert f"hold depth in all {depth['of']} posteriors" in TEXT
+        assert depth["within"] == depth["of"]
+    else:
+        held = f"in {depth['within']} of {depth['of']} instead of Laplace's"
+        assert f"{held} {laplace['depth']['within']}" in TEXT
+    with_offsets = judged(runs, "Laplace with offsets")["along"]
+    assert share(with_offsets) == {"unknown": "86 %", "known": "87 %"}[kind]
+
+
+def test_what_is_said_of_synthetic_people_and_times_holds() -> None:
+    runs = of_kind(FOUND, "people")
+    laplace, drawn = (judged(runs, way)["along"] for way in ("Laplace", "draws"))
+    assert abs(drawn["factor"] - 1) < 0.1
+    assert laplace["factor"] > 1.2 * drawn["factor"]
+    assert drawn["within"] / drawn["of"] > 0.88
+    everywhere = [of_kind(FOUND, kind) for kind in KINDS]
+    assert all(9 < np.median([r["seconds"] for r in some.values()]) < 21 for some in everywhere)
+    front = [run["draws"]["ends"][0][0] for some in everywhere for run in some.values()]
+    assert min(front) > 0
+    assert (LEAPFROGS.ensembles * LEAPFROGS.walkers, LEAPFROGS.steps) == (32, 30_000)
+    assert "with 32 chains in four groups" in TEXT
+
+
+def test_what_is_said_of_emcee_holds() -> None:
+    ((name, pair),) = compared(FOUND)
+    emcee, other = pair["emcee"], pair["hamiltonian"]
+    assert name.startswith("unknown")
+    assert pair["within 2"] > 0.9 * pair["of"]
+    assert f"needs {emcee['evaluations'] / other['evaluations']:.0f} times as many" in TEXT
+    assert f"After {STEPS:,} steps of each walker, its draws are {emcee['times']:.0f} times" in TEXT
+    assert f"of the 85 unknowns ({emcee['autocorrelation']:,.0f} steps)" in TEXT
+    assert f"{emcee['evaluations'] / 1e6:.0f} million were not enough" in TEXT
+    assert emcee["usable"]
+    assert emcee["times"] < 50
+
+
+def test_intervals_of_draws_are_measured_from_the_median_on_each_side() -> None:
+    """Ends at -1 and 3 around 0: a truth of 1.5 is half way out, and one of -2 is twice too far."""
+    true = np.zeros(NUMBERS)
+    true[:2] = 1.5, -2.0
+    ends = np.repeat([[-1.0], [0.0], [3.0]], NUMBERS, axis=1)
+    laplace = {"fit": np.ones(NUMBERS), "sd": np.full(NUMBERS, 0.5), "lever": np.ones(NUMBERS)}
+    run = {
+        "laplace": {name: one.tolist() for name, one in (laplace | {"true": true}).items()},
+        "draws": {"ends": ends.tolist(), "ends with offsets": (2 * ends).tolist()},
+    }
+    runs = {"one": run}
+    assert outside(runs, "draws")[0, :3] == pytest.approx([0.5, 2.0, 0.0])
+    assert outside(runs, "draws with offsets")[0, :2] == pytest.approx([0.25, 1.0])
+    assert outside(runs, "Laplace")[0, :2] == pytest.approx([0.5 / (0.5 * Z90), 3 / (0.5 * Z90)])
+    assert outside(runs, "Laplace with offsets")[0, 0] < 1 / Z90
+    told = judged(runs, "draws")
+    assert (told["depth"]["within"], told["stature"]["within"], told["along"]["of"]) == (1, 0, 12)
+
+
+def test_compiled_places_are_those_of_the_body() -> None:
+    body = load_body("default")
+    assert isinstance(body, SkinnedBody)
+    rng = np.random.default_rng(0)
+    given = (0.3 * rng.normal(size=(3, *block.shape)) for block in body.blocks())
+    pose, betas, trans = given
+    try:
+        places = compiled_places(body)
+    except NoLibrary:
+        pytest.skip("there is no compiler")
+    right = places_of(body, pose, betas, trans)
+    np.testing.assert_allclose(places(pose, betas, trans), right, atol=1e-12)
+
+
+def test_an_interrupted_run_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+
+    def drawn(fits: object, kind: str, method: str, case: object, seed: int, saved: Path) -> object:
+        seen.append(seed)
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+        assert (saved.parent, saved.suffix) == (tmp_path, ".h5")
+        return {"seconds": 1.0, "times": 50.0, "seed": seed}
+
+    monkeypatch.setattr(draws, "drawn", drawn)
+    monkeypatch.setattr(draws, "compiled_places", lambda body: None)
+    plan = (draws.Posteriors("people", "hamiltonian", (3, 4)),)
+    with pytest.raises(KeyboardInterrupt):
+        list(draws.draw(tmp_path, plan))
+    told = list(draws.draw(tmp_path, plan))
+    assert told == [f"people, {seed}, one, hamiltonian: 1 s, 50 times" for seed in (3, 4)]
+    assert seen == [3, 4, 4]
+    kept = [json.loads(line) for line in (tmp_path / "posteriors.jsonl").read_text().splitlines()]
+    assert [one["run"]["seed"] for one in kept] == [3, 4]
