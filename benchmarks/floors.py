@@ -1,12 +1,13 @@
 """Compiled bodies beside JAX's forward and the least that is possible: forward, Jacobian, step.
 
-The floors say what limits each number: the bytes that have to be read and written, and J'J.
+The floors say what limits each number: the bytes that have to be read and written, the products
+that have to be formed, and J'J.
 """
 
 from importlib.util import find_spec
 from typing import Any
 
-from benchmarks import floor, ours, peers
+from benchmarks import floor, floor_of_arithmetic, ours, peers
 from benchmarks.bodies_made_up import body_called
 from benchmarks.candidates import check
 from benchmarks.derivatives import KINDS
@@ -30,7 +31,7 @@ def measure(names: list[str], rounds: int, with_peers: bool = True) -> dict[str,
         x, *people = case.people(4)
         case = case.seeing(x)
         mine, (own, stored) = ours.candidate(ours.COMPILED, case), floor.of_own_bytes(case)
-        candidates = [mine, own, floor.candidate(case)]
+        candidates = [mine, own, floor_of_arithmetic.candidate(case), floor.candidate(case)]
         if with_peers and find_spec("jax") is not None:
             candidates.append(peers.in_jax(case))
             check(candidates[-1], case, people[0])
@@ -52,4 +53,5 @@ def measure(names: list[str], rounds: int, with_peers: bool = True) -> dict[str,
 
 
 def _asked(name: str, kind: str) -> bool:
-    return name != peers.JAX or kind == "forward"
+    of_arithmetic = name == floor_of_arithmetic.ARITHMETIC and kind == "step"
+    return not of_arithmetic and (name != peers.JAX or kind == "forward")

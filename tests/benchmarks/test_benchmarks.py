@@ -33,8 +33,11 @@ from benchmarks.busy import busy_elsewhere
 from benchmarks.candidates import Candidate, Disagreement, check
 from benchmarks.derivatives import KINDS
 from benchmarks.floor import FLOOR, OWN
+from benchmarks.floor_of_arithmetic import ARITHMETIC, products
 from benchmarks.timing import side_by_side
+from tests import bodies_made_up
 from tests.compilers import NEEDS_A_COMPILER
+from workbench.bodies.forward.packed_vertices import PLAIN, PackedVertices
 from workbench.problem import gram
 
 README = Path(__file__).parents[2] / "benchmarks" / "README.md"
@@ -322,6 +325,7 @@ def test_floors_are_told_and_judged() -> None:
     found = floors.measure(["default"], rounds=1, with_peers=False)
     one = found["default"]
     assert set(one["seconds"]["step"]) == {ours.COMPILED, OWN, FLOOR}
+    assert set(one["seconds"]["jacobian"]) == {ours.COMPILED, OWN, FLOOR, ARITHMETIC}
     assert one["written"] == 8 * 3 * 1229 * 85
     assert 1e6 < one["stored"] < 8 * 1229 * 3 * 207  # posedirs that are zero are not stored
     assert "MB stored, 2.51 MB of Jacobian" in table.floors(found)
@@ -331,6 +335,20 @@ def test_floors_are_told_and_judged() -> None:
     assert [target.measured for target in judged] == pytest.approx([0.5, 2.0, 1.25])
     assert [target.holds for target in judged] == [True, False, True]
     assert floors.measure([TINY], rounds=1) == {}
+
+
+def test_products_of_a_body_are_counted() -> None:
+    """Joint 1 carries a group of four vertices, so that joint 0 turns it, too; joint 2 bends it."""
+    sizes = {"n_vertices": 4, "n_joints": 3, "n_betas": 2}
+    body = bodies_made_up.random_body(**sizes, parents=(-1, 0, 0))
+    posedirs = body.posedirs * (np.arange(18) >= 9)
+    body = replace(body, weights=np.eye(3)[[1, 1, 1, 1]], posedirs=posedirs)
+    points, by_betas = 6 + 9 + 12, 2 * (9 + 3)
+    by_pose = 12 + 2 * (3 + 18) + 27
+    for packing, slopes in ((PLAIN, 9 * (3 + 9)), (PLAIN._replace(by_halves=True), 72)):
+        packed = PackedVertices.of(body, body.parents, slice(None), 4, packing)
+        expected = 4 * (points + 27), 4 * (points + slopes + by_pose + by_betas)
+        assert products(packed) == expected
 
 
 def test_other_cores_are_busy_until_the_end(monkeypatch: pytest.MonkeyPatch) -> None:

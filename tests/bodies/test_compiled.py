@@ -14,7 +14,7 @@ import pytest
 from tests.bodies_made_up import SMPL_PARENTS, random_body
 from workbench import compiling
 from workbench.bodies import SkinnedBody
-from workbench.bodies.forward import arithmetic, numeric, surface
+from workbench.bodies.forward import arithmetic, numeric, packed_vertices, surface
 from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.exact_storage import Stored
@@ -22,7 +22,7 @@ from workbench.bodies.forward.joint_kernels import CompiledJoints, joint_kernels
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
-from workbench.bodies.forward.packed_vertices import PackedVertices
+from workbench.bodies.forward.packed_vertices import PackedVertices, Packing
 from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.forward.vertex import motion_column, slopes_column
 
@@ -64,7 +64,9 @@ def body_of(kind: str, N: int, nonzeros: int | None = None) -> SkinnedBody:
 def pose_at(where: str, K: int) -> np.ndarray:
     axes = np.random.default_rng(5).standard_normal((K, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    return {"zero": 0.0, "near zero": 1e-7, "pi": np.pi, "anywhere": 0.7}[where] * axes
+    sizes = {"zero": 0.0, "near zero": 1e-7, "pi": np.pi, "anywhere": 0.7}
+    sizes |= {"a full turn": 2 * np.pi * (1 + 1e-9)}
+    return sizes[where] * axes
 
 
 def graph_of(body: SkinnedBody, pose: np.ndarray, betas: np.ndarray) -> list[np.ndarray]:
@@ -139,10 +141,10 @@ def test_directions_that_are_stored_small_are_the_same_numbers(
         for name, array in (("shapedirs", body.shapedirs), ("posedirs", body.posedirs))
     }
     body = replace(body, **small)
-    monkeypatch.setattr(compiled_kernels, "WORTH_NARROWING", 0)
+    monkeypatch.setattr(packed_vertices, "WORTH_NARROWING", 0)
     narrow = arithmetic_of(body, surface.ALL)
     assert_right(body)
-    monkeypatch.setattr(compiled_kernels, "WORTH_NARROWING", np.inf)
+    monkeypatch.setattr(packed_vertices, "WORTH_NARROWING", np.inf)
     plain = arithmetic_of(replace(body), surface.ALL)
     assert isinstance(narrow, CompiledArithmetic)
     assert isinstance(plain, CompiledArithmetic)
@@ -151,6 +153,35 @@ def test_directions_that_are_stored_small_are_the_same_numbers(
     motion = body.kinematics.motion(pose_at("anywhere", 24), np.ones(10))
     found = [one.evaluate(motion, np.ones(10)).points for one in (narrow, plain)]
     np.testing.assert_allclose(*found, rtol=0, atol=1e-13 * np.ptp(found[1]))
+
+
+def in_whole_steps(body: SkinnedBody, step: float = 1e-5) -> SkinnedBody:
+    shapedirs, posedirs = (
+        np.rint(array / step) * step for array in (body.shapedirs, body.posedirs)
+    )
+    return replace(body, shapedirs=shapedirs, posedirs=posedirs)
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("where", ["zero", "near zero", "pi", "a full turn", "anywhere"])
+def test_halves_of_pose_directions_give_the_same_numbers(where: str) -> None:
+    """Also in double precision, and where the ratio of two derivatives is large."""
+    body = in_whole_steps(body_of("small", 13))
+    made = arithmetic_of(body, surface.ALL)
+    assert isinstance(made, CompiledArithmetic)
+    assert made.packed.by_halves
+    assert_right(body, where)
+
+
+@NEEDS_COMPILER
+def test_pose_directions_are_stored_by_halves_only_where_these_hold_them() -> None:
+    body = in_whole_steps(body_of("small", 13))
+    assert Packing.of(body).by_halves
+    single = body.posedirs.astype(np.float32).astype(np.float64)
+    assert not Packing.of(replace(body, posedirs=single)).by_halves
+    bound = in_whole_steps(random_body(13, n_vertices=13, n_joints=4, n_betas=2, bound=True))
+    assert not Packing.of(bound).by_halves
+    assert_right(bound)
 
 
 @NEEDS_COMPILER
@@ -350,7 +381,7 @@ def test_kinematics_are_those_of_casadi(kind: str, bound: bool) -> None:
         expected, sloping = usual.motion(pose, betas), usual.slopes(pose, betas)
         for part in ("G", "features", "joints"):
             np.testing.assert_allclose(getattr(motion, part), getattr(expected, part), atol=1e-13)
-        for part in ("turns", "d_features", "d_shift"):
+        for part in ("turns", "d_features", "d_shift", "halves"):
             np.testing.assert_allclose(getattr(slopes, part), getattr(sloping, part), atol=1e-13)
         np.testing.assert_allclose(motion_column(motion), motion_column(expected), atol=1e-13)
         np.testing.assert_allclose(slopes_column(slopes), slopes_column(sloping), atol=1e-13)

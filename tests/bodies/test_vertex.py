@@ -9,6 +9,8 @@ import pytest
 from tests.bodies_made_up import random_body
 from workbench.bodies.forward.kernel_code import kernel
 from workbench.bodies.forward.vertex import (
+    OF_JOINT,
+    SLOPED,
     motion_column,
     shape_columns,
     slopes_column,
@@ -32,7 +34,8 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
     f = SimpleNamespace(**vertex_functions(B))
     motion = motion_column(body.kinematics.motion(pose, betas))
     features, G, joints = np.split(motion, np.cumsum([9 * (K - 1), 12 * K]))
-    of_joints, of_betas = np.split(slopes_column(body.kinematics.slopes(pose, betas)), [36 * K])
+    found = slopes_column(body.kinematics.slopes(pose, betas))
+    of_joints, of_betas = np.split(found, [OF_JOINT * K])
     for i in range(4):
         rows = slice(3 * i, 3 * i + 3)
         template, w = np.split(vertex_columns(body, np.arange(4))[:, i], [3])
@@ -51,7 +54,7 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
             hanging[body.parents[k]] += number(f.hung, hanging[k])
         for k in range(K):
             arm = number(f.arm, hanging[k], part(joints, K, k))
-            axes, slopes = np.split(part(of_joints, K, k), [9])
+            axes, slopes, _ = np.split(part(of_joints, K, k), [9, SLOPED])
             found = number(f.turned, arm, axes)
             if k:
                 P_k = part(P, K - 1, k - 1)

@@ -20,6 +20,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered, without_calls
+from workbench.blocks.elementwise import Elementwise
 from workbench.blocks.layout import Values
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
 from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
@@ -47,11 +48,11 @@ class Chain:
         self.sources, self.free, self._fixed = tuple(sources), free, fixed
         arguments = [graph.x, graph.fixed, *graph.points]
         r = cs.densify(graph.residual)
-        self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
+        self.to_residual = Buffered(residual := cs.Function("residual", arguments, [r]))
+        self._residual = Elementwise.of(residual) or self.to_residual
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
-        self.to_derivative = Buffered(
-            without_calls(cs.Function("derivative", arguments, [r, *jacobians]))
-        )
+        derivative = cs.Function("derivative", arguments, [r, *jacobians])
+        self.to_derivative = Buffered(without_calls(derivative))
         self._slopes: Buffered | None = None  # the Jacobians alone, if they do not read the points
         read = cs.veccat(*graph.points)
         if self.sources and not any(cs.depends_on(J, read) for J in jacobians):
@@ -81,13 +82,12 @@ class Chain:
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """The whitened residual, (m,)."""
-        return self.to_residual(x, fixed, *self._points(x, fixed))[0]
+        return self._residual(x, fixed, *self._points(x, fixed))[0]
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Stored]:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
-        m, n = self.by_x.shape
         if not self.sparse:
-            check_fits(m, n)
+            check_fits(*self.by_x.shape)
         places = self._at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
@@ -95,7 +95,7 @@ class Chain:
         # the points come last, because they are a byproduct of their derivative
         direct, *by_points = self._constant or self._slopes(x, fixed)
         J = self._jacobian(places, direct, by_points)
-        return self.to_residual(x, fixed, *(here.points for here in places))[0], J
+        return self._residual(x, fixed, *(here.points for here in places))[0], J
 
     @cached_property
     def sparse(self) -> bool:

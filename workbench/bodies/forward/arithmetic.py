@@ -8,7 +8,7 @@ from typing import Protocol
 from workbench.arrays import Array
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
 from workbench.bodies.forward.kernels import CompiledArithmetic
-from workbench.bodies.forward.motion import Slopes
+from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.rows import Target
 
@@ -38,6 +38,13 @@ class Displaced(Protocol):
 
     def pulled_by_offsets(self, pull: Array) -> Array:
         """The gradient of sum(pull * points), pull (N, 3), by the offsets, (N, 3)."""
+
+
+class Translating(Protocol):
+    """What Arithmetic of a compiled surface provides in addition: see `translated`."""
+
+    def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> AtOrigin:
+        """The same as `evaluate`, with points that are moved by trans (3,) m already."""
 
 
 class Arithmetic(Protocol):

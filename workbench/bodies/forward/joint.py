@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import casadi as cs
 
+from workbench.bodies.forward.halves import numbers_of
 from workbench.bodies.forward.kinematics import bound_motion, followed, local_slopes, turning_axes
 from workbench.bodies.forward.vertex import function_of_columns, matrix_of_rows
 from workbench.geometry.rotation import rodrigues
@@ -23,6 +24,7 @@ def joint_functions() -> dict[str, cs.Function]:
 
         local        (pose_k) -> R_k, (9,)
         local_slopes (pose_k) -> R_k and its derivative by each of the three numbers, (36,)
+        halves       (pose_k) -> what the halves of its pose directions are multiplied with, (13,)
         placed       (unbind of the parent, from the parent to k at rest) -> in its frame, (3,) m
         follow       (above, R_k, place in the parent's frame) -> the motion in the world, (12,)
         bound        (motion in the world, unbind, joint at rest) -> G_k, (12,)
@@ -41,6 +43,7 @@ def joint_functions() -> dict[str, cs.Function]:
     made = (
         function_of_columns("local", _rows(turn), pose=pose),
         function_of_columns("local_slopes", cs.vertcat(*map(_rows, turns)), pose=pose),
+        function_of_columns("halves", numbers_of(pose), pose=pose),
         function_of_columns("placed", _square(unbind) @ place, unbind=unbind, place=place),
         function_of_columns(
             "follow",

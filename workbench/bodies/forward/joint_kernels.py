@@ -18,7 +18,7 @@ from workbench.bodies.forward.kernel_code import kernel, tree_sizes
 from workbench.bodies.forward.kinematics import world_rotations
 from workbench.bodies.forward.motion import Kinematics, Motion, Slopes
 from workbench.bodies.forward.skeleton import Skeleton
-from workbench.bodies.forward.vertex import OF_JOINT, motion_column, slopes_column
+from workbench.bodies.forward.vertex import OF_JOINT, SLOPED, motion_column, slopes_column
 from workbench.compiling import (
     address,
     function_of_addresses,
@@ -35,7 +35,8 @@ SMALL = 1e-3  # rad: so near to zero, rotations are series
 @cache
 def joint_kernels(parents: tuple[int, ...], B: int) -> ctypes.CDLL | None:
     """The library for bodies with B betas on this tree, once per process; None without compiler."""
-    defines = [f"#define {name} {size}" for name, size in tree_sizes(parents, B).items()]
+    sizes = {**tree_sizes(parents, B), "SLOPED": SLOPED, "OF_JOINT": OF_JOINT}
+    defines = [f"#define {name} {size}" for name, size in sizes.items()]
     written = [kernel(function, "=", C_OF) for function in joint_functions().values()]
     head, loops = (source_beside(__package__, name) for name in ("one_number.h", "joint_loops.c"))
     source = "\n".join([head, *defines, *written, loops])
@@ -109,6 +110,7 @@ class CompiledJoints:
             found[own:turned].reshape(K, 9, 3),
             found[turned:bulged].reshape(K - 1, 3, 9),
             found[bulged:].reshape(3 * B, K),
+            found[: OF_JOINT * K].reshape(K, OF_JOINT)[:, SLOPED:],
             found[:own],
         )
 

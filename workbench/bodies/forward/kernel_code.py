@@ -6,14 +6,15 @@ import casadi as cs
 
 from workbench.blocks.simd import C_OF, statements
 from workbench.bodies.forward.exact_storage import Stored
-from workbench.bodies.forward.vertex import ADDED, OF_JOINT
+from workbench.bodies.forward.halves import SCALED
+from workbench.bodies.forward.vertex import ADDED, OF_JOINT, SLOPED
 from workbench.compiling import source_beside, vectors
 
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
 STORED = ("shapedirs", "posedirs")  # what is read in the type in which it is stored
 WIDENED = {  # a number as it is stored, as a number to compute with
-    Stored.STEPS: "__builtin_convertvector(x, v)",
-    Stored.SINGLE: "__builtin_convertvector(x, v)",
+    Stored.STEPS: "DOUBLES(x)",
+    Stored.SINGLE: "DOUBLES(x)",
     Stored.DOUBLE: "(x)",
 }
 
@@ -23,8 +24,13 @@ def vertex_code(
     parents: tuple[int, ...],
     B: int,
     kind: Stored = Stored.DOUBLE,
+    by_halves: bool = False,
 ) -> str:
-    """The whole source, for this tree and B betas: the kernels, and loops around them."""
+    """The whole source, for this tree and B betas: the kernels, and loops around them.
+
+    `kind` is the type in which directions are stored, `by_halves` whether pose directions are
+    stored by their halves.
+    """
     K = len(parents)
     sizes: dict[str, int | str] = {
         **tree_sizes(parents, B),
@@ -36,7 +42,10 @@ def vertex_code(
         "MOTIONS": B + 9 * (K - 1),
         "CENTRES": B + 9 * (K - 1) + 12 * K,
         "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
+        "SLOPED": SLOPED,
+        "SCALED": SCALED,
         "OF_JOINT": OF_JOINT,
+        "BY_HALVES": int(by_halves),
         "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
     }
     head, *loops = (

@@ -7,19 +7,19 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, partial
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
-from workbench.bodies.forward.arrays import SurfaceArrays
-from workbench.bodies.forward.exact_storage import Storage, Stored, storages
+from workbench.bodies.forward.arrays import SkinnedArrays
+from workbench.bodies.forward.exact_storage import Stored
+from workbench.bodies.forward.halves import gradient_by_features
 from workbench.bodies.forward.kernel_code import vertex_code
+from workbench.bodies.forward.kernel_trial import agrees_with_numpy, packing_tried
 from workbench.bodies.forward.motion import Motion, Slopes
-from workbench.bodies.forward.numeric import ChunkedArithmetic, ChunkedSurface, chunks_of
-from workbench.bodies.forward.packed_vertices import PackedVertices
+from workbench.bodies.forward.packed_vertices import PackedVertices, Packing
 from workbench.bodies.forward.rows import Rows, Target
 from workbench.bodies.forward.vertex import motion_column, slopes_column, vertex_functions
 from workbench.compiling import NoLibrary, address, function_of_addresses, library
@@ -28,116 +28,48 @@ from workbench.threads import for_each, thread_count
 
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
-TRIED = 11  # vertices: all lanes full at least once, and some that are left over
-TRIED_SHARE = 0.1  # of its joints that carry and bend each of them
-STEP = 1e-3  # of the numbers that are tried
-WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
 WORTH_SHARING = 16e6  # bytes of directions: below, two threads are hardly faster (measured)
 BLOCKS = ("pose", "betas", "trans")
-_STORAGES: WeakKeyDictionary[SurfaceArrays, tuple[Storage, Storage]] = WeakKeyDictionary()
+_PACKINGS: WeakKeyDictionary[SkinnedArrays, Packing] = WeakKeyDictionary()
 MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
-ARGUMENTS = {"points": 4, "tangent": 9, "clear": 2, "adjoint": 5}  # of the library's functions
+ARGUMENTS = {"points": 5, "tangent": 10, "clear": 2, "adjoint": 5}  # of the library's functions
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
 
 @cache
 def kernels(
-    parents: tuple[int, ...], B: int, kind: Stored = Stored.DOUBLE
+    parents: tuple[int, ...], B: int, kind: Stored = Stored.DOUBLE, by_halves: bool = False
 ) -> tuple[ctypes.CDLL | None, str]:
     """The library for bodies with B betas on this tree, once per process; or None, and why.
 
-    `kind` is the type in which shape and pose directions are stored.
+    `kind` is the type in which shape and pose directions are stored, and `by_halves` says whether
+    pose directions are stored by their halves.
     """
     try:
-        source = vertex_code(vertex_functions(B), parents, B, kind)
-        agrees = partial(_agrees, parents=parents, B=B, kind=kind)
-        return library(NAME, source, agrees, FLAGS), ""
+        source = vertex_code(vertex_functions(B), parents, B, kind, by_halves)
+        return library(NAME, source, partial(_agrees, parents, B, kind, by_halves), FLAGS), ""
     except (NoLibrary, NotSupported) as error:
         LOG.info("surfaces are computed by NumPy: %s", error)
         return None, str(error)
 
 
-class _Arrays(NamedTuple):
-    template: Array
-    shapedirs: Array
-    posedirs: Array
-    weights: Array
+def _agrees(
+    parents: tuple[int, ...], B: int, kind: Stored, by_halves: bool, loaded: ctypes.CDLL
+) -> bool:
+    """Whether the library says what NumPy says."""
+
+    def compiled(packed: PackedVertices) -> Callable[[Motion, Array], CompiledSurface]:
+        return CompiledArithmetic(loaded, packed).evaluate
+
+    packing = packing_tried(kind, by_halves)
+    return agrees_with_numpy(compiled, int(loaded.lanes()), parents, B, packing)
 
 
-def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, kind: Stored) -> bool:
-    """Whether the library says what NumPy says, about a few random vertices."""
-    rng, K, N = np.random.default_rng(0), len(parents), TRIED
-    bends, carries = rng.random((N, 1, K - 1, 1)) < TRIED_SHARE, rng.random((N, K)) < TRIED_SHARE
-    storage = (Storage(kind, STEP if kind is Stored.STEPS else 1.0),) * 2
-    arrays = _Arrays(
-        rng.standard_normal((N, 3)),
-        _as_stored(rng.standard_normal((N, 3, B)), storage[0]),
-        _as_stored(
-            (rng.standard_normal((N, 3, K - 1, 9)) * bends).reshape(N, 3, 9 * (K - 1)), storage[1]
-        ),
-        rng.standard_normal((N, K)) * carries,
-    )
-    axes = rng.standard_normal((K, 3, 1, 3))
-    motion = Motion(
-        G=rng.standard_normal((K, 3, 4)),
-        features=rng.standard_normal(9 * (K - 1)),
-        joints=rng.standard_normal((K, 3)),
-    )
-    slopes = Slopes(
-        turns=np.cross(np.eye(3), axes).reshape(K, 9, 3),  # antisymmetric, as of rotations
-        d_features=rng.standard_normal((K - 1, 3, 9)),
-        d_shift=rng.standard_normal((3 * B, K)),
-    )
-    betas, scale = rng.standard_normal(B), rng.standard_normal(3 * N)
-    answers = [
-        _answers(way.evaluate(motion, betas), slopes, betas, scale)
-        for way in (
-            CompiledArithmetic(
-                loaded,
-                PackedVertices.of(arrays, parents, slice(None), int(loaded.lanes()), storage),
-            ),
-            ChunkedArithmetic(chunks_of(arrays, slice(None)), parents),
-        )
-    ]
-    return all(
-        np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
-        for got, expected in zip(*answers, strict=True)
-    )
-
-
-def _storage_of(arrays: SurfaceArrays) -> tuple[Storage, Storage]:
+def _packing_of(arrays: SkinnedArrays) -> Packing:
     """How a body's directions are stored; all of them are looked at once."""
-    if arrays not in _STORAGES:
-        _STORAGES[arrays] = _worth_storing(arrays)
-    return _STORAGES[arrays]
-
-
-def _worth_storing(arrays: SurfaceArrays) -> tuple[Storage, Storage]:
-    """How shapedirs and posedirs are stored: as they are, if the processor's cache holds them."""
-    shapes, bends = arrays.shapedirs, arrays.posedirs
-    size = 8 * (shapes.size + np.count_nonzero(bends))
-    if size < WORTH_NARROWING:
-        return Storage(Stored.DOUBLE), Storage(Stored.DOUBLE)
-    shape, bend = storages(shapes, bends)
-    return shape, bend
-
-
-def _as_stored(array: Array, storage: Storage) -> Array:
-    """The numbers that are left of an array when it is stored."""
-    return storage.stored(array) * np.float64(storage.step)
-
-
-def _answers(
-    surface: CompiledSurface | ChunkedSurface, slopes: Slopes, betas: Array, scale: Array
-) -> list[Array]:
-    K = len(surface.motion.G)
-    into = {
-        name: np.zeros((size, len(scale)))
-        for name, size in (("pose", 3 * K), ("betas", len(betas)), ("trans", 3))
-    }
-    surface.tangent(slopes, into, scale)
-    alone = surface.of.evaluate(surface.motion, betas).points
-    return [surface.points, alone, *into.values(), *surface.adjoint(scale.reshape(-1, 3))]
+    if arrays not in _PACKINGS:
+        _PACKINGS[arrays] = Packing.of(arrays)
+    return _PACKINGS[arrays]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,21 +86,26 @@ class CompiledArithmetic:
 
     @staticmethod
     def of(
-        arrays: SurfaceArrays, parents: tuple[int, ...], vertices: slice | list[int]
+        arrays: SkinnedArrays, parents: tuple[int, ...], vertices: slice | list[int]
     ) -> CompiledArithmetic | None:
         """A body's vertices, or some of them, in order; None if nothing can be compiled."""
-        storage = _storage_of(arrays)
-        library, _ = kernels(parents, arrays.shapedirs.shape[2], storage[0].kind)
+        packing = _packing_of(arrays)
+        B = arrays.shapedirs.shape[2]
+        library, _ = kernels(parents, B, packing.bend.kind, packing.by_halves)
         if library is None:
             return None
         lanes = int(library.lanes())
         return CompiledArithmetic(
-            library, PackedVertices.of(arrays, parents, vertices, lanes, storage)
+            library, PackedVertices.of(arrays, parents, vertices, lanes, packing)
         )
 
     def evaluate(self, motion: Motion, betas: Array) -> CompiledSurface:
         """The surface moved by a motion, of the person with these betas (B,)."""
         return CompiledSurface(self, motion, betas)
+
+    def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> CompiledSurface:
+        """The same, whose points are moved by trans (3,) m as they are written."""
+        return CompiledSurface(self, motion, betas, np.ascontiguousarray(trans, dtype=np.float64))
 
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, for all vertices, which is given the addresses of arrays."""
@@ -204,17 +141,18 @@ class CompiledArithmetic:
 
 @dataclass(frozen=True, eq=False)
 class CompiledSurface:
-    """The points at one motion and shape, before translation; see AtOrigin."""
+    """The points at one motion and shape; before translation (see AtOrigin), or moved by trans."""
 
     of: CompiledArithmetic
     motion: Motion
     betas: Array
+    trans: Array | None = None
 
     @cached_property
     def points(self) -> Array:
-        """The posed vertices before translation, (N, 3) m."""
+        """The posed vertices, (N, 3) m; before translation, if there is none."""
         found = np.empty((self.of.packed.count, 3))
-        self.of.run("points", *self._moved, found)
+        self.of.run("points", *self._moved, self.trans, found)
         return found
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
@@ -236,7 +174,7 @@ class CompiledSurface:
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
         if clear and "pose" in tables:
             self.of.run("clear", tables["pose"])
-        wanted = factor, *(tables.get(name) for name in BLOCKS), found
+        wanted = factor, *(tables.get(name) for name in BLOCKS), self.trans, found
         arrays = *self._moved, slopes_column(slopes), *wanted
         self.of.share("tangent", arrays, kept=(into, copied))
         if found is not None:
@@ -251,6 +189,8 @@ class CompiledSurface:
         felt = np.empty(B + features + 12 * K)
         self.of.run("adjoint", *self._moved, pulled, felt)
         on_betas, on_features, on_G = np.split(felt, [B, B + features])
+        if self.of.packed.by_halves:
+            on_features = gradient_by_features(on_features.reshape(-1, 9)).ravel()
         shape, bend = self.of.packed.steps
         return on_G.reshape(K, 3, 4), bend * on_features, shape * on_betas
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks.batched import Batched, Buffered, Mapped
+from workbench.bodies.forward.halves import NUMBERS, numbers_of
 from workbench.bodies.forward.kinematics import (
     ancestors,
     binding_motions,
@@ -50,12 +51,14 @@ class Slopes:
         turns: (..., K, 9, 3) with rows (a, d), the map u -> (axis of pose[k, a] x u)_d.
         d_features: (..., K - 1, 3, 9) the features of joint k + 1 by its own three numbers.
         d_shift: (..., 3 B, K) with rows (b, d), the last column of G_k by betas[b].
+        halves: (..., K, 13) what halves of pose directions are multiplied with; see `halves`.
         column: these numbers in the order of `vertex.slopes_column`, if they are known in it.
     """
 
     turns: Array
     d_features: Array
     d_shift: Array
+    halves: Array
     column: Array | None = None
 
 
@@ -122,7 +125,7 @@ class Together:
     def slopes(self) -> list[Slopes]:
         """The derivative of the motion of each pose."""
         all_of = self.kinematics.slopes_batch(self.poses, self.betas)
-        parts = all_of.turns, all_of.d_features, all_of.d_shift
+        parts = all_of.turns, all_of.d_features, all_of.d_shift, all_of.halves
         return [Slopes(*one) for one in zip(*parts, strict=True)]
 
 
@@ -173,6 +176,7 @@ class Kinematics:
             cs.vertcat(*[cs.vec(cs.skew(axis).T) for axis in axes]),
             cs.vertcat(*d_features) if d_features else cs.SX(0, 1),
             cs.vertcat(*[cs.vec(step.T) for step in steps]),
+            cs.vertcat(*[numbers_of(own) for own in cs.horzsplit(pose)]),
         ]
         pull_G = cs.SX.sym("pull_G", 3, 4 * K)
         pull_f = cs.SX.sym("pull_f", features.shape[0])
@@ -245,7 +249,7 @@ class Kinematics:
         return Motion(G.reshape(-1, K, 3, 4), features, joints.reshape(-1, K, 3))
 
     def _shaped_slopes(self, outputs: Sequence[Array]) -> Slopes:
-        (K, B), (turns, d_features, steps) = self._sizes, outputs
+        (K, B), (turns, d_features, steps, halves) = self._sizes, outputs
         some = steps.shape[:-1]
         # Joint k is where G_k and its parent's G agree, so the last column of G_k is that of its
         # parent plus (R_parent - R_k) J_k, and J_k is linear in betas.
@@ -254,6 +258,7 @@ class Kinematics:
             turns.reshape(*some, K, 9, 3),
             d_features.reshape(*some, max(0, K - 1), 3, 9),
             own.swapaxes(-1, -3).reshape(*some, 3 * B, K) @ self.ancestors.T,
+            halves.reshape(*some, K, NUMBERS),
         )
 
     def adjoint(

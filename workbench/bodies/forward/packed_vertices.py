@@ -12,14 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array, Mask
-from workbench.bodies.forward.arrays import SurfaceArrays
-from workbench.bodies.forward.exact_storage import Storage, Stored
+from workbench.bodies.forward.arrays import SkinnedArrays, SurfaceArrays
+from workbench.bodies.forward.exact_storage import Storage, Stored, storages
+from workbench.bodies.forward.halves import halved
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.vertex import shape_columns, vertex_columns
 
@@ -27,6 +28,31 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 TOGETHER = 1024  # vertices, so that packing needs little memory beside the result
 LINE = 64  # bytes of a cache line
+WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
+
+
+class Packing(NamedTuple):
+    """How shapedirs and posedirs are stored, and whether posedirs by their halves."""
+
+    shape: Storage
+    bend: Storage
+    by_halves: bool
+
+    @staticmethod
+    def of(arrays: SkinnedArrays) -> Packing:
+        """What takes the least time: directions are stored as they are if the cache holds them.
+
+        Halves are sums of directions. If these are whole steps, halves hold them exactly.
+        """
+        shapes, bends = arrays.shapedirs, arrays.posedirs
+        shape, bend = storages(shapes, bends)
+        by_halves = bend.kind is Stored.STEPS and not np.any(arrays.bind_pose)
+        if 8 * (shapes.size + np.count_nonzero(bends)) < WORTH_NARROWING:
+            shape = bend = Storage(Stored.DOUBLE)
+        return Packing(shape, bend, by_halves)
+
+
+PLAIN = Packing(Storage(Stored.DOUBLE), Storage(Stored.DOUBLE), False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +67,7 @@ class PackedVertices:
         vertices: (groups, 3 + K, lanes).
         shapes: (groups, 3 B, lanes), as they are stored.
         bends: (., 27, lanes), as they are stored, for each group and each joint that bends it.
+        by_halves: whether their halves are stored; see `halves`.
         steps: (2,) by which the stored shapes and bends are multiplied.
         joints: for each group three lists, each after its length: the joints that carry it, bend
             it, and have joints that carry it at or below them.
@@ -53,6 +80,7 @@ class PackedVertices:
     vertices: Array
     shapes: NDArray[Any]
     bends: NDArray[Any]
+    by_halves: bool
     steps: Array
     joints: NDArray[np.intp]
     still: NDArray[np.intp]
@@ -63,15 +91,12 @@ class PackedVertices:
         parents: Sequence[int],
         vertices: slice | list[int],
         lanes: int,
-        storages: tuple[Storage, Storage] = (Storage(Stored.DOUBLE),) * 2,
+        packing: Packing = PLAIN,
     ) -> PackedVertices:
-        """Some vertices of a surface on this tree, in order.
-
-        `storages` say how shapedirs and posedirs are stored.
-        """
+        """Some vertices of a surface on this tree, in order."""
         chosen = np.arange(len(arrays.template))[vertices]
         K, B, N = arrays.weights.shape[1], arrays.shapedirs.shape[2], len(chosen)
-        groups, (shape, bend) = -(-N // lanes), storages
+        groups, (shape, bend, by_halves) = -(-N // lanes), packing
         packed = _aligned((groups, 3 + K, lanes))
         shapes = _aligned((groups, 3 * B, lanes), shape.kind)
         carried, bent = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
@@ -85,6 +110,8 @@ class PackedVertices:
             by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
             which = (by_joint != 0).any(axis=(1, 3))  # of vertices, joints
             bent[here, 1:] = _grouped(which.T, lanes).any(axis=2)
+            if by_halves:
+                by_joint = halved(by_joint)
             planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
             all_bends = _grouped(planar, lanes).reshape(len(bent[here]), K - 1, 27, lanes)
             bends.append(bend.stored(all_bends[bent[here, 1:]]))
@@ -98,6 +125,7 @@ class PackedVertices:
             packed,
             shapes,
             room,
+            by_halves,
             np.array([shape.step, bend.step]),
             _lists(carried, bent, moved),
             _stretches(moved | bent, lanes, N),

@@ -7,9 +7,12 @@ columns of numbers whose order is known here only:
     shapedirs  (B, 3) of one vertex
     posedirs   (9, 3) of one vertex and one joint; most are zero, and left out
     motion     what the kinematics say at one pose and shape, the same for all vertices: betas,
-               features, G (K, 3, 4), joints (K, 3), then per joint three axes and the slopes of
-               its nine features by its three numbers (9 + 27; zeros for the root's), then per beta
-               and joint its shift of G (3,)
+               features, G (K, 3, 4), joints (K, 3), then per joint three axes, the slopes of its
+               nine features by its three numbers and what halves are multiplied with (9 + 27 + 13;
+               zeros for the root's slopes), then per beta and joint its shift of G (3,)
+
+Where `posedirs` are stored by their halves (`halves`), the features of `motion` are what these are
+multiplied with.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.arrays import SurfaceArrays
+from workbench.bodies.forward.halves import NUMBERS, moved_by
 from workbench.bodies.forward.motion import Motion, Slopes
 
 ADDED = frozenset(
@@ -29,7 +33,8 @@ ADDED = frozenset(
         *("on_features", "on_motion", "on_betas"),
     )
 )
-OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
+SLOPED = 9 + 27  # numbers of motion, of each joint: three axes, and the slopes of nine features
+OF_JOINT = SLOPED + NUMBERS
 
 
 def vertex_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
@@ -59,7 +64,8 @@ def slopes_column(slopes: Slopes) -> Array:
     of_joints = np.zeros((K, OF_JOINT))
     turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
     of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
-    of_joints[1:, 9:] = slopes.d_features.swapaxes(1, 2).reshape(K - 1, 27)
+    of_joints[1:, 9:SLOPED] = slopes.d_features.swapaxes(1, 2).reshape(K - 1, 27)
+    of_joints[:, SLOPED:] = slopes.halves
     shifts = slopes.d_shift.reshape(-1, 3, K).swapaxes(1, 2)
     return np.concatenate([of_joints.ravel(), shifts.ravel()])
 
@@ -82,6 +88,8 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         hung         (hanging_k) -> itself, which is added to what hangs from the parent, (4,)
         arm          (hanging_k, joint_k) -> sum_{j at or below k} w_j (G'_j v - t_k), (3,) m
         bulging      (posedirs_kn, slopes_kn) -> what it adds to P_k df_k/d(pose_k), (3, 3) m/rad
+        bending      (halves of posedirs_k, their numbers) -> P_k f_k, (3,) m, and P_k
+                     df_k/d(pose_k), (3, 3) m/rad: in place of both where halves are stored
         bulged       (M, P_k df_k/d(pose_k)) -> the same, turned by R, (3, 3) m/rad; with
         turned       (arm_k, motion_k) -> axes x arm_k it is d(point)/d(pose_k), (3, 3) m/rad
         by_beta      (shapedirs_b, M) -> R S_b, which is d(point)/d(beta_b), (3,) m,
@@ -99,6 +107,7 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
     S_b, arm, shift = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3), cs.SX.sym("shift", 3)
     axes, slopes_n, bulging = cs.SX.sym("axes", 3, 3), cs.SX.sym("df", 3), cs.SX.sym("Pdf", 3, 3)
 
+    numbers = cs.SX.sym("numbers", NUMBERS)
     R = matrix_of_rows(M, 3, 4)[:, :3]
     moved, carried = _moved(M, v), w * _moved(G, v)
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
@@ -111,6 +120,7 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         function_of_columns("hung", hanging, hanging=hanging),
         function_of_columns("arm", hanging[:3] - hanging[3] * joint, hanging=hanging, motion=joint),
         function_of_columns("bulging", P[:, 0] @ slopes_n.T, posedirs=P[:, 0], motion=slopes_n),
+        function_of_columns("bending", moved_by(P, numbers), posedirs=P, motion=numbers),
         function_of_columns("bulged", R @ bulging, M=M, bulging=bulging),
         function_of_columns("turned", turned, arm=arm, motion=axes),
         function_of_columns("by_beta", R @ S_b, shapedirs=S_b, M=M),

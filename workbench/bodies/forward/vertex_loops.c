@@ -26,6 +26,13 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
         const stored *bend = of->bends + 27 * i;
         v own[9] = {{0}};
         if (bulges) look_ahead(bend + 27 * AHEAD, 27 * sizeof(stored));
+        if (BY_HALVES && bulges) {
+            v both[12];
+            bending(bend, motion + OF_JOINTS + OF_JOINT * k + SLOPED, both);
+            for (int d = 0; d < 3; ++d) sum[d] += both[d];
+            bulged((const anywhere *)M, (const anywhere *)both + 3, bulges + 9 * i);
+            continue;
+        }
         _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n) {
             bent(bend + 3 * n, feature + n, sum);
             if (bulges) bulging(bend + 3 * n, slope + 3 * n, own);
@@ -35,8 +42,15 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
     memcpy(rest, sum, sizeof sum);
 }
 
-/* found (N, 3) */
-EXPORT void points(const body_t *body, const double *betas, const double *moving, double *found)
+/* points moved by trans (3), or as they are where there is none */
+static ALWAYS_INLINE void translated(const double *trans, v *restrict here)
+{
+    for (int d = 0; trans && d < 3; ++d) here[d] += BROADCAST(trans[d]);
+}
+
+/* found (N, 3); trans (3) or absent */
+EXPORT void points(const body_t *body, const double *betas, const double *moving, const double *trans,
+                   double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
     const integer *joints = body->joints;
@@ -49,6 +63,7 @@ EXPORT void points(const body_t *body, const double *betas, const double *moving
         motion_of(&of, motion, M);
         at_rest(&of, motion, M, NULL, rest);
         moved((const anywhere *)M, (const anywhere *)rest, here);
+        translated(trans, here);
         put(here[0], here[1], here[2], at_most_all(body->N - i), one, found + 3 * i);
     }
 }
@@ -93,6 +108,7 @@ static ALWAYS_INLINE void by_pose(const group_t *of, const double *motion, const
 typedef struct {
     const double *scale;
     double *const *pose, *const *betas, *const *trans;
+    const double *place; /* where the points are moved to */
     double *points;
 } wanted_t;
 
@@ -113,6 +129,7 @@ static ALWAYS_INLINE void of_group(const body_t *body, const group_t *of, intege
         at_rest(of, motion, M, NULL, rest);
     if (into->points) {
         moved((const anywhere *)M, (const anywhere *)rest, here);
+        translated(into->place, here);
         put(here[0], here[1], here[2], count, one, into->points + 3 * i);
     }
     if (into->pose) by_pose(of, motion, rest, bulges, count, factor, into->pose, i);
@@ -157,12 +174,12 @@ EXPORT void clear(const body_t *body, double *const *pose)
 
 /* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of
 which some may be absent; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the
-points. Where a joint leaves vertices alone, nothing is written */
+points, moved by place (3), or absent. Where a joint leaves vertices alone, nothing is written */
 EXPORT void tangent(const body_t *body, const double *person, const double *moving, const double *slopes,
                     const double *scale, double *const *pose, double *const *betas,
-                    double *const *trans, double *found)
+                    double *const *trans, const double *place, double *found)
 {
-    const wanted_t into = {scale, pose, betas, trans, found};
+    const wanted_t into = {scale, pose, betas, trans, place, found};
     const integer *joints = body->joints;
     double motion[COLUMN];
     group_t of;
