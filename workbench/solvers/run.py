@@ -34,7 +34,7 @@ Known = tuple[float, Array] | None  # the cost and the residual (m,) at a point
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 TRIES = 6  # to find a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
-SURE = 0.75  # gain ratio, after which the next step is expected to be taken as well
+HIGHER = 1.001  # times the cost: where a trial costs more, its Jacobian is not looked at
 POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
@@ -66,7 +66,7 @@ class Run:
         self.linearizations = LinearizationCache()
         self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
         self._recorded: Array | None = None  # the last one
-        self.one_pass, self._sure = takes_one_pass(solver, problem), False
+        self.one_pass, self._refused = takes_one_pass(solver, problem), False
         self._threads = ExitStack()
         self._interrupts, self._interrupted = Interrupts(), False
 
@@ -115,20 +115,23 @@ class Run:
             return known
         self.check()
         self.linearizations.forget()  # first: memory that is used again is already there, and near
-        if (here := self._linearized(x)) is None:
+        self._linearized(x)
+        if (here := self.linearizations.at(x)) is None:
             raise Stop(Status.NOT_FINITE)
         return here
 
-    def _linearized(self, x: Array) -> Linearization | None:
-        """The linearization at x, which is kept; None where it is not finite."""
+    def _linearized(self, x: Array, most: float = np.inf) -> Known:
+        """Linearize at x and keep that, if it is finite; what is known if it costs over `most`."""
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
+        if not here.cost <= most:
+            return self._kept(x, here.cost), here.residual
         if self.one_pass:
             _ = here.normal  # with the gradient and the lengths of columns
-        if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
-            return None
-        self.sensitivity.observe(x, here)
-        self.rounding_noise.age += 1
-        return self.linearizations.keep(x, here)
+        if isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
+            self.sensitivity.observe(x, here)
+            self.rounding_noise.age += 1
+            self.linearizations.keep(x, here)
+        return None
 
     def hessian(self, x: Array) -> Stored:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
@@ -193,15 +196,15 @@ class Run:
         self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
             return -np.inf
-        sure, self._sure = self._sure, False
-        if sure and self.linearizations.at(to) is None:
-            self._linearized(to)  # the step will be taken, so that the Jacobian is needed as well
+        likely, self._refused = self.one_pass and not self._refused, True
+        if likely and known is None and self.linearizations.at(to) is None:
+            known = self._linearized(to, HIGHER * here.cost)  # it is needed if the step is taken
         cost, residual = self.cost_and_residual(to) if known is None else known
         if not isfinite(cost):
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)
         if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
-            self._sure = self.one_pass and fallen >= SURE * predicted
+            self._refused = not fallen > 0
             return fallen / predicted
         if self.optimality(to, self.linearize(to)) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
