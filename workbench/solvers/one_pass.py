@@ -6,6 +6,29 @@ from workbench.solvers.limits import Options
 
 BY_NORMAL_EQUATIONS = (automatic, cholesky, sparing)
 LARGEST = 2**26  # bytes of a Jacobian, of which two are in memory at a time
+HIGHER = 1.001  # times the cost: where a trial costs more, its Jacobian is not looked at
+
+
+class OnePass:
+    """Whether a run computes residual, Jacobian and normal equations together, also at trials.
+
+    A trial is expected to be taken unless the one before was refused.
+
+    Attributes:
+        on: whether they are computed together.
+    """
+
+    def __init__(self, on: bool) -> None:
+        self.on, self._refused = on, False
+
+    def expected(self) -> bool:
+        """Whether to linearize the next trial; it counts as refused until it is `judged`."""
+        before, self._refused = self._refused, True
+        return self.on and not before
+
+    def judged(self, taken: bool) -> None:
+        """Whether the last trial was taken."""
+        self._refused = not taken
 
 
 def takes_one_pass(solver: Options, problem: Problem) -> bool:
