@@ -226,7 +226,11 @@ class Chain:
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
         places = self._visited.at(x, fixed)
-        r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
+        points = [here.points for here in places]
+        if self._constant:
+            (r,), (direct, *by_points) = self.to_residual(x, fixed, *points), self._constant
+        else:
+            r, direct, *by_points = self.to_derivative(x, fixed, *points)
         g = self.by_x.pulled(direct, r)
         for here, pattern, entries in zip(places, self.by_points, by_points, strict=True):
             for name, part in here.adjoint(pattern.pulled(entries, r)).items():

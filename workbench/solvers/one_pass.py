@@ -16,19 +16,25 @@ class OnePass:
 
     Attributes:
         on: whether they are computed together.
+        trials: how many there were at points that were not linearized before.
+        saved: how many evaluations of the residual were saved, because the trial was linearized at
+            once and then taken.
     """
 
     def __init__(self, on: bool) -> None:
-        self.on, self._refused = on, False
+        self.on, self.trials, self.saved = on, 0, 0
+        self._refused = self._at_once = False
 
     def expected(self) -> bool:
         """Whether to linearize the next trial; it counts as refused until it is `judged`."""
-        before, self._refused = self._refused, True
-        return self.on and not before
+        self.trials += 1
+        self._at_once, self._refused = self.on and not self._refused, True
+        return self._at_once
 
     def judged(self, taken: bool) -> None:
         """Whether the last trial was taken."""
-        self._refused = not taken
+        self.saved += self._at_once and taken
+        self._at_once, self._refused = False, not taken
 
 
 def takes_one_pass(solver: Options, problem: Problem) -> bool:
