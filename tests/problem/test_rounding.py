@@ -47,6 +47,14 @@ def test_terms_are_as_large_as_weighed_sums_of_them() -> None:
         np.testing.assert_allclose(found, np.sqrt(squares), rtol=1e-14)
 
 
+def test_a_single_number_may_be_read_by_several_rows() -> None:
+    x = Block("x").symbol
+    problem = Problem((Residual("r", cs.vertcat(2 + x, 2 - 3 * x), 1.0),), "x")
+    size = 5.0 * np.linalg.norm(np.random.default_rng(0).standard_normal(SUMS))
+    found = problem._chain.made_of(np.array([5.0]), np.zeros(0))
+    np.testing.assert_allclose(found, [size, 3 * size], rtol=1e-14)
+
+
 def test_a_large_row_is_no_excuse_for_another() -> None:
     problem = two(1e15)
     x, fixed = problem.split({"x": 1.0, "y": 1.9})

@@ -146,6 +146,6 @@ def _of_single_terms(factor: cs.DM, argument: cs.MX, places: cs.Sparsity, weight
     by = np.asarray(factor).ravel()[row] ** 2 * weights[entry]
     numbers = cs.vec(argument)
     if not np.array_equal(entry, np.arange(argument.numel())):
-        numbers = numbers[entry.tolist()]
+        numbers = cs.vec(numbers[entry.tolist()])  # of a single number they stand in a row
     read = cs.Sparsity.triplet(factor.numel(), 1, row.tolist(), [0] * len(row))
     return cs.MX(read, cs.DM(by) * numbers**2)
