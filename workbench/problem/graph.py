@@ -129,7 +129,9 @@ def _squares(r: cs.MX, argument: cs.MX, symbols: Sequence[cs.MX]) -> cs.MX:
         of_entry = (weights.reshape(rows, SUMS, columns) ** 2).sum(axis=1).ravel(order="F")
         places = cs.jacobian_sparsity(r, argument)
         if len(set(places.row())) == places.nnz():
-            return _of_single_terms(cs.evalf(once), argument, places, of_entry)
+            factor = cs.Function("factor", [*symbols], [cs.densify(once)])  # at any place
+            numbers = factor.call([cs.DM.zeros(a.shape) for a in symbols])[0]
+            return _of_single_terms(numbers, argument, places, of_entry)
     weighed = cs.DM(weights) * cs.repmat(argument, 1, SUMS)
     return cs.sum2(cs.jtimes(r, argument, weighed) ** 2)
 
