@@ -6,6 +6,7 @@ import pytest
 
 from tests.bodies_made_up import random_body
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
+from workbench.problem.graph import SUMS
 from workbench.problem.rounding import Rounding, fall
 
 EPS = np.finfo(float).eps
@@ -28,6 +29,30 @@ def test_it_is_measured_where_it_is_asked_for() -> None:
     far, near = rounding(problem, x=30.0), rounding(problem, x=0.0)
     assert far.norm > 30 * np.exp(30) * EPS
     assert near.norm < 100 * EPS
+
+
+def test_terms_are_as_large_as_weighed_sums_of_them() -> None:
+    """Of rows that read one number each, in any order, of rows that read several, and of none."""
+    x, h = Block("x", (4,)).symbol, Block("h", (3,)).symbol
+    linear = cs.vertcat(3 * x[2], -2 * x[0] + h[1], cs.MX(5.0), 4 * x[3] - 0.5 * h[2])
+    for rows in (linear, cs.vertcat(linear, x[0] - x[1]), cs.vertcat(linear, x[0] * h[0])):
+        problem = Problem((Residual("r", rows, 1.0),), "x")
+        at, fixed = np.array([1.0, -2.0, 3.0, 0.5]), np.array([2.0, 7.0, -1.0])
+        J = cs.Function("J", [x, h], [cs.jacobian(rows, x), cs.jacobian(rows, h)])
+        squares = np.zeros(rows.numel())
+        for by, numbers in zip(J(at, fixed), (at, fixed), strict=True):
+            weights = np.random.default_rng(0).standard_normal((len(numbers), SUMS))
+            squares += ((np.array(by) @ (weights * numbers[:, None])) ** 2).sum(axis=1)
+        found = problem._chain.made_of(at, problem.split({"x": at, "h": fixed})[1])
+        np.testing.assert_allclose(found, np.sqrt(squares), rtol=1e-14)
+
+
+def test_a_single_number_may_be_read_by_several_rows() -> None:
+    x = Block("x").symbol
+    problem = Problem((Residual("r", cs.vertcat(2 + x, 2 - 3 * x), 1.0),), "x")
+    size = 5.0 * np.linalg.norm(np.random.default_rng(0).standard_normal(SUMS))
+    found = problem._chain.made_of(np.array([5.0]), np.zeros(0))
+    np.testing.assert_allclose(found, [size, 3 * size], rtol=1e-14)
 
 
 def test_a_large_row_is_no_excuse_for_another() -> None:

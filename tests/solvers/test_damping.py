@@ -43,13 +43,13 @@ def test_it_rises_with_each_step_that_was_cut_and_falls_after_a_good_one() -> No
         assert damping(x) == pytest.approx(1e-3)
         assert damping(x) == pytest.approx(1e-3)  # asked again at the same point
         for share in (1.0, 0.5, 0.25):  # a line search, and its third trial is taken
-            run.cost(x + share * np.array([0.1, 0.1]))
+            run.tried(x + share * np.array([0.1, 0.1]), np.inf)
         x = x + np.array([0.025, 0.025])
         assert damping(x) == pytest.approx(1e-3 * RISE**2)
         H = dense(hessian(x, np.zeros(0)))
         p = np.linalg.solve(H, -run.linearize(x).gradient)
         before, gradient = run.linearize(x).cost, run.linearize(x).gradient
-        run.cost(x + p)
+        run.tried(x + p, before)
         gain = (before - run.linearize(x + p).cost) / (-gradient @ p - 0.5 * p @ H @ p)
         assert damping(x + p) == pytest.approx(1e-3 * RISE**2 * (eased(gain) if gain > 0 else 2.0))
 

@@ -8,10 +8,10 @@ import pytest
 
 import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
-from workbench.problem import gram, storage
+from workbench.problem import gram, linearization, storage
 from workbench.residuals import Residual
 from workbench.solvers.damping import DAMPED
-from workbench.solvers.one_pass import LARGEST, takes_one_pass
+from workbench.solvers.one_pass import LARGEST, OnePass, takes_one_pass
 
 SOLVERS = (wb.LevenbergMarquardt(), wb.solvers.TrustRegion())
 
@@ -62,19 +62,81 @@ def test_the_way_is_the_same(
 
 
 @NEEDS_A_COMPILER
-def test_a_fit_of_a_surface_needs_one_residual_alone() -> None:
+def test_a_fit_of_a_surface_needs_no_residual_alone() -> None:
     body = wb.load_body("default")
     seen = body.vertices(0.05 * np.ones((24, 3)), np.ones(10), np.zeros(3))
     points = body.points(*(block.symbol for block in body.blocks()))
     terms = [wb.residuals.vertices(points, seen, sigma=0.01)]
     problem = wb.Problem(terms, free=("pose", "betas", "trans"))
     assert takes_one_pass(SOLVERS[0], problem)
-    assert not takes_one_pass(wb.Ipopt(), problem)  # which linearizes no trial
+    assert not takes_one_pass(wb.Ipopt(), problem)  # which takes its steps itself
     found = wb.solve(problem, body.start(), SOLVERS[0])
     assert found.cost < 1e-12
-    assert found.evaluations.residual == 1  # of the first step, before anything is known
+    assert found.evaluations.residual == 0  # every trial was taken
     assert found.evaluations.jacobian == len(found.trace)
     assert 8 * problem.size * problem.free.size < LARGEST
+
+
+@NEEDS_A_COMPILER
+@pytest.mark.usefixtures("of_any_size")
+@pytest.mark.parametrize("solver", [*SOLVERS, wb.Ipopt()], ids=lambda one: type(one).__name__)
+def test_no_bit_of_the_way_depends_on_whether_trials_are_linearized_at_once(
+    solver: wb.solvers.Solver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """IPOPT's damping follows the number of trials, however these were evaluated."""
+    problem, start = problem_of(valley), {"x": np.array([-1.2, 1.0])}
+    at_once = wb.solve(problem, start, solver)
+
+    def never(one: OnePass) -> bool:
+        one.trials += 1
+        return False
+
+    monkeypatch.setattr(OnePass, "expected", never)
+    apart = wb.solve(problem, start, solver)
+    assert at_once.status is apart.status
+    assert len(at_once.trace) == len(apart.trace)
+    for one, other in zip(at_once.trace, apart.trace, strict=True):
+        np.testing.assert_array_equal(one.values["x"], other.values["x"])
+        assert one.damping == other.damping
+    assert at_once.judging == apart.judging
+    assert at_once.evaluations.residual < apart.evaluations.residual / 2
+    assert at_once.evaluations.total < apart.evaluations.total
+
+
+def test_after_a_refused_trial_the_next_is_not_linearized_at_once() -> None:
+    one_pass = OnePass(on=True)
+    assert one_pass.expected()  # the first one
+    assert not one_pass.expected()  # nobody has taken that
+    one_pass.judged(taken=True)
+    assert one_pass.expected()
+    one_pass.judged(taken=False)
+    assert not one_pass.expected()
+    assert (one_pass.trials, one_pass.saved) == (4, 0)
+    one_pass.judged(taken=True)
+    assert one_pass.expected()
+    one_pass.judged(taken=True)
+    assert (one_pass.trials, one_pass.saved) == (5, 1)
+    off = OnePass(on=False)
+    off.judged(taken=True)
+    assert not off.expected()
+
+
+@NEEDS_A_COMPILER
+@pytest.mark.usefixtures("of_any_size")
+def test_a_trial_that_costs_more_gets_no_normal_equations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made: list[float] = []
+    products = linearization.normal_equations
+
+    def counted(J: object, r: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        made.append(0.5 * float(r @ r))
+        return products(J, r)
+
+    monkeypatch.setattr(linearization, "normal_equations", counted)
+    found = wb.solve(problem_of(valley), {"x": np.array([-1.2, 1.0])}, SOLVERS[0])
+    assert found.evaluations.jacobian > len(found.trace)  # some trials were refused
+    assert made == [one.cost for one in found.trace]
 
 
 @NEEDS_A_COMPILER

@@ -21,7 +21,6 @@ from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered, without_calls
 from workbench.blocks.elementwise import Elementwise
-from workbench.blocks.layout import Values
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
 from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
 from workbench.problem.naming import distinct
@@ -30,6 +29,7 @@ from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered
 from workbench.problem.rooms import Rooms
 from workbench.problem.rounding import Support, half_squared
 from workbench.problem.storage import Stored, check_fits, is_sparse
+from workbench.problem.visited import Visited
 from workbench.residuals import Residual
 
 _NOTHING = Part(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
@@ -45,7 +45,7 @@ class Chain:
     def __init__(
         self, graph: Graph, sources: Sequence[NumericPoints], free: Layout, fixed: Layout
     ) -> None:
-        self.sources, self.free, self._fixed = tuple(sources), free, fixed
+        self.sources, self.free = tuple(sources), free
         arguments = [graph.x, graph.fixed, *graph.points]
         r = cs.densify(graph.residual)
         self.to_residual = Buffered(residual := cs.Function("residual", arguments, [r]))
@@ -69,8 +69,7 @@ class Chain:
             for i, pattern in enumerate(self.by_points)
         ]
         self.to_size = Buffered(cs.Function("made_of", arguments, [size_of_terms(r, arguments)]))
-        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
-        self._last_fixed: tuple[bytes | None, Values] = (None, {})
+        self._visited = Visited(self.sources, free, fixed)
         self._rooms = Rooms()
 
     @staticmethod
@@ -88,7 +87,7 @@ class Chain:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
         if not self.sparse:
             check_fits(*self.by_x.shape)
-        places = self._at(x, fixed)
+        places = self._visited.at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
             return r, self._jacobian(places, direct, by_points)
@@ -226,8 +225,12 @@ class Chain:
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
-        places = self._at(x, fixed)
-        r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
+        places = self._visited.at(x, fixed)
+        points = [here.points for here in places]
+        if self._constant:
+            (r,), (direct, *by_points) = self.to_residual(x, fixed, *points), self._constant
+        else:
+            r, direct, *by_points = self.to_derivative(x, fixed, *points)
         g = self.by_x.pulled(direct, r)
         for here, pattern, entries in zip(places, self.by_points, by_points, strict=True):
             for name, part in here.adjoint(pattern.pulled(entries, r)).items():
@@ -263,28 +266,7 @@ class Chain:
         return Support(groups, group_of, own)
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
-        return [here.points for here in self._at(x, fixed)]
-
-    def _at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
-        """Each source's points as they are at x; kept for the next call there."""
-        if not self.sources:
-            return ()
-        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
-        if key != last[0]:
-            around = self._around(key[1], fixed)
-            values = around | self.free.unpack(x, around)
-            self._last = last = key, [source.evaluate(values) for source in self.sources]
-        return last[1]
-
-    def _around(self, key: bytes, fixed: Array) -> Values:
-        """The values of fixed blocks, read-only; they are often the same as the last time."""
-        last = self._last_fixed
-        if key != last[0]:
-            values = self._fixed.unpack(fixed)
-            for value in values.values():
-                value.flags.writeable = False
-            self._last_fixed = last = key, values
-        return last[1]
+        return [here.points for here in self._visited.at(x, fixed)]
 
 
 def _part(

@@ -8,6 +8,7 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, Points, in_blocks
 from workbench.problem.partial import by_free_entries
 from workbench.problem.storage import Stored, is_sparse
@@ -115,13 +116,38 @@ def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     few sums with normally distributed weights estimates this size, without the single derivatives
     (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
     """
-    parts = [cs.jtimes(r, a, _weighed(a)) for a in arguments if a.numel()]
-    size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
-    return cs.densify(size)
+    squares = [_squares(r, a, arguments) for a in arguments if a.numel()]
+    return cs.densify(cs.sqrt(sum(squares)) if squares else cs.MX(*r.shape))
 
 
-def _weighed(argument: cs.MX) -> cs.MX:
-    """Copies side by side, each entry times a normal weight; the weights are always the same."""
+def _squares(r: cs.MX, argument: cs.MX, symbols: Sequence[cs.MX]) -> cs.MX:
+    """The sum over `SUMS` sums of their terms with one argument, squared, for each row, (m, 1)."""
     rows, columns = argument.shape
-    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))
-    return cs.DM(weights) * cs.repmat(argument, 1, SUMS)
+    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))  # always the same
+    once = cs.jtimes(r, argument, cs.DM.ones(rows, columns))
+    if not cs.depends_on(once, cs.veccat(*symbols)):
+        of_entry = (weights.reshape(rows, SUMS, columns) ** 2).sum(axis=1).ravel(order="F")
+        places = cs.jacobian_sparsity(r, argument)
+        if len(set(places.row())) == places.nnz():
+            factor = cs.Function("factor", [*symbols], [cs.densify(once)])  # at any place
+            numbers = factor.call([cs.DM.zeros(a.shape) for a in symbols])[0]
+            return _of_single_terms(numbers, argument, places, of_entry)
+    weighed = cs.DM(weights) * cs.repmat(argument, 1, SUMS)
+    return cs.sum2(cs.jtimes(r, argument, weighed) ** 2)
+
+
+def _of_single_terms(factor: cs.DM, argument: cs.MX, places: cs.Sparsity, weights: Array) -> cs.MX:
+    """The squared terms of rows that read one entry of the argument each, times a constant factor.
+
+    So a vertex is read, and the observed one beside it. All sums of such a row have a single term,
+    which is squared once and multiplied by the sum of its squared `weights` (of each entry).
+    """
+    row, entry = np.array(places.row(), dtype=int), np.array(places.get_col(), dtype=int)
+    order = np.argsort(row)
+    row, entry = row[order], entry[order]
+    by = np.asarray(factor).ravel()[row] ** 2 * weights[entry]
+    numbers = cs.vec(argument)
+    if not np.array_equal(entry, np.arange(argument.numel())):
+        numbers = cs.vec(numbers[entry.tolist()])  # of a single number they stand in a row
+    read = cs.Sparsity.triplet(factor.numel(), 1, row.tolist(), [0] * len(row))
+    return cs.MX(read, cs.DM(by) * numbers**2)

@@ -15,7 +15,7 @@ from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.constraint_set import LinearizedConstraints
 from workbench.problem.covariance import covariance_of, inverse_times
 from workbench.problem.gram import normal_equations
-from workbench.problem.rounding import half_squared
+from workbench.problem.rounding import all_finite, half_squared
 from workbench.problem.spectrum import Spectrum, graded_svd
 from workbench.problem.steps import EPS, UNEVEN, automatic
 from workbench.problem.storage import Matrix, Symmetric
@@ -123,12 +123,12 @@ class Linearization:
     @cached_property
     def finite(self) -> bool:
         """Whether every number of the residual, the Jacobian and the constraints is finite."""
-        if not (isfinite(self.cost) or np.isfinite(self.residual).all()):
+        if not (isfinite(self.cost) or all_finite(self.residual)):
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False
         # NaN or infinity in the Jacobian shows in J' r, even beside a residual of zero
-        return bool(np.isfinite(self.gradient).all()) or storage.finite(self.jacobian)
+        return all_finite(self.gradient) or storage.finite(self.jacobian)
 
     @property
     def not_finite(self) -> list[tuple[int, int]]:

@@ -1,5 +1,7 @@
 """How far a point is from stationary, without units: one measure for all solvers."""
 
+from math import sqrt
+
 import numpy as np
 
 from workbench.arrays import Array
@@ -38,7 +40,7 @@ def optimality(
     if not support.all_change:
         r = np.where(support.changing, r, 0.0)
     if here.constraints is None:
-        scale = np.where(norms > 0, norms, 1.0)  # the gradient is zero where the column is
+        scale = _or_one(norms)  # the gradient is zero where the column is
         d = -here.gradient / scale
         if box is not None:
             lower, upper = box
@@ -52,10 +54,11 @@ def optimality(
     way = np.abs(d)
     if rounding is not None:
         way = np.maximum(way - explained_by_rounding(x, here, support, rounding), 0.0)
-    sizes = np.maximum(support.norms(r), min(float(np.linalg.norm(r)), 1.0))
-    if ((way > 0) & (sizes == 0)).any():  # a constraint is violated, and there is no residual
-        return np.inf
-    return float((way / np.where(sizes > 0, sizes, 1.0)).max(initial=0.0))
+    sizes = np.maximum(support.norms(r), min(sqrt(r @ r), 1.0))
+    lengths = _or_one(sizes)
+    if lengths is not sizes and ((way > 0) & (sizes == 0)).any():
+        return np.inf  # a constraint is violated, and there is no residual
+    return float((way / lengths).max(initial=0.0))
 
 
 def explained_by_rounding(
@@ -84,6 +87,11 @@ def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) 
     error, norms = _errors(here, support, rounding), here.column_norms
     harmless = (error <= IMMATERIAL) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
     return np.where(harmless, 0.0, error / np.where(norms > 0, norms, 1.0))
+
+
+def _or_one(lengths: Array) -> Array:
+    """The lengths with 1 in place of 0; the array itself if none is 0."""
+    return lengths if lengths.min(initial=1.0) > 0 else np.where(lengths > 0, lengths, 1.0)
 
 
 def _errors(here: Linearization, support: Support, rounding: Rounding) -> Array:

@@ -34,6 +34,8 @@ class Pattern:
 
     def pulled(self, entries: Array, r: Array) -> Array:
         """The matrix with these entries, transposed, times r."""
+        if self.diagonal is not None:
+            return entries * r[self.diagonal]
         found = np.bincount(self.columns, entries * r[self.rows], minlength=self.shape[1])
         return np.asarray(found, dtype=float)  # counts, where there are no entries
 

@@ -82,9 +82,13 @@ def column_norms(matrix: Matrix, normal: Symmetric | None = None) -> Array:
     if isinstance(matrix, csc_array):
         return np.sqrt(sums(columns_of_nonzeros(matrix), matrix.data**2, matrix.shape[1]))
     columns = matrix.T  # as it is stored
-    with np.errstate(over="ignore"):
-        squares = np.vecdot(columns, columns) if normal is None else dense(normal).diagonal()
-        norms = np.asarray(np.sqrt(squares))
+    if normal is None:
+        with np.errstate(over="ignore"):
+            norms = np.asarray(np.sqrt(np.vecdot(columns, columns)))
+    else:
+        norms = np.asarray(np.sqrt(dense(normal).diagonal()))
+    if norms.max(initial=0.0) < np.inf:
+        return norms
     for i in np.flatnonzero(norms == np.inf):
         largest = np.abs(columns[i]).max()
         if largest < np.inf:

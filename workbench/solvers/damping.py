@@ -84,7 +84,7 @@ class DampedHessian:
 
     @property
     def _tried(self) -> int:
-        return self._run.meter.counts["residual"]
+        return self._run.one_pass.trials
 
     def _next(self, last: "Last", x: Array, here: Linearization) -> float:
         """The damping after the step from the last point to x."""
@@ -109,7 +109,7 @@ class Last(NamedTuple):
         cost: the cost there.
         gradient: (n,) its gradient.
         hessian: (n, n) the damped Hessian there.
-        tried: how often the residual had been evaluated.
+        tried: how many trials there had been.
     """
 
     x: Array

@@ -13,6 +13,7 @@ from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.limits import Options
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.meter import Meter
+from workbench.solvers.one_pass import OnePass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
 from workbench.solvers.solution import Status
@@ -31,6 +32,7 @@ class Ended(Protocol):
         best: the best point.
         trace: the iterates.
         meter: the evaluations and the time of the run.
+        one_pass: the trials, and the evaluations that were saved at them.
         linearizations: the last linearization.
         sensitivity: the longest column of each unknown on the way.
         rounding_noise: the rounding errors along the run.
@@ -43,6 +45,7 @@ class Ended(Protocol):
     best: Best
     trace: list[Iterate]
     meter: Meter
+    one_pass: OnePass
     linearizations: LinearizationCache
     sensitivity: Sensitivity
     rounding_noise: RoundingNoise

@@ -47,7 +47,7 @@ def unless_no_minimum(run: Ended, here: Linearization, found: Ending, converged:
     try:
         check()
         if converged:
-            evaluations = sum(run.meter.counts.values())
+            evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
             no_minimum = saddle(end, most_gradients(x.size, evaluations))
         if no_minimum is None and (converged or found.status in MAY_BE_A_VALLEY):
             noticed = run.sensitivity.noticed(x, run.problem.support.norms(noise.rows))

@@ -6,6 +6,35 @@ from workbench.solvers.limits import Options
 
 BY_NORMAL_EQUATIONS = (automatic, cholesky, sparing)
 LARGEST = 2**26  # bytes of a Jacobian, of which two are in memory at a time
+HIGHER = 1.001  # times the cost: where a trial costs more, its Jacobian is not looked at
+
+
+class OnePass:
+    """Whether a run computes residual, Jacobian and normal equations together, also at trials.
+
+    A trial is expected to be taken unless the one before was refused.
+
+    Attributes:
+        on: whether they are computed together.
+        trials: how many there were at points that were not linearized before.
+        saved: how many evaluations of the residual were saved, because the trial was linearized at
+            once and then taken.
+    """
+
+    def __init__(self, on: bool) -> None:
+        self.on, self.trials, self.saved = on, 0, 0
+        self._refused = self._at_once = False
+
+    def expected(self) -> bool:
+        """Whether to linearize the next trial; it counts as refused until it is `judged`."""
+        self.trials += 1
+        self._at_once, self._refused = self.on and not self._refused, True
+        return self._at_once
+
+    def judged(self, taken: bool) -> None:
+        """Whether the last trial was taken."""
+        self.saved += self._at_once and taken
+        self._at_once, self._refused = False, not taken
 
 
 def takes_one_pass(solver: Options, problem: Problem) -> bool:

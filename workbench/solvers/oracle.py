@@ -61,7 +61,7 @@ def unless_solved(run: Run, hessian: Hessian | None) -> None:
 
     From here on J'J comes with each Jacobian, if the Hessian needs it and one pass gives both.
     """
-    run.one_pass = is_of_first_order(hessian) and has_one_pass(run.problem)
+    run.one_pass.on = is_of_first_order(hessian) and has_one_pass(run.problem)
     here = run.linearize(run.x)
     if run.optimality(run.x, here) <= run.limits.gradient_tolerance:
         run.record(run.x, here.cost, here)
@@ -126,13 +126,12 @@ class Oracle:
     @cached_property
     def cost(self) -> External:
         """The cost at x (n,), half the sum of squares, as a number; infinite if not finite."""
-        return self._external("cost", (), _asked_twice(self._run.cost))
+        return self._external("cost", (), _asked_twice(_cost_of(self._run)))
 
     @cached_property
     def gradient(self) -> External:
         """The gradient of the cost at x, (n, 1)."""
-        at = self._run.linearize
-        return self._external("gradient", (self._n,), lambda x, _: at(x).gradient)
+        return self._external("gradient", (self._n,), _gradient_of(self._run))
 
     @cached_property
     def constraints(self) -> External:
@@ -256,6 +255,23 @@ def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
     """A function of x alone that keeps its last two values: SQP asks again beside the gradient."""
     known = lru_cache(maxsize=2)(lambda x: function(np.frombuffer(x)))
     return lambda x, _: known(x.tobytes())
+
+
+def _cost_of(run: Run) -> Callable[[Array], float]:
+    """The cost at a trial x. It may rise where constraints have to be met."""
+    if run.problem.stacked_constraints is not None:
+        return run.cost
+    return lambda x: run.tried(x, run.best.cost)[0]
+
+
+def _gradient_of(run: Run) -> Callable[[Array, Array], Array]:
+    """The gradient of the cost, which is asked for at trials that are taken."""
+
+    def gradient(x: Array, _: Array) -> Array:
+        run.one_pass.judged(taken=True)
+        return run.linearize(x).gradient
+
+    return gradient
 
 
 def _of_cost(run: Run, hessian: Hessian) -> StoredBy:

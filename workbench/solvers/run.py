@@ -22,7 +22,7 @@ from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.limits import GUARDED, Options, Stop, stop_asked, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.meter import Meter
-from workbench.solvers.one_pass import takes_one_pass
+from workbench.solvers.one_pass import HIGHER, OnePass, takes_one_pass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
 from workbench.solvers.solution import Callback, Solution, Status
@@ -34,7 +34,6 @@ Known = tuple[float, Array] | None  # the cost and the residual (m,) at a point
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 TRIES = 6  # to find a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
-SURE = 0.75  # gain ratio, after which the next step is expected to be taken as well
 POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
@@ -66,9 +65,8 @@ class Run:
         self.linearizations = LinearizationCache()
         self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
         self._recorded: Array | None = None  # the last one
-        self.one_pass, self._sure = takes_one_pass(solver, problem), False
-        self._threads = ExitStack()
-        self._interrupts, self._interrupted = Interrupts(), False
+        self.one_pass = OnePass(takes_one_pass(solver, problem))
+        self._threads, self._interrupts, self._interrupted = ExitStack(), Interrupts(), False
 
     def __enter__(self) -> "Run":
         self._threads.enter_context(limited_threads())
@@ -104,6 +102,13 @@ class Run:
         r = self.evaluate("residual", lambda: self.problem.residual(x, self.fixed))
         return self._kept(x, half_squared(r)), r
 
+    def tried(self, to: Array, before: float) -> tuple[float, Array]:
+        """The same at a trial, linearized at once if it seems to be better than a cost `before`."""
+        known: Known = None
+        if self.linearizations.at(to) is None and self.one_pass.expected():
+            known = self._linearized(to, HIGHER * before)
+        return known or self.cost_and_residual(to)
+
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
         """The cost and its gradient at x, by one reverse sweep."""
         cost, g = self.evaluate("gradient", lambda: self.problem.cost_and_gradient(x, self.fixed))
@@ -115,20 +120,23 @@ class Run:
             return known
         self.check()
         self.linearizations.forget()  # first: memory that is used again is already there, and near
-        if (here := self._linearized(x)) is None:
+        self._linearized(x)
+        if (here := self.linearizations.at(x)) is None:
             raise Stop(Status.NOT_FINITE)
         return here
 
-    def _linearized(self, x: Array) -> Linearization | None:
-        """The linearization at x, which is kept; None where it is not finite."""
+    def _linearized(self, x: Array, most: float = np.inf) -> Known:
+        """Linearize at x and keep that, if it is finite; what is known if it costs over `most`."""
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
-        if self.one_pass:
+        if not here.cost <= most:
+            return self._kept(x, here.cost), here.residual
+        if self.one_pass.on:
             _ = here.normal  # with the gradient and the lengths of columns
-        if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
-            return None
-        self.sensitivity.observe(x, here)
-        self.rounding_noise.age += 1
-        return self.linearizations.keep(x, here)
+        if isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
+            self.sensitivity.observe(x, here)
+            self.rounding_noise.age += 1
+            self.linearizations.keep(x, here)
+        return None
 
     def hessian(self, x: Array) -> Stored:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
@@ -193,15 +201,12 @@ class Run:
         self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
             return -np.inf
-        sure, self._sure = self._sure, False
-        if sure and self.linearizations.at(to) is None:
-            self._linearized(to)  # the step will be taken, so that the Jacobian is needed as well
-        cost, residual = self.cost_and_residual(to) if known is None else known
+        cost, residual = self.tried(to, here.cost) if known is None else known
         if not isfinite(cost):
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)
         if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
-            self._sure = self.one_pass and fallen >= SURE * predicted
+            self.one_pass.judged(taken=fallen > 0)
             return fallen / predicted
         if self.optimality(to, self.linearize(to)) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
@@ -249,15 +254,10 @@ class Run:
         optimality = np.nan if here is None else self.optimality(x, here)
         way = x - (x if self._recorded is None else self._recorded)
         self._recorded = x.copy()
+        values, counts = self.problem.free.unpack(x, self._around), Evaluations(**self.meter.counts)
+        so_far = counts, self.meter.seconds
         iterate = Iterate(
-            self.problem.free.unpack(x, self._around),
-            cost,
-            optimality,
-            sqrt(way @ way),
-            damping,
-            Evaluations(**self.meter.counts),
-            self.meter.seconds,
-            linear_algebra,
+            values, cost, optimality, sqrt(way @ way), damping, *so_far, linear_algebra
         )
         self.trace.append(iterate)
         if here is not None and not isnan(optimality):
