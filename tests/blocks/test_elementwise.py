@@ -39,3 +39,9 @@ def test_the_same_bits_as_by_casadi(residual: cs.MX) -> None:
 )
 def test_other_graphs_are_left_to_casadi(residual: cs.MX) -> None:
     assert Elementwise.of(function_of(residual)) is None
+
+
+def test_a_residual_without_rows_is_left_to_casadi() -> None:
+    function = function_of(cs.MX(0, 1))
+    assert Elementwise.of(function) is None
+    assert Buffered(function)(np.ones(4), np.ones(21), np.ones((7, 3)))[0].shape == (0,)

@@ -9,7 +9,7 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from workbench.problem.rooms import KEPT, WORTH_KEEPING, Rooms
+from workbench.problem.rooms import KEPT, LINE, WORTH_KEEPING, Rooms
 from workbench.residuals.kernels import quadratic
 from workbench.residuals.residual import Residual
 
@@ -35,6 +35,14 @@ def test_a_room_is_used_again_once_all_views_are_gone() -> None:
     room, third = rooms.array(ROWS, COLUMNS)
     assert place(third) == at
     assert (third == 7.0).all()  # what the last one left
+
+
+@pytest.mark.parametrize("columns", [COLUMNS, COLUMNS + 1, 50 * COLUMNS])
+def test_rooms_begin_at_a_cache_line(columns: int) -> None:
+    room, found = Rooms().array(ROWS, columns)
+    assert place(room) % LINE == 0
+    assert place(found) == place(room)
+    assert not room.any()
 
 
 def test_nobody_else_can_write_to_a_room() -> None:

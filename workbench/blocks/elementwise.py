@@ -53,8 +53,8 @@ class Elementwise:
     @staticmethod
     def of(function: cs.Function) -> Elementwise | None:
         """The function, if it consists of such operations alone; None otherwise."""
-        if not function.is_a("MXFunction") or function.n_instructions() > SHORT:
-            return None
+        if not function.is_a("MXFunction") or not 0 < function.n_instructions() <= SHORT:
+            return None  # an output without numbers takes no instruction
         given: dict[int, int] = {}
         constants: dict[int, float] = {}
         steps: list[Step] = []

@@ -3,8 +3,9 @@
 What limits a posed surface is reading its shape and pose directions. Those of an embedded body are
 whole multiples of one step, and those of many files are single precision: four bytes hold each of
 them, and the processor makes eight of them again in its registers, the same to the bit. The numbers
-of steps would fit into two bytes. But to make doubles of these takes three instructions in place of
-two, which costs more than reading four bytes (measured: the points of `full` take a third longer).
+of steps would fit into two bytes. But to make doubles of these takes more instructions than the one
+that single precision takes, which costs more than reading four bytes (measured: the points of
+`full` take a third longer).
 """
 
 from __future__ import annotations

@@ -18,7 +18,8 @@ TRIED = 11  # vertices: all lanes full at least once, and some that are left ove
 TRIED_SHARE = 0.1  # of its joints that carry and bend each of them
 STEP = 1e-3  # of the numbers that are tried
 
-Surfaces = Callable[[Motion, Array], Any]  # the surface at a motion and betas; see Arithmetic
+# the surface at a motion and betas, whose points are moved by the trans (3,) that may follow
+Surfaces = Callable[..., Any]
 
 
 class _Arrays(NamedTuple):
@@ -53,15 +54,19 @@ def agrees_with_numpy(
         halves=halves,
     )
     betas, scale = rng.standard_normal(B), rng.standard_normal(3 * TRIED)
+    trans = rng.standard_normal(3)
     packed = PackedVertices.of(arrays, parents, slice(None), lanes, packing)
     in_numpy = ChunkedArithmetic(chunks_of(arrays, slice(None)), parents)
-    answers = [
-        _answers(surface, motion, slopes, betas, scale)
-        for surface in (compiled(packed), in_numpy.evaluate)
-    ]
+    surfaces = compiled(packed)
+    right = _answers(lambda: in_numpy.evaluate(motion, betas), slopes, scale)
+    plain = _answers(lambda: surfaces(motion, betas), slopes, scale)
+    moved = _answers(lambda: surfaces(motion, betas, trans), slopes, scale)
+    for points in moved[:2]:
+        points -= trans
     return all(
         np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
-        for got, expected in zip(*answers, strict=True)
+        for answers in (plain, moved)
+        for got, expected in zip(answers, right, strict=True)
     )
 
 
@@ -96,12 +101,12 @@ def _of_rotations(pose: Array) -> tuple[Array, Array, Array]:
     return (turns[1:, 0] - np.eye(3).ravel()).ravel(), turns[1:, 1:], halves
 
 
-def _answers(
-    surface: Surfaces, motion: Motion, slopes: Slopes, betas: Array, scale: Array
-) -> list[Array]:
-    sizes = {"pose": 3 * len(motion.G), "betas": len(betas), "trans": 3}
+def _answers(surface: Callable[[], Any], slopes: Slopes, scale: Array) -> list[Array]:
+    """The points with their derivative and alone, the derivative and the gradients."""
+    K, B = len(slopes.turns), len(slopes.d_shift) // 3
+    sizes = {"pose": 3 * K, "betas": B, "trans": 3}
     into = {name: np.zeros((size, len(scale))) for name, size in sizes.items()}
-    here = surface(motion, betas)
+    here = surface()
     here.tangent(slopes, into, scale)
-    alone = surface(motion, betas).points
-    return [here.points, alone, *into.values(), *here.adjoint(scale.reshape(-1, 3))]
+    gradients = here.adjoint(scale.reshape(-1, 3))
+    return [here.points, surface().points, *into.values(), *gradients]

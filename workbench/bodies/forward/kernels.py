@@ -58,8 +58,8 @@ def _agrees(
 ) -> bool:
     """Whether the library says what NumPy says."""
 
-    def compiled(packed: PackedVertices) -> Callable[[Motion, Array], CompiledSurface]:
-        return CompiledArithmetic(loaded, packed).evaluate
+    def compiled(packed: PackedVertices) -> Callable[..., CompiledSurface]:
+        return partial(CompiledSurface, CompiledArithmetic(loaded, packed))
 
     packing = packing_tried(kind, by_halves)
     return agrees_with_numpy(compiled, int(loaded.lanes()), parents, B, packing)
@@ -105,7 +105,10 @@ class CompiledArithmetic:
 
     def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> CompiledSurface:
         """The same, whose points are moved by trans (3,) m as they are written."""
-        return CompiledSurface(self, motion, betas, np.ascontiguousarray(trans, dtype=np.float64))
+        moved_by = np.ascontiguousarray(trans, dtype=np.float64)
+        if moved_by.size != 3:  # the library trusts it
+            raise ValueError(f"trans has {moved_by.size} numbers and not 3")
+        return CompiledSurface(self, motion, betas, moved_by)
 
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, for all vertices, which is given the addresses of arrays."""
