@@ -33,7 +33,7 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
 
     f = SimpleNamespace(**vertex_functions(B))
     motion = motion_column(body.kinematics.motion(pose, betas))
-    features, G, joints = np.split(motion, np.cumsum([9 * (K - 1), 12 * K]))
+    features, G, joints, _ = np.split(motion, np.cumsum([9 * (K - 1), 12 * K, 3 * K]))
     found = slopes_column(body.kinematics.slopes(pose, betas))
     of_joints, of_betas = np.split(found, [OF_JOINT * K])
     for i in range(4):

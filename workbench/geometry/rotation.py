@@ -31,11 +31,9 @@ def rodrigues(w: Matrix) -> Matrix:
     """
     x, y, z = w[0, :], w[1, :], w[2, :]
     t2 = x**2 + y**2 + z**2  # (1, K) rad^2
+    a, b = sine_and_cosine_ratios(t2)
     near = t2 < SERIES_BELOW
-    t = cs.sqrt(cs.if_else(near, 1.0, t2))
-    a = cs.if_else(near, _series(t2, 1), cs.sin(t) / t)
-    b = cs.if_else(near, _series(t2, 2), 2 * (cs.sin(t / 2) / t) ** 2)
-    c = cs.if_else(near, _series(t2, 0), cs.cos(t))
+    c = cs.if_else(near, _series(t2, 0), cs.cos(cs.sqrt(cs.if_else(near, 1.0, t2))))
     columns_of_each = cs.vertcat(
         c + b * x * x,
         b * x * y + a * z,
@@ -48,6 +46,14 @@ def rodrigues(w: Matrix) -> Matrix:
         c + b * z * z,
     )  # (9, K): each rotation column by column
     return cs.reshape(columns_of_each, 3, 3 * w.shape[1])
+
+
+def sine_and_cosine_ratios(t2: Matrix) -> tuple[Matrix, Matrix]:
+    """sin(t) / t and (1 - cos(t)) / t^2 of squared angles t^2 in rad^2; see `rodrigues`."""
+    near = t2 < SERIES_BELOW
+    t = cs.sqrt(cs.if_else(near, 1.0, t2))
+    a = cs.if_else(near, _series(t2, 1), cs.sin(t) / t)
+    return a, cs.if_else(near, _series(t2, 2), 2 * (cs.sin(t / 2) / t) ** 2)
 
 
 def half_turns(w: Matrix) -> Matrix:

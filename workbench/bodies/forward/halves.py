@@ -1,4 +1,4 @@
-"""Pose directions split into their antisymmetric and symmetric halves: a third fewer products.
+"""Pose directions split into their antisymmetric and symmetric halves: a fifth fewer products.
 
 Where nothing is rotated in the bind pose, a joint displaces one coordinate of a vertex by
 P : (R - I), the sum over all entries of a matrix P (3, 3) of pose directions times those of R - I.
@@ -6,18 +6,18 @@ With the rotation vector theta, t = |theta|, a = sin(t) / t and b = (1 - cos(t))
 formula),
 
     R - I = a [theta]x + b [theta]x^2,
-    P : (R - I) = a theta . w + 1/2 b theta' S theta,      S = P + P' - 2 tr(P) I,
+    P : (R - I) = a s + e,    s = theta . w,    e = 1/2 b theta' S theta,
+    S = P + P' - 2 tr(P) I,
 
-where w are the three numbers of P - P'. A derivative by theta needs S theta only once:
+where w are the three numbers of P - P'. Its derivative by theta needs S theta only once:
 
-    g = a w + b S theta,    s = theta . w,    u = 1/2 theta . g,
-    P : (R - I) = 1/2 a s + u,
-    its derivative by theta = g + (p u + q s) theta,
+    a w + b S theta + (a' / t s + p e) theta,
 
-with p = b' / (b t), q = a' / t - 1/2 a p, and derivatives ' by t: 24 products, where nine features
-and their 27 slopes take 36. Instead of P (9 numbers) its halves are stored: w, and of S its entries
-xx, yy, zz, xy, xz, yz. These are sums and differences of entries of P. Where all of P are whole
-steps, so are they, and nothing is lost.
+with p = b' / (b t), and derivatives ' by t. A displacement takes nine products, as by features,
+and its derivative 20 more, in place of 27. Instead of P (9 numbers) its halves are stored: w, and of S its entries xx, yy, zz, xy,
+xz, yz. These are sums and differences of entries of P. Where all of P are whole steps, so are they,
+at most 4 x 32,767 < 2^24 of them, which single precision holds exactly. Where directions are
+stored in double precision, their halves are rounded, by 1e-16 of their size.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ import numpy as np
 from scipy.special import bernoulli
 
 from workbench.arrays import Array
-from workbench.geometry.rotation import SERIES_BELOW, SERIES_TERMS
+from workbench.geometry.rotation import SERIES_BELOW, SERIES_TERMS, sine_and_cosine_ratios
 
-NUMBERS = 13  # of a joint: see `numbers_of`
-SCALED = 6  # so many of them, the first, are multiplied by the unit of what is stored
+NUMBERS = 9  # of a joint for its derivative: see `numbers_of`
+SCALED = 5  # so many of them, the first, are multiplied by the unit of what is stored
 
 
 def _halving() -> Array:
@@ -51,7 +51,7 @@ TOGETHER = np.linalg.inv(HALVING)  # P of its halves; its entries are multiples 
 
 
 def halved(posedirs: Array) -> Array:
-    """The halves of pose directions (..., 9), in place of them."""
+    """The halves of pose directions (..., 9) m, in place of them, in m."""
     return posedirs @ HALVING.T
 
 
@@ -60,24 +60,29 @@ def gradient_by_features(by_halved: Array) -> Array:
     return by_halved @ TOGETHER.T
 
 
-def numbers_of(pose: cs.SX) -> cs.SX:
-    """What a joint with the rotation vector theta (3,) multiplies halves with, (13,).
+def halved_features(pose: cs.SX) -> cs.SX:
+    """What a joint with the rotation vector theta (3,) rad multiplies its halves with, (9,).
 
-    These are a, a/2, q, b theta, p, theta and theta/2.
+    These are a theta, whose products with w are a s, and six whose products with S are e.
     """
+    a, b = sine_and_cosine_ratios(cs.sumsqr(pose))
+    x, y, z = cs.vertsplit(pose)
+    squares = [b / 2 * x * x, b / 2 * y * y, b / 2 * z * z]
+    return cs.vertcat(a * pose, *squares, b * x * y, b * x * z, b * y * z)
+
+
+def numbers_of(pose: cs.SX) -> cs.SX:
+    """What the derivative by theta (3,) rad takes in addition, (9,): a, a'/t, b theta, p, theta."""
     t2 = cs.sumsqr(pose)
+    a, b = sine_and_cosine_ratios(t2)
     near = t2 < SERIES_BELOW
     t = cs.sqrt(cs.if_else(near, 1.0, t2))  # both branches are evaluated
-    a = cs.if_else(near, _series(t2, _SINE), cs.sin(t) / t)
-    b = cs.if_else(near, _series(t2, _COSINE), 2 * (cs.sin(t / 2) / t) ** 2)
     slope = cs.if_else(near, _series(t2, _SLOPE), (cs.cos(t) - cs.sin(t) / t) / t**2)  # a' / t
     p = cs.if_else(near, _series(t2, _RATIO), cs.cos(t / 2) / cs.sin(t / 2) / t - 2 / t**2)
-    return cs.vertcat(a, a / 2, slope - a * p / 2, b * pose, p, pose, pose / 2)
+    return cs.vertcat(a, slope, b * pose, p, pose)
 
 
 _N = range(SERIES_TERMS)  # powers of t^2
-_SINE = [(-1) ** n / factorial(2 * n + 1) for n in _N]
-_COSINE = [(-1) ** n / factorial(2 * n + 2) for n in _N]
 _SLOPE = [(-1) ** (n + 1) * 2 * (n + 1) / factorial(2 * n + 3) for n in _N]
 _RATIO = [-2 * abs(float(bernoulli(2 * n + 2)[-1])) / factorial(2 * n + 2) for n in _N]
 
@@ -89,19 +94,16 @@ def _series(t2: cs.SX, terms: list[float]) -> cs.SX:
     return total
 
 
-def moved_by(halves: cs.SX, numbers: cs.SX) -> cs.SX:
-    """The displacement (3,) and its derivative by theta (3, 3), axis by axis: (12,).
+def slopes_of(halves: cs.SX, e: cs.SX, numbers: cs.SX) -> cs.SX:
+    """The derivative of a displacement by theta, (3, 3) m/rad: by x for all axes, then by y and z.
 
-    `halves` (3, 9) has one row for each coordinate.
+    `halves` (3, 9) m has one row for each coordinate, `e` (3,) m are their sums above.
     """
-    a, half_a, q, b_theta = numbers[0], numbers[1], numbers[2], numbers[3:6]
-    p, theta, half_theta = numbers[6], numbers[7:10], numbers[10:13]
-    displaced, slopes = [], []
+    a, slope, b_theta, p, theta = numbers[0], numbers[1], numbers[2:5], numbers[5], numbers[6:]
+    slopes = []
     for d in range(3):
         w, (xx, yy, zz, xy, xz, yz) = halves[d, :3].T, cs.horzsplit(halves[d, 3:])
         S = cs.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        g = a * w + S @ b_theta
-        s, u = cs.dot(theta, w), cs.dot(half_theta, g)
-        displaced.append(half_a * s + u)
-        slopes.append((g + (p * u + q * s) * theta).T)
-    return cs.vertcat(*displaced, cs.vec(cs.vertcat(*slopes)))
+        along = slope * cs.dot(theta, w) + p * e[d]
+        slopes.append((a * w + S @ b_theta + along * theta).T)
+    return cs.vec(cs.vertcat(*slopes))

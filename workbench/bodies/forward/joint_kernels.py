@@ -99,8 +99,8 @@ class CompiledJoints:
     def _moved(self, found: Array) -> Motion:
         K = len(self.bind)
         bent, turned = 9 * (K - 1), 9 * (K - 1) + 12 * K
-        G, joints = found[bent:turned].reshape(K, 3, 4), found[turned:].reshape(K, 3)
-        return Motion(G, found[:bent], joints, found)
+        G, joints = found[bent:turned].reshape(K, 3, 4), found[turned : turned + 3 * K]
+        return Motion(G, found[:bent], joints.reshape(K, 3), found[turned + 3 * K :], found)
 
     def _sloped(self, found: Array) -> Slopes:
         K, B = len(self.bind), self.skeleton.slopes.shape[2]
@@ -118,7 +118,7 @@ class CompiledJoints:
     def _sizes(self) -> tuple[int, int]:
         """How many numbers `motion` and `slopes` find."""
         K, B = len(self.bind), self.skeleton.slopes.shape[2]
-        return 9 * (K - 1) + 15 * K, (OF_JOINT + 27) * K + 27 * (K - 1) + 6 * B * K
+        return 18 * (K - 1) + 15 * K, (OF_JOINT + 27) * K + 27 * (K - 1) + 6 * B * K
 
     @cached_property
     def structure(self) -> NDArray[np.intp]:

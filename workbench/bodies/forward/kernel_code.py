@@ -42,6 +42,7 @@ def vertex_code(
         "MOTIONS": B + 9 * (K - 1),
         "CENTRES": B + 9 * (K - 1) + 12 * K,
         "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
+        "HALVED": 9 * (K - 1) + 15 * K,
         "SLOPED": SLOPED,
         "SCALED": SCALED,
         "OF_JOINT": OF_JOINT,

@@ -42,10 +42,13 @@ def agrees_with_numpy(
     """
     rng, K = np.random.default_rng(0), len(parents)
     arrays = _random_arrays(rng, K, B, packing)
-    features, d_features, halves = _of_rotations(rng.standard_normal((K, 3)))
+    features, d_features, halved, halves = _of_rotations(rng.standard_normal((K, 3)))
     axes = rng.standard_normal((K, 3, 1, 3))
     motion = Motion(
-        G=rng.standard_normal((K, 3, 4)), features=features, joints=rng.standard_normal((K, 3))
+        G=rng.standard_normal((K, 3, 4)),
+        features=features,
+        joints=rng.standard_normal((K, 3)),
+        halved=halved,
     )
     slopes = Slopes(
         turns=np.cross(np.eye(3), axes).reshape(K, 9, 3),  # antisymmetric, as of rotations
@@ -93,12 +96,13 @@ def _as_stored(array: Array, storage: Storage) -> Array:
     return storage.stored(array) * np.float64(storage.step)
 
 
-def _of_rotations(pose: Array) -> tuple[Array, Array, Array]:
-    """The features of a pose (K, 3), their slopes (K - 1, 3, 9), and what halves are times."""
+def _of_rotations(pose: Array) -> tuple[Array, Array, Array, Array]:
+    """The features of a pose (K, 3), their slopes (K - 1, 3, 9), and the same for halves."""
     functions = joint_functions()
     turns = np.array([functions["local_slopes"](own).full().reshape(4, 9) for own in pose])
+    halved = np.array([functions["local"](own).full().ravel()[9:] for own in pose[1:]])
     halves = np.array([functions["halves"](own).full().ravel() for own in pose])
-    return (turns[1:, 0] - np.eye(3).ravel()).ravel(), turns[1:, 1:], halves
+    return (turns[1:, 0] - np.eye(3).ravel()).ravel(), turns[1:, 1:], halved.ravel(), halves
 
 
 def _answers(surface: Callable[[], Any], slopes: Slopes, scale: Array) -> list[Array]:

@@ -80,30 +80,14 @@ EXPORT integer lanes(void) { return LANES; }
 
 #define COLUMN (OF_BETAS + 3 * JOINTS * BETAS)
 
-/* what the halves of P are multiplied with, so that the sum is that of P times features (9) */
-static inline void of_halves(const double *feature, double unit, double *restrict found)
-{
-    const double trace = 0.25 * (feature[0] + feature[4] + feature[8]);
-    found[0] = unit * 0.5 * (feature[7] - feature[5]);
-    found[1] = unit * 0.5 * (feature[2] - feature[6]);
-    found[2] = unit * 0.5 * (feature[3] - feature[1]);
-    for (int i = 0; i < 3; ++i) found[3 + i] = unit * (0.5 * feature[4 * i] - trace);
-    found[6] = unit * 0.5 * (feature[1] + feature[3]);
-    found[7] = unit * 0.5 * (feature[2] + feature[6]);
-    found[8] = unit * 0.5 * (feature[5] + feature[7]);
-}
-
 /* the column in the units of what is stored; without slopes, the part before OF_JOINTS */
 static void column_of(const body_t *body, const double *betas, const double *motion, const double *slopes,
                       double *restrict found)
 {
     const double shape = body->steps[0], bend = body->steps[1];
     for (integer b = 0; b < BETAS; ++b) found[b] = shape * betas[b];
-    for (integer i = 0; i < MOTIONS - FEATURES; i += BY_HALVES ? 9 : 1)
-        if (BY_HALVES)
-            of_halves(motion + i, bend, found + FEATURES + i);
-        else
-            found[FEATURES + i] = bend * motion[i];
+    const double *features = BY_HALVES ? motion + HALVED : motion;
+    for (integer i = 0; i < MOTIONS - FEATURES; ++i) found[FEATURES + i] = bend * features[i];
     memcpy(found + MOTIONS, motion + MOTIONS - FEATURES, (OF_JOINTS - MOTIONS) * sizeof(double));
     if (!slopes) return;
     memcpy(found + OF_JOINTS, slopes, (COLUMN - OF_JOINTS) * sizeof(double));

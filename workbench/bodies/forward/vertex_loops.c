@@ -12,7 +12,8 @@ static ALWAYS_INLINE void motion_of(const group_t *of, const double *motion, v *
 }
 
 /* the rest vertex; and with `bulges` (9 for each joint that bends it), how the pose of these joints moves it
-through what they bend, turned by M */
+through what they bend, turned by M. The sums are in the same order with bulges and without, so that their bits
+are the same */
 static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const v *restrict M,
                                   v *restrict bulges, v *restrict rest)
 {
@@ -24,19 +25,15 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
         const double *feature = motion + FEATURES + 9 * (k - 1);
         const double *slope = motion + OF_JOINTS + OF_JOINT * k + 9;
         const stored *bend = of->bends + 27 * i;
-        v own[9] = {{0}};
+        v squared[3] = {{0}}, own[9] = {{0}};
         if (bulges) look_ahead(bend + 27 * AHEAD, 27 * sizeof(stored));
-        if (BY_HALVES && bulges) {
-            v both[12];
-            bending(bend, motion + OF_JOINTS + OF_JOINT * k + SLOPED, both);
-            for (int d = 0; d < 3; ++d) sum[d] += both[d];
-            bulged((const anywhere *)M, (const anywhere *)both + 3, bulges + 9 * i);
-            continue;
-        }
         _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n) {
-            bent(bend + 3 * n, feature + n, sum);
-            if (bulges) bulging(bend + 3 * n, slope + 3 * n, own);
+            bent(bend + 3 * n, feature + n, BY_HALVES && n >= 3 ? squared : sum);
+            if (bulges && !BY_HALVES) bulging(bend + 3 * n, slope + 3 * n, own);
         }
+        for (int d = 0; BY_HALVES && d < 3; ++d) sum[d] += squared[d];
+        if (bulges && BY_HALVES)
+            curving(bend, (const anywhere *)squared, motion + OF_JOINTS + OF_JOINT * k + SLOPED, own);
         if (bulges) bulged((const anywhere *)M, (const anywhere *)own, bulges + 9 * i);
     }
     memcpy(rest, sum, sizeof sum);
