@@ -345,7 +345,7 @@ def test_products_of_a_body_are_counted() -> None:
     body = replace(body, weights=np.eye(3)[[1, 1, 1, 1]], posedirs=posedirs)
     points, by_betas = 6 + 9 + 12, 2 * (9 + 3)
     by_pose = 12 + 2 * (3 + 18) + 27
-    for packing, slopes in ((PLAIN, 9 * (3 + 9)), (PLAIN._replace(by_halves=True), 72)):
+    for packing, slopes in ((PLAIN, 9 * (3 + 9)), (PLAIN._replace(by_halves=True), 9 * 3 + 60)):
         packed = PackedVertices.of(body, body.parents, slice(None), 4, packing)
         expected = 4 * (points + 27), 4 * (points + slopes + by_pose + by_betas)
         assert products(packed) == expected

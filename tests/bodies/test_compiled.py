@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.bodies_made_up import SMPL_PARENTS, random_body
 from workbench import compiling
 from workbench.bodies import SkinnedBody
@@ -19,6 +20,7 @@ from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.exact_storage import Stored
 from workbench.bodies.forward.joint_kernels import CompiledJoints, joint_kernels
+from workbench.bodies.forward.kernel_trial import packing_tried
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
@@ -171,6 +173,53 @@ def test_halves_of_pose_directions_give_the_same_numbers(where: str) -> None:
     assert isinstance(made, CompiledArithmetic)
     assert made.packed.by_halves
     assert_right(body, where)
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize(
+    ("stored", "by_halves"),
+    [(Stored.STEPS, True), (Stored.DOUBLE, True), (Stored.SINGLE, False), (Stored.DOUBLE, False)],
+)
+def test_points_have_the_same_bits_alone_and_with_their_derivative(
+    stored: Stored, by_halves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = in_whole_steps(body_of("small", 61))
+    packing = packing_tried(stored, by_halves)
+    monkeypatch.setattr(Packing, "of", lambda arrays: packing)
+    made, betas = arithmetic_of(body, surface.ALL), np.ones(2)
+    for where in ("zero", "near zero", "pi", "a full turn", "anywhere"):
+        motion, slopes = body.kinematics.motion_and_slopes(pose_at(where, 4), betas)
+        trans = np.array([0.3, -1.0, 7.0])
+        alone, both = (made.evaluate_translated(motion, betas, trans) for _ in range(2))
+        both.tangent(slopes, {"pose": np.zeros((12, 3 * 61))}, None)
+        assert "points" in vars(both)
+        np.testing.assert_array_equal(alone.points, both.points)
+
+
+@NEEDS_COMPILER
+def test_a_residual_has_the_same_bits_alone_and_with_its_jacobian() -> None:
+    body = in_whole_steps(body_of("smpl", 61))
+    points = body.points(*[block.symbol for block in body.blocks()])
+    observed = wb.Block("observed", (61, 3), "m")
+    terms = [wb.residuals.vertices(points, observed.symbol, sigma=0.01)]
+    problem = wb.Problem(terms, ("pose", "betas", "trans"))
+    x, fixed = problem.split(body.start() | {"observed": np.zeros((61, 3))})
+    for seed in range(4):
+        here = x + np.random.default_rng(seed).normal(0, 0.3, x.shape)
+        alone = problem.residual(here, fixed).copy()
+        for other in (1, 2, 3):  # so that nothing is kept of the first answer
+            problem.residual(here + other, fixed)
+        np.testing.assert_array_equal(problem.linearize_at(here, fixed).residual, alone)
+
+
+@NEEDS_COMPILER
+def test_a_translation_of_another_size_is_refused() -> None:
+    body = body_of("small", 9)
+    motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
+    made = arithmetic_of(body, surface.ALL)
+    for trans in (np.zeros(1), np.zeros(2), np.zeros((2, 3))):
+        with pytest.raises(ValueError, match="trans has"):
+            made.evaluate_translated(motion, np.ones(2), trans)
 
 
 @NEEDS_COMPILER
@@ -400,10 +449,22 @@ def test_kinematics_with_wrong_numbers_are_not_used(
 
 
 @NEEDS_COMPILER
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("whole.i. .= factor", "whole[i] += factor"),
+        ("translated.trans,", "translated(NULL,"),
+        ("translated.into->place,", "translated(NULL,"),
+    ],
+)
 def test_a_library_with_wrong_numbers_is_not_kept(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
+    right: str,
+    wrong: str,
 ) -> None:
-    spoil = "sed -i.bak 's/whole.i. .= factor/whole[i] += factor/' vertex-kernels.c"
+    spoil = f"sed -i.bak 's/{right}/{wrong}/' vertex-kernels.c"
     says = f'case "$*" in *-dM*) ;; *) {spoil};; esac; exec {COMPILER} "$@"'
     monkeypatch.setenv("CC", compiler_that(tmp_path, says))
     monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))

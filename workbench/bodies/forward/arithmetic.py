@@ -17,14 +17,15 @@ PART = 100  # vertices, from which on a part of a body with so many is compiled 
 
 
 class AtOrigin(Protocol):
-    """Points of a body at one motion and shape, before translation; see `numeric`.
+    """Points of a body at one motion and shape; see `numeric`.
 
-    What is found on the way to one answer is kept for the next.
+    They are before translation, except where `Translating.evaluate_translated` made them. What is
+    found on the way to one answer is kept for the next.
     """
 
     @property
     def points(self) -> Array:
-        """The posed points (N, 3) in metres, before translation."""
+        """The posed points (N, 3) in metres, before translation unless they are translated."""
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
@@ -44,7 +45,11 @@ class Translating(Protocol):
     """What Arithmetic of a compiled surface provides in addition: see `translated`."""
 
     def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> AtOrigin:
-        """The same as `evaluate`, with points that are moved by trans (3,) m already."""
+        """The same as `evaluate`, with `points` that are moved by trans (3,) m already.
+
+        Derivatives and gradients are the same as without. Raises ValueError for a trans of
+        another size.
+        """
 
 
 class Arithmetic(Protocol):

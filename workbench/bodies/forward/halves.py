@@ -13,11 +13,13 @@ where w are the three numbers of P - P'. Its derivative by theta needs S theta o
 
     a w + b S theta + (a' / t s + p e) theta,
 
-with p = b' / (b t), and derivatives ' by t. A displacement takes nine products, as by features,
-and its derivative 20 more, in place of 27. Instead of P (9 numbers) its halves are stored: w, and of S its entries xx, yy, zz, xy,
-xz, yz. These are sums and differences of entries of P. Where all of P are whole steps, so are they,
-at most 4 x 32,767 < 2^24 of them, which single precision holds exactly. Where directions are
-stored in double precision, their halves are rounded, by 1e-16 of their size.
+with p = b' / (b t), and derivatives ' by t. A displacement takes nine products, as by features, and
+its derivative 20 more, in place of 27.
+
+Instead of P (9 numbers) its halves are stored: w, and of S its entries xx, yy, zz, xy, xz, yz.
+These are sums and differences of entries of P. Where all of P are whole steps, so are the halves,
+at most 4 x 32,767 < 2^24 of them: counts of steps in single precision lose nothing. Where
+directions are stored as doubles, their halves are rounded sums, with errors of 1e-16 of their size.
 """
 
 from __future__ import annotations

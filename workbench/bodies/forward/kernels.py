@@ -104,11 +104,14 @@ class CompiledArithmetic:
         return CompiledSurface(self, motion, betas)
 
     def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> CompiledSurface:
-        """The same, whose points are moved by trans (3,) m as they are written."""
-        moved_by = np.ascontiguousarray(trans, dtype=np.float64)
-        if moved_by.size != 3:  # the library trusts it
-            raise ValueError(f"trans has {moved_by.size} numbers and not 3")
-        return CompiledSurface(self, motion, betas, moved_by)
+        """The same, whose points are moved by trans (3,) m as they are written.
+
+        Raises ValueError for a trans of another size.
+        """
+        move = np.ascontiguousarray(trans, dtype=np.float64)
+        if move.size != 3:  # the library trusts it
+            raise ValueError(f"trans has {move.size} numbers and not 3")
+        return CompiledSurface(self, motion, betas, move)
 
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, for all vertices, which is given the addresses of arrays."""
@@ -159,7 +162,10 @@ class CompiledSurface:
         return found
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
-        """Write the transposed derivative into[name] (size, 3 N); keep the points as well."""
+        """Write the transposed derivative into[name] (size, 3 N); keep the points as well.
+
+        The points have the same bits as those that are computed alone.
+        """
         self._write(slopes, into, scale, clear=True)
 
     def tangent_over_zeros(

@@ -42,7 +42,8 @@ class Packing(NamedTuple):
     def of(arrays: SkinnedArrays) -> Packing:
         """What takes the least time: directions are stored as they are if the cache holds them.
 
-        Halves are sums of directions. If these are whole steps, halves hold them exactly.
+        Halves are sums of directions. If these are whole steps and stored as counts of them, the
+        halves are exact; where they are stored as doubles, the sums are rounded, by 1e-16 of them.
         """
         shapes, bends = arrays.shapedirs, arrays.posedirs
         shape, bend = storages(shapes, bends)

@@ -9,7 +9,8 @@ columns of numbers whose order is known here only:
     motion     what the kinematics say at one pose and shape, the same for all vertices: betas,
                features, G (K, 3, 4), joints (K, 3), then per joint three axes, the slopes of its
                nine features by its three numbers and what derivatives by halves are made of
-               (9 + 27 + 9; zeros for the root's slopes), then per beta and joint its shift of G (3,)
+               (9 + 27 + 9; zeros for the root's slopes), then per beta and joint its shift of G
+               (3,)
 
 Where `posedirs` are stored by their halves (`halves`), the features of `motion` are what these are
 multiplied with.
