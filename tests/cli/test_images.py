@@ -135,7 +135,7 @@ def test_an_interrupted_mean_leaves_the_report(
 
     monkeypatch.setattr(image_mean, "posterior_mean", interrupted)
     (file,) = written(tmp_path, 1)
-    with pytest.raises(Interrupted, match="the report is written, but mean.npz is not"):
+    with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
         fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))
     assert (tmp_path / "runs" / "frame0" / "index.html").exists()
 
