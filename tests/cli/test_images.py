@@ -14,7 +14,9 @@ from typer.testing import CliRunner, Result
 
 from tests.fitting.test_image_fit import BODY, SIZE, written
 from workbench import LevenbergMarquardt
+from workbench.cli import image_mean
 from workbench.cli.app import app
+from workbench.cli.leaving import Interrupted
 from workbench.errors import WorkbenchError
 from workbench.fitting.depth_interval import FOUND
 from workbench.fitting.image_jobs import ImageReading, ImageWork
@@ -117,9 +119,25 @@ def test_one_image_has_a_page_with_its_hypotheses(tmp_path: Path) -> None:
         assert mean["names"].tolist() == list(BODY.landmark_names("coco"))
         known = np.sqrt(np.mean(mean["sd"] ** 2))
     assert 0.01 < known < 0.2
-    assert f"are known to {1e3 * known:.0f} mm" in " ".join(told.output.split())
+    said = " ".join(told.output.split())
+    assert f"have a standard deviation of {1e3 * known:.0f} mm" in said
+    assert fit(*(one for one in arguments if one != "--mean")).exit_code == 0
+    assert not (out / "frame0" / "mean.npz").exists()  # which was that of another fit
     summary = json.loads((out / "frame0" / "summary.json").read_text())
     assert summary["solver"].startswith("3 starts of")
+
+
+def test_an_interrupted_mean_leaves_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(image_mean, "posterior_mean", interrupted)
+    (file,) = written(tmp_path, 1)
+    with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
+        fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))
+    assert (tmp_path / "runs" / "frame0" / "index.html").exists()
 
 
 @pytest.mark.parametrize(

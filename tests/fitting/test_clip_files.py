@@ -67,6 +67,13 @@ def test_one_person_is_followed(tmp_path: Path) -> None:
         read_clip(tmp_path, fps=30, size=SIZE, person=5)
 
 
+def test_a_person_with_a_single_keypoint_is_not_lost_afterwards(tmp_path: Path) -> None:
+    single = person(100)[:3] + [0.0] * 51
+    for number, one in enumerate((single, person(100), single, person(110), person(110))):
+        write(tmp_path, str(number), one)
+    assert places(tmp_path) == [100, 100, 100, 110, 110]
+
+
 def test_a_folder_for_each_camera(tmp_path: Path) -> None:
     for camera in ("left", "right"):
         for number in (0, 1):

@@ -161,6 +161,21 @@ def test_the_mean_of_a_video_differs_smoothly_from_its_mode() -> None:
     np.testing.assert_allclose(again["pose"], mean["pose"], atol=1e-12)
 
 
+def test_frames_with_few_keypoints_are_not_drawn() -> None:
+    """With a single keypoint, nothing says where a body is if the other frames do not."""
+    clip = balance_clip(range(40, 44), ["cam01"], 12)
+    films = []
+    for film in clip.films:
+        sure = film.confidence.copy()
+        sure[0, np.argsort(sure[0])[:-1]] = 0
+        films.append(replace(film, confidence=sure))
+    setup = video_fit(replace(clip, films=tuple(films)), BODY, "?")
+    asked: list[tuple[int, int]] = []
+    mean = video_mean(setup, setup.start, told=lambda *count: asked.append(count))
+    assert asked[-1] == (3, 3)
+    assert np.isfinite(mean["pose"]).all()
+
+
 def test_a_mean_of_what_is_no_video() -> None:
     setup = mesh_fit(BODY, BODY.template, "?", sigma=0.01)
     with pytest.raises(BadArgument, match="give one that `video_fit` made"):

@@ -6,7 +6,7 @@ import pytest
 
 from tests.bodies_made_up import random_body
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
-from workbench.problem.graph import SUMS
+from workbench.problem.graph import SUMS, size_of_terms
 from workbench.problem.rounding import Rounding, fall
 
 EPS = np.finfo(float).eps
@@ -45,6 +45,26 @@ def test_terms_are_as_large_as_weighed_sums_of_them() -> None:
             squares += ((np.array(by) @ (weights * numbers[:, None])) ** 2).sum(axis=1)
         found = problem._chain.made_of(at, problem.split({"x": at, "h": fixed})[1])
         np.testing.assert_allclose(found, np.sqrt(squares), rtol=1e-14)
+
+
+def test_points_are_read_in_their_own_order() -> None:
+    """Of (N, 3) points each row reads one entry; they have three columns for CasADi."""
+    points = Block("points", (5, 3), "m")
+    size = size_of_terms(cs.vec(points.symbol), [points.symbol])
+    weights = np.random.default_rng(0).standard_normal(points.symbol.shape[:1] + (SUMS * 5,))
+    weights = weights.reshape(3, SUMS, 5)
+    at = np.arange(1.0, 16.0).reshape(3, 5)
+    expected = np.sqrt(((weights * at[:, None]) ** 2).sum(axis=1)).ravel(order="F")
+    found = cs.Function("size", [points.symbol], [size])(at)
+    np.testing.assert_allclose(np.array(found).ravel(), expected, rtol=1e-14)
+
+
+def test_extreme_factors_neither_overflow_nor_vanish() -> None:
+    for factor, at in ((1e155, 1.0), (1e-200, 1e200), (1e200, 0.0)):
+        x = Block("x").symbol
+        size = cs.Function("size", [x], [size_of_terms(factor * x, [x])])(at)
+        length = np.linalg.norm(np.random.default_rng(0).standard_normal(SUMS))
+        assert float(size) == pytest.approx(factor * at * length)
 
 
 def test_a_single_number_may_be_read_by_several_rows() -> None:

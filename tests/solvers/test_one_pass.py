@@ -10,6 +10,7 @@ import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
 from workbench.problem import gram, linearization, storage
 from workbench.residuals import Residual
+from workbench.solvers import no_minimum
 from workbench.solvers.damping import DAMPED
 from workbench.solvers.one_pass import LARGEST, OnePass, takes_one_pass
 
@@ -83,16 +84,20 @@ def test_a_fit_of_a_surface_needs_no_residual_alone() -> None:
 def test_no_bit_of_the_way_depends_on_whether_trials_are_linearized_at_once(
     solver: wb.solvers.Solver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """IPOPT's damping follows the number of trials, however these were evaluated."""
+    """IPOPT's damping follows the number of trials, and the judgement that of evaluations."""
     problem, start = problem_of(valley), {"x": np.array([-1.2, 1.0])}
+    looked_at: list[int] = []
+    most = no_minimum.most_gradients
+
+    def noted(n: int, evaluations: int) -> int:
+        looked_at.append(evaluations)
+        return most(n, evaluations)
+
+    monkeypatch.setattr(no_minimum, "most_gradients", noted)
     at_once = wb.solve(problem, start, solver)
-
-    def never(one: OnePass) -> bool:
-        one.trials += 1
-        return False
-
-    monkeypatch.setattr(OnePass, "expected", never)
+    monkeypatch.setattr(OnePass, "expected", lambda self: False)
     apart = wb.solve(problem, start, solver)
+    assert looked_at == [apart.evaluations.total] * 2
     assert at_once.status is apart.status
     assert len(at_once.trace) == len(apart.trace)
     for one, other in zip(at_once.trace, apart.trace, strict=True):
@@ -106,19 +111,38 @@ def test_no_bit_of_the_way_depends_on_whether_trials_are_linearized_at_once(
 def test_after_a_refused_trial_the_next_is_not_linearized_at_once() -> None:
     one_pass = OnePass(on=True)
     assert one_pass.expected()  # the first one
-    assert not one_pass.expected()  # nobody has taken that
-    one_pass.judged(taken=True)
-    assert one_pass.expected()
     one_pass.judged(taken=False)
     assert not one_pass.expected()
-    assert (one_pass.trials, one_pass.saved) == (4, 0)
+    assert (one_pass.at_once, one_pass.saved) == (1, 0)
     one_pass.judged(taken=True)
     assert one_pass.expected()
     one_pass.judged(taken=True)
-    assert (one_pass.trials, one_pass.saved) == (5, 1)
+    assert (one_pass.at_once, one_pass.saved) == (2, 1)
     off = OnePass(on=False)
     off.judged(taken=True)
     assert not off.expected()
+
+
+def test_after_a_line_search_that_took_another_than_its_first_trial_neither() -> None:
+    one_pass = OnePass(on=True)
+    assert one_pass.expected()
+    assert not one_pass.expected()  # nobody has taken the first
+    one_pass.judged(taken=True)
+    assert not one_pass.expected()
+    one_pass.judged(taken=True)  # this time it was the first
+    assert one_pass.expected()
+    assert (one_pass.at_once, one_pass.saved) == (2, 0)
+
+
+@NEEDS_A_COMPILER
+@pytest.mark.usefixtures("of_any_size")
+def test_between_bounds_ipopt_linearizes_no_trial_at_once() -> None:
+    """On its way between bounds the cost may rise, and Jacobians would be computed in vain."""
+    x = wb.Block("x", (2,), "1")
+    terms = [Residual("r", valley(x.symbol), sigma=1.0)]
+    problem = wb.Problem(terms, free=("x",), bounds={"x": (-2.0, 0.5)})
+    found = wb.solve(problem, {"x": np.array([-1.2, 0.4])}, wb.Ipopt(DAMPED))
+    assert found.evaluations.residual >= found.evaluations.jacobian - 1 > 3
 
 
 @NEEDS_A_COMPILER

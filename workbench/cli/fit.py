@@ -14,6 +14,7 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.cluster import Dask, Workers
 from workbench.cli.fit_options import recipe_of, size_of
+from workbench.cli.image_mean import FILE as MEAN
 from workbench.cli.image_mean import add_mean
 from workbench.cli.images import fit_folder
 from workbench.cli.marker_fits import Worn, fit_markers
@@ -123,8 +124,8 @@ def fit(
         bool,
         typer.Option(
             "--mean",
-            help="For one image or a video: also write the mean of the posterior, which on average "
-            "is nearer to the truth than the likeliest body.",
+            help="For keypoints of one moment or a video: also write the mean of the posterior, "
+            "which on average is nearer to the truth than the likeliest body.",
         ),
     ] = False,
     video: Annotated[
@@ -252,9 +253,10 @@ def fit(
             why = "it is for one camera; several show where and how tall a person is"
             given.mind(one_image, why)
         setup = _keypoints(given, paths, hypotheses)
-        found = _carry_out(given, first, setup)
+        values, folder = _carry_out(given, first, setup)
+        (folder / MEAN).unlink(missing_ok=True)  # of an earlier fit
         if mean:
-            add_mean(given.console, setup, *found)
+            add_mean(given.console, setup, values, folder)
 
 
 def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:

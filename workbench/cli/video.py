@@ -7,7 +7,7 @@ from rich.markup import escape
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.cli.image_mean import FILE
+from workbench.cli.image_mean import FILE, drawing
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace
@@ -55,15 +55,16 @@ def fit_video(
         console.print(f"{escape(one.name)}: {one.value:.4g} {one.unit}", highlight=False)
     title = source.resolve().name
     page = write_video(setup, solution, folder, title, str(source.resolve()))
+    (folder / FILE).unlink(missing_ok=True)  # of an earlier fit
     print_page(console, "report", page)
     if solution.status is Status.STOPPED:
         raise Interrupted("interrupted; the page holds the motion that was found until then")
     if mean and setup.moving is not None:
-        with console.status("") as status:
+        with drawing(folder) as file, console.status("") as status:
             expected = video_mean(
                 setup,
                 values,
                 told=lambda done, all_: status.update(f"drawing: frame {done} of {all_}"),
             )
-        write_arrays(folder / FILE, motion_arrays(setup.moving, expected))
-        console.print(f"mean: {folder / FILE}", highlight=False, soft_wrap=True)
+        write_arrays(file, motion_arrays(setup.moving, expected))
+        console.print(f"mean: {file}", highlight=False, soft_wrap=True)

@@ -14,6 +14,7 @@ from workbench.fitting.clips import Clip, Film
 from workbench.fitting.detected_person import DetectedPerson
 from workbench.fitting.image_lists import by_image, number_in
 from workbench.fitting.keypoint_files import calibration_of, people_of, person_of
+from workbench.fitting.video_start import FEWEST
 from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
@@ -161,7 +162,8 @@ def _followed(
             found.append(people[i] if near[i] < FARTHEST_STEP else None)
             lost += found[-1] is None
         one = found[-1]
-        last = last if one is None else one.points
+        if one is not None and (one.points[:, 2] > 0).sum() >= FEWEST:
+            last = one.points  # fewer keypoints do not say how large a person is
     notes = [note for one in found if one is not None and len(found) == 1 for note in one.notes]
     missing = [str(n) for n in frames if n not in files]
     if missing:

@@ -266,7 +266,7 @@ class Chain:
         return Support(groups, group_of, own)
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
-        return [here.points for here in self._visited.at(x, fixed)]
+        return self._visited.points(x, fixed)
 
 
 def _part(

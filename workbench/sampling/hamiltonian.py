@@ -9,14 +9,15 @@ by leapfrog steps; its end is accepted with a chance of min(1, exp(-change of H)
 along a bent ridge of many dimensions, where proposals of ensembles are hardly ever accepted.
 
 Steps are taken in u, with x = centre + half u. `half` is first that of Laplace's approximation, and
-after half of the warm-up a square root of the covariance of all chains. The step is adapted during
+after half of the warm-up a square root of the covariance of all chains, each about the mean of the
+chains at the same mode. The step is adapted during
 the warm-up until 95 % of the ends are accepted. A longer step would suit most places, but in a bent
 ridge chains would hardly ever leave those where the density is narrow, and its tails would be
 explored slowly. Each chain takes a random fraction of the step, and trajectories have random
 lengths, so that none returns to where it began. Where several modes are known, each trajectory is
-followed by an attempt to jump from one mode to another (Tjelmeland and Hegstad 2001, Mode jumping
-proposals in MCMC). An end beyond bounds or constraints is refused, so
-that many active bounds make chains slow.
+followed by an attempt to jump from one mode to another (Pompe, Holmes and Latuszynski 2020, A
+framework for adaptive MCMC targeting multimodal distributions). An end beyond bounds or constraints
+is refused, so that many active bounds make chains slow.
 """
 
 import time

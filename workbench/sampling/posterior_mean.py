@@ -5,10 +5,11 @@ squared distance from the truth x, the answer with the least expected loss is an
 
     E |a - x|^2 = |a - E x|^2 + E |x - E x|^2
 
-(Berger, Statistical Decision Theory and Bayesian Analysis, 1985). Where a posterior is skewed, as
-that of the depth of limbs in one image is, mode and mean are far apart. The mean is taken of draws
-by Hamiltonian Monte Carlo with a few chains side by side, which begin at the mode. They are too
-few for intervals, and enough for a mean: its own error is a small share of the posterior's width.
+(Berger, Statistical Decision Theory and Bayesian Analysis, 1985). Where a posterior of many numbers
+is not Gaussian, as that of a pose in one image is not, mode and mean are far apart. The mean is
+taken of draws by Hamiltonian Monte Carlo with a few chains side by side, which begin at the mode.
+They are too few for intervals, and enough for a mean: its own error is a small share of the
+posterior's width.
 """
 
 from collections.abc import Mapping
@@ -66,8 +67,9 @@ def posterior_mean(
     `at` are values of all blocks at a minimum of the cost. Each of the `chains` takes 15
     trajectories to warm up and then as many as are asked for, whose ends are the draws. Other
     minima, far from `at`, are usually not visited. A rotation vector's mean is that of its numbers.
-    With a compiler, costs and gradients are compiled once for each problem, which takes seconds.
-    The same seed gives the same draws, but for rounding.
+    All matrices are dense, so that this is for up to about a thousand numbers; for a video there is
+    `fitting.video_mean`. With a compiler, costs and gradients are compiled once for each problem,
+    which takes seconds. The same seed gives the same draws, but for rounding.
 
     Raises BadArgument for less than two chains, for no trajectory, where the residual is not finite
     at `at`, and for a number that cannot move; and Improper for a direction that nothing restricts.

@@ -84,7 +84,7 @@ class DampedHessian:
 
     @property
     def _tried(self) -> int:
-        return self._run.one_pass.trials
+        return self._run.meter.counts["residual"] + self._run.one_pass.at_once
 
     def _next(self, last: "Last", x: Array, here: Linearization) -> float:
         """The damping after the step from the last point to x."""

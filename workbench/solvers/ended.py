@@ -32,7 +32,7 @@ class Ended(Protocol):
         best: the best point.
         trace: the iterates.
         meter: the evaluations and the time of the run.
-        one_pass: the trials, and the evaluations that were saved at them.
+        one_pass: the trials linearized at once, and the evaluations that this saved.
         linearizations: the last linearization.
         sensitivity: the longest column of each unknown on the way.
         rounding_noise: the rounding errors along the run.

@@ -12,29 +12,32 @@ HIGHER = 1.001  # times the cost: where a trial costs more, its Jacobian is not 
 class OnePass:
     """Whether a run computes residual, Jacobian and normal equations together, also at trials.
 
-    A trial is expected to be taken unless the one before was refused.
+    A trial is expected to be taken unless the one before was refused, or the line search before
+    took another than its first.
 
     Attributes:
         on: whether they are computed together.
-        trials: how many there were at points that were not linearized before.
-        saved: how many evaluations of the residual were saved, because the trial was linearized at
-            once and then taken.
+        at_once: how many trials were linearized at once.
+        saved: how many evaluations of the residual were saved, because such a trial was taken.
     """
 
     def __init__(self, on: bool) -> None:
-        self.on, self.trials, self.saved = on, 0, 0
-        self._refused = self._at_once = False
+        self.on, self.at_once, self.saved = on, 0, 0
+        self._refused = self._last_at_once = False
+        self._since = 0  # trials since the last that was judged
 
     def expected(self) -> bool:
         """Whether to linearize the next trial; it counts as refused until it is `judged`."""
-        self.trials += 1
-        self._at_once, self._refused = self.on and not self._refused, True
-        return self._at_once
+        self._last_at_once, self._refused = self.on and not self._refused, True
+        self.at_once += self._last_at_once
+        self._since += 1
+        return self._last_at_once
 
     def judged(self, taken: bool) -> None:
-        """Whether the last trial was taken."""
-        self.saved += self._at_once and taken
-        self._at_once, self._refused = False, not taken
+        """Whether the last trial was taken; a line search says so at the end."""
+        self.saved += self._last_at_once and taken
+        self._refused = not taken or self._since > 1
+        self._last_at_once, self._since = False, 0
 
 
 def takes_one_pass(solver: Options, problem: Problem) -> bool:
@@ -42,7 +45,8 @@ def takes_one_pass(solver: Options, problem: Problem) -> bool:
 
     So it does where its steps come from normal equations, and where compiled code computes these
     with the gradient and the lengths of columns, instead of one after the other. A posed surface
-    and its derivative read the same arrays: to ask for its points first costs a third of both.
+    and its derivative read the same arrays: to ask for its points first costs a third to a half of
+    both.
     """
     by = getattr(solver, "linear_algebra", None)
     return by in BY_NORMAL_EQUATIONS and has_one_pass(problem)

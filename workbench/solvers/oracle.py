@@ -59,7 +59,8 @@ def is_of_first_order(hessian: Hessian | None) -> bool:
 def unless_solved(run: Run, hessian: Hessian | None) -> None:
     """End the run if its start is already a solution; then no solver has to be made.
 
-    From here on J'J comes with each Jacobian, if the Hessian needs it and one pass gives both.
+    From here on J'J comes with each Jacobian, if the Hessian needs it and one pass gives both; then
+    trials are also linearized at once.
     """
     run.one_pass.on = is_of_first_order(hessian) and has_one_pass(run.problem)
     here = run.linearize(run.x)
@@ -258,8 +259,8 @@ def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
 
 
 def _cost_of(run: Run) -> Callable[[Array], float]:
-    """The cost at a trial x. It may rise where constraints have to be met."""
-    if run.problem.stacked_constraints is not None:
+    """The cost at a trial x. Where constraints or bounds have to be met, it may well rise."""
+    if run.problem.stacked_constraints is not None or run.problem.bounded:
         return run.cost
     return lambda x: run.tried(x, run.best.cost)[0]
 

@@ -15,7 +15,7 @@ OFTEN = 5  # linearizations after which they are measured in any case
 class RoundingNoise:
     """How much rounding errors hide at the points of a run.
 
-    Measuring rounding errors takes about a tenth of the time of a linearization. During most of a
+    Measuring rounding errors takes up to a tenth of the time of a linearization. During most of a
     run, the measurement at an earlier point is enough to tell that rounding errors are much smaller
     than the residual.
     """

@@ -95,18 +95,16 @@ class Run:
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
         """The cost at x (n,) and the residual (m,) there; see `cost`."""
-        known = self.linearizations.at(x)
-        if known is not None:
+        if (known := self.linearizations.at(x)) is not None:
             self.check()
             return known.cost, known.residual  # it was offered to `best` before
         r = self.evaluate("residual", lambda: self.problem.residual(x, self.fixed))
         return self._kept(x, half_squared(r)), r
 
     def tried(self, to: Array, before: float) -> tuple[float, Array]:
-        """The same at a trial, linearized at once if it seems to be better than a cost `before`."""
-        known: Known = None
-        if self.linearizations.at(to) is None and self.one_pass.expected():
-            known = self._linearized(to, HIGHER * before)
+        """The same at a trial, which `OnePass` may have linearized; kept if not above `before`."""
+        at_once = self.linearizations.at(to) is None and self.one_pass.expected()
+        known = self._linearized(to, HIGHER * before) if at_once else None
         return known or self.cost_and_residual(to)
 
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
@@ -126,17 +124,18 @@ class Run:
         return here
 
     def _linearized(self, x: Array, most: float = np.inf) -> Known:
-        """Linearize at x and keep that, if it is finite; what is known if it costs over `most`."""
+        """Linearize at x; kept if it is finite and costs at most `most`. None if not finite."""
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not here.cost <= most:
             return self._kept(x, here.cost), here.residual
         if self.one_pass.on:
             _ = here.normal  # with the gradient and the lengths of columns
-        if isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
-            self.sensitivity.observe(x, here)
-            self.rounding_noise.age += 1
-            self.linearizations.keep(x, here)
-        return None
+        if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
+            return None
+        self.sensitivity.observe(x, here)
+        self.rounding_noise.age += 1
+        self.linearizations.keep(x, here)
+        return here.cost, here.residual
 
     def hessian(self, x: Array) -> Stored:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
@@ -205,8 +204,9 @@ class Run:
         if not isfinite(cost):
             return -np.inf
         moved, fallen = residual != here.residual, fall(here.residual, residual)
-        if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
-            self.one_pass.judged(taken=fallen > 0)
+        hidden = self.rounding_noise.hides(max(predicted, fallen), x, here, moved)
+        self.one_pass.judged(taken=hidden or fallen > 0)  # what is hidden is linearized
+        if not hidden:
             return fallen / predicted
         if self.optimality(to, self.linearize(to)) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
