@@ -9,6 +9,7 @@ import pytest
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.test_mistakes import KEYPOINTS, LINE
+from workbench.blocks import Values
 from workbench.cli.marker_fits import Worn
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
@@ -18,12 +19,15 @@ from workbench.geometry.meshes import write_mesh
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Setup, bool]]:
+def fitted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Setup, bool]]:
     """What `fit` would solve, and whether with other solvers too; nothing is solved here."""
     asked: list[tuple[Setup, bool]] = []
 
-    def carried_out(_: object, experiment: Experiment, __: object, compare: bool, *rest: object):
+    def carried_out(
+        _: object, experiment: Experiment, __: object, compare: bool, *rest: object
+    ) -> tuple[Values, Path]:
         asked.append((experiment.setup(), compare))
+        return {}, tmp_path
 
     monkeypatch.setattr("workbench.cli.fit.carry_out", carried_out)
     return asked
