@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -36,18 +37,21 @@ def side_by_side(
 ) -> Timings:
     """Every candidate once per round, on changing inputs, so that nobody answers from memory.
 
-    A turn begins with a call that is not timed: what the others left in the cache is their affair.
+    Each candidate gets all inputs in turn, again and again; the workbench remembers the points of
+    the last two, so that three are enough. A turn begins with a call that is not timed: what the
+    others left in the cache is their affair.
     """
     timings: Timings = {name: [] for name in candidates}
     calls = {name: _calls(run, inputs) for name, run in candidates.items()}
+    following = {name: cycle(inputs) for name in candidates}
     gc.collect()
     gc.disable()
     try:
-        for turn in range(rounds):
+        for _ in range(rounds):
             for name, run in candidates.items():
-                run(inputs[turn % len(inputs)])
-                for call in range(calls[name]):
-                    given = inputs[(turn + call + 1) % len(inputs)]
+                run(next(following[name]))
+                for _ in range(calls[name]):
+                    given = next(following[name])
                     began = time.perf_counter()
                     run(given)
                     timings[name].append(time.perf_counter() - began)
