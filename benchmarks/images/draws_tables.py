@@ -182,6 +182,8 @@ def tables(found: dict[str, Any]) -> str:
     head = "depth | stature | limbs across | limbs along"
     rule = " --: | --: | --: | --: |"
     items = (fill(f"- {one}", 120, subsequent_indent="  ") for one in findings(found))
+    drawn = [(kind, title, of_kind(found, kind)) for kind, title in KINDS.items()]
+    kinds = [(kind, title, runs) for kind, title, runs in drawn if runs]
     lines = [
         "",
         *items,
@@ -190,9 +192,7 @@ def tables(found: dict[str, Any]) -> str:
         "",
     ]
     lines += [f"| posteriors | intervals | {head} |", f"| --- | --- |{rule}"]
-    for kind, title in KINDS.items():
-        if not (runs := of_kind(found, kind)):
-            continue
+    for kind, title, runs in kinds:
         ways = ["Laplace", "draws"]
         if kind != "people":
             ways += [f"{way} with offsets" for way in ways]
@@ -201,9 +201,7 @@ def tables(found: dict[str, Any]) -> str:
     lines += ["| posteriors | numbers | sd / Laplace's: median, 95 % quantile | skewness, median |"]
     lines[-1] += " mean off the fit, sd: median, 95 % quantile |"
     lines += ["| --- | --- | --: | --: | --: |"]
-    for kind, title in KINDS.items():
-        if not (runs := of_kind(found, kind)):
-            continue
+    for _, title, runs in kinds:
         for name, one in shapes(runs).items():
             cells = f"{one['sd']:.2f}, {one['widest']:.2f} | {one['skewness']:.2f}"
             lines.append(
@@ -213,9 +211,7 @@ def tables(found: dict[str, Any]) -> str:
     lines += ["| posteriors | usable | of one mode, usable | of several modes, usable |"]
     lines[-1] += " evaluations, median | CPU s, median |"
     lines += ["| --- | --: | --: | --: | --: | --: |"]
-    for kind, title in KINDS.items():
-        if not (runs := of_kind(found, kind)):
-            continue
+    for _, title, runs in kinds:
         counts = [usable(list(runs.values()))]
         for several in (False, True):
             counts.append(usable([r for r in runs.values() if (len(r["modes"]) > 1) is several]))

@@ -84,6 +84,7 @@ def test_what_is_said_of_emcee_holds() -> None:
     assert name.startswith("unknown")
     assert pair["within 2"] > 0.9 * pair["of"]
     assert f"needs {emcee['evaluations'] / other['evaluations']:.0f} times as many" in TEXT
+    assert f"and {emcee['seconds'] / other['seconds']:.0f} times the CPU time" in TEXT
     assert f"After {STEPS:,} steps of each walker, its draws are {emcee['times']:.0f} times" in TEXT
     assert f"of the 85 unknowns ({emcee['autocorrelation']:,.0f} steps)" in TEXT
     assert f"{emcee['evaluations'] / 1e6:.0f} million were not enough" in TEXT

@@ -133,7 +133,7 @@ def test_an_interrupted_mean_leaves_the_report(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(image_mean, "posterior_mean", interrupted)
+    monkeypatch.setattr(image_mean, "image_mean", interrupted)
     (file,) = written(tmp_path, 1)
     with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
         fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))

@@ -9,8 +9,8 @@ from rich.console import Console
 
 from workbench.blocks import Values
 from workbench.cli.leaving import interrupts_say
+from workbench.fitting.image_mean import image_mean
 from workbench.fitting.setup import Setup
-from workbench.sampling import posterior_mean
 from workbench.writing import write_arrays
 
 FILE = "mean.npz"
@@ -31,36 +31,20 @@ def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> No
     (M, 3) m in that body and `sd` (M,) m, their standard deviations in space once the middle of all
     landmarks of a draw is brought to that of the mean.
     """
-    body = setup.body
-    assert body is not None
+    assert setup.body is not None  # which every fit to images has
     console.print("[dim]drawing from the posterior[/]")
     with drawing(folder) as file:
-        found = posterior_mean(setup.problem, values)
-    kind = next(view.landmarks for view in setup.views)
-    blocks = [block.name for block in body.blocks()]
-    free, given = setup.problem.free, setup.problem.split(values)[1]
-    drawn = [setup.problem.values(x, given) for x in found.draws]
-    places = body.landmark(kind, *(np.array([one[name] for one in drawn]) for name in blocks))
-    mean, likeliest = (
-        body.landmark(kind, *(at[name] for name in blocks)) for at in (found.values, values)
-    )
-    sd = np.sqrt(np.sum((_centred(places) - _centred(mean)) ** 2, axis=2).mean(axis=0))
-    apart = np.linalg.norm(_centred(mean) - _centred(likeliest), axis=1)
-    moved = np.linalg.norm(mean.mean(axis=0) - likeliest.mean(axis=0))
-    error = np.linalg.norm(free.unpack(found.error, values)[blocks[2]])
-    arrays = {name: found.values[name] for name in (*blocks, *free.names)}
-    arrays |= {"landmarks": mean, "sd": sd, "names": np.array(body.landmark_names(kind))}
-    write_arrays(file, arrays)
+        found = image_mean(setup, values)
+    blocks = [block.name for block in setup.body.blocks()]
+    arrays = {name: found.values[name] for name in (*blocks, *setup.problem.free.names)}
+    of_landmarks = {"landmarks": found.landmarks, "sd": found.sd, "names": np.array(found.names)}
+    write_arrays(file, arrays | of_landmarks)
     console.print(
-        f"the mean of the posterior puts the body {1e3 * moved:.0f} mm from its likeliest place "
-        f"(a standard error of {1e3 * error:.0f} mm, from {len(found.draws)} draws); with their "
-        f"middles brought together, landmarks are {1e3 * apart.mean():.0f} mm apart on average, "
-        f"and have a standard deviation of {1e3 * np.sqrt(np.mean(sd**2)):.0f} mm",
+        f"the mean of the posterior puts the body {1e3 * found.moved:.0f} mm from its likeliest "
+        f"place (a standard error of {1e3 * found.error:.0f} mm, from {found.draws} draws); with "
+        f"their middles brought together, landmarks are {1e3 * found.apart.mean():.0f} mm apart on "
+        f"average, and have a standard deviation of {1e3 * np.sqrt(np.mean(found.sd**2)):.0f} mm",
         highlight=False,
         soft_wrap=True,
     )
     console.print(f"mean: {file}", highlight=False, soft_wrap=True)
-
-
-def _centred(places: np.ndarray) -> np.ndarray:
-    return np.asarray(places - places.mean(axis=-2, keepdims=True))

@@ -33,8 +33,9 @@ def video_mean(
     """The expected pose and trans in every frame, given the shape; other blocks as they are.
 
     `setup` is one of `video_fit`, and `values` are its solution. `told` is called with the number
-    of draws' frames that are done, and of all. Frames with less than four keypoints in every image
-    are not drawn, because they do not place a body. Raises BadArgument for a setup without frames.
+    of frames that have been drawn, and of all that will be. Frames with less than four keypoints in
+    every image are not drawn, because they do not place a body. Raises BadArgument for a setup
+    without frames.
     """
     moving = setup.moving
     if moving is None or moving.frame is None:

@@ -13,7 +13,7 @@ class OnePass:
     """Whether a run computes residual, Jacobian and normal equations together, also at trials.
 
     A trial is expected to be taken unless the one before was refused, or the line search before
-    took another than its first.
+    took a later trial than its first.
 
     Attributes:
         on: whether they are computed together.

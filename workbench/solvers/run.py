@@ -102,7 +102,7 @@ class Run:
         return self._kept(x, half_squared(r)), r
 
     def tried(self, to: Array, before: float) -> tuple[float, Array]:
-        """The same at a trial, which `OnePass` may have linearized; kept if not above `before`."""
+        """The same at a trial after a cost `before`, linearized at once if `one_pass` says so."""
         at_once = self.linearizations.at(to) is None and self.one_pass.expected()
         known = self._linearized(to, HIGHER * before) if at_once else None
         return known or self.cost_and_residual(to)
