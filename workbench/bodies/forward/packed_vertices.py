@@ -101,31 +101,34 @@ class PackedVertices:
         packed = _aligned((groups, 3 + K, lanes))
         shapes = _aligned((groups, 3 * B, lanes), shape.kind)
         carried, bent = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
-        bends: list[NDArray[Any]] = [np.zeros((0, 27, lanes), dtype=bend.kind.dtype)]
+        pieces = []
         for start in range(0, N, TOGETHER):
             some = chosen[start : start + TOGETHER]
             here = slice(start // lanes, start // lanes + -(-len(some) // lanes))
+            pieces.append((some, here))
             packed[here] = _grouped(vertex_columns(arrays, some), lanes)
             shapes[here] = _grouped(shape.stored(shape_columns(arrays, some)), lanes)
             carried[here] = (_grouped(arrays.weights[some].T, lanes) != 0).any(axis=2)
-            by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
-            which = (by_joint != 0).any(axis=(1, 3))  # of vertices, joints
+            which = (arrays.posedirs[some].reshape(len(some), 3, K - 1, 9) != 0).any(axis=(1, 3))
             bent[here, 1:] = _grouped(which.T, lanes).any(axis=2)
+        # Now that their number is known, the directions are written to where they will stay.
+        bends, end = _aligned((int(bent.sum()), 27, lanes), bend.kind), 0
+        for some, here in pieces:
+            by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
             if by_halves:
                 by_joint = halved(by_joint)
             planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
-            all_bends = _grouped(planar, lanes).reshape(len(bent[here]), K - 1, 27, lanes)
-            bends.append(bend.stored(all_bends[bent[here, 1:]]))
+            joints = bent[here, 1:]
+            own = _grouped(planar, lanes).reshape(*joints.shape, 27, lanes)[joints]
+            begin, end = end, end + len(own)
+            bends[begin:end] = bend.stored(own)
         moved = carried @ ancestors(parents) > 0
-        own = np.concatenate(bends)
-        room = _aligned((len(own), 27, lanes), bend.kind)
-        room[:] = own
         return PackedVertices(
             N,
             (K, B),
             packed,
             shapes,
-            room,
+            bends,
             by_halves,
             np.array([shape.step, bend.step]),
             _lists(carried, bent, moved),
