@@ -30,7 +30,7 @@ from benchmarks.images.one_camera import (
 )
 from benchmarks.images.one_posterior import by_emcee, by_hamiltonian, compiled_places, summary
 from benchmarks.keeping import keep, write_between
-from benchmarks.posterior.pieces import Pieces
+from benchmarks.posterior.pieces import Pieces, runs_of
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
@@ -165,10 +165,8 @@ def main() -> None:
     except KeyboardInterrupt:
         print("interrupted; the same command continues")
         return
-    found: dict[str, Any] = {"machine": machine.description(), "posteriors": {}}
-    for line in (options.folder / "posteriors.jsonl").read_text().splitlines():
-        one = json.loads(line)
-        found["posteriors"][one["name"]] = one["run"]
+    posteriors = runs_of(options.folder / "posteriors.jsonl")
+    found = {"machine": machine.description(), "posteriors": posteriors}
     keep(RESULTS, found, 5)  # means are close to each other
     write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))
 

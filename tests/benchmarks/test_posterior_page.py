@@ -1,6 +1,8 @@
 """POSTERIOR.md is written from its numbers, and what it claims of known posteriors holds."""
 
 import json
+from copy import deepcopy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,8 @@ import pytest
 
 from benchmarks.posterior import coverage, known, page
 from benchmarks.posterior.__main__ import PARTS
-from benchmarks.posterior.pieces import Pieces
+from benchmarks.posterior.pieces import Pieces, runs_of
+from workbench.errors import BadFile
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
@@ -66,6 +69,68 @@ def test_what_was_measured_is_not_measured_again(tmp_path: Path) -> None:
     again.once("b", lambda: {"off": 0.2})
     assert len(file.read_text().splitlines()) == 2
     assert Pieces().once("a", lambda: {"off": 0.3}) == {"off": 0.3}
+
+
+def test_a_run_whose_line_was_cut_by_a_kill_is_measured_again(tmp_path: Path) -> None:
+    """Cut at every byte; the lines before it are kept, and the new one takes its place."""
+    kept = {name: {"name": name, "run": {"off": [1, 23]}} for name in ("a", "b", "c")}
+    first, second, third = (json.dumps(one) + "\n" for one in kept.values())
+    file = tmp_path / "runs.jsonl"
+    for cut in range(len(second) + 1):
+        file.write_text(first + second[:cut])
+        pieces, measured = Pieces(file), 0
+        for name, one in kept.items():
+            before = file.read_text()
+            assert pieces.once(name, partial(deepcopy, one["run"])) == one["run"]
+            measured += file.read_text() != before
+        whole = cut >= len(second) - 1  # the line end alone may be missing
+        assert measured == (1 if whole else 2), second[:cut]
+        assert file.read_text() == first + second + third, second[:cut]
+
+
+def test_a_broken_line_that_is_not_the_last_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "runs.jsonl"
+    good = '{"name": "a", "run": {}}\n'
+    for broken in ('{"name": "b", "ru\n', '{"name": "b"}\n', "[1]\n", "\n", '"\\ud8"\n'):
+        for content in (good + broken + good, good + broken):  # what ends in a line end is no half
+            file.write_text(content)
+            with pytest.raises(BadFile, match=rf"line 2 of .*{file.name}"):
+                Pieces(file)
+            assert file.read_text() == content
+    file.write_bytes(b"\xff\xfe\n" + good.encode())
+    with pytest.raises(BadFile, match="line 1 of"):
+        Pieces(file)
+
+
+def test_interrupted_as_it_measures_or_writes_it_continues(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "runs.jsonl"
+    pieces = Pieces(file)
+    pieces.once("a", lambda: {"off": 1})
+    before = file.read_text()
+
+    def interrupted() -> dict[str, Any]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pieces.once("b", interrupted)
+    assert file.read_text() == before
+
+    def half(file: Path, one: dict[str, Any]) -> None:
+        with file.open("a") as lines:
+            lines.write(json.dumps(one)[:9])
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("benchmarks.posterior.pieces._append", half)
+        with pytest.raises(KeyboardInterrupt):
+            pieces.once("b", lambda: {"off": 2})
+    assert file.read_text() == before + '{"name": '
+    assert runs_of(file) == {"a": {"off": 1}}
+    assert pieces.once("b", lambda: {"off": 3}) == {"off": 3}  # in the same process
+    assert runs_of(file) == {"a": {"off": 1}, "b": {"off": 3}}
+    assert Pieces(file).once("b", lambda: pytest.fail("measured twice")) == {"off": 3}
 
 
 def test_an_interval_is_wrong_by_its_width_or_by_an_end() -> None:
