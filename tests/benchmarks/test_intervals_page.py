@@ -19,10 +19,6 @@ from benchmarks.images.intervals import (
     share,
     tables,
 )
-from benchmarks.images.video import RESULTS as TOGETHER
-from benchmarks.images.video_errors import MARKS, TRIED, means, table
-from benchmarks.images.video_errors import PAGE as VIDEO
-from benchmarks.images.video_errors import RESULTS as ERRORS
 from workbench.fitting.depth_interval import FOUND, OFFSET
 
 FOUND_NUMBERS = json.loads(RESULTS.read_text())
@@ -142,27 +138,3 @@ def test_intervals_are_judged_by_what_they_hold() -> None:
     assert pytest.approx(1.645, abs=1e-3) == Z90
     assert band(200) == (86, 94)
     assert math.isclose(told["depth"]["sd"], 500, rel_tol=1e-9)
-
-
-def test_the_other_errors_of_a_video_are_what_was_measured() -> None:
-    found, page = json.loads(ERRORS.read_text()), VIDEO.read_text()
-    assert table(found) == page.partition(MARKS[0])[2].partition(MARKS[1])[0].strip()
-    text, told = " ".join(page.split()), means(found["report"])
-    usual = told["as `video_fit`"]["mpjpe"]
-    few = told["offsets, 5 mm"]["mpjpe"]
-    together = json.loads(TOGETHER.read_text())["report"]
-    expected = np.mean([row["together"]["mpjpe"] for row in together])
-    assert usual == pytest.approx(expected, abs=0.1)  # the same fit, built by itself
-    independent = np.mean([row["independent"]["mpjpe"] for row in together])
-    assert f"less than the {independent:.1f} mm of frames that are taken as independent" in text
-    assert f"from {usual:.1f} to {few:.1f} mm, and wider ones raise it further" in text
-    assert few < told["offsets, 15 mm"]["mpjpe"] < told["offsets, 30 mm"]["mpjpe"]
-    full = told["offsets, 15 mm, frames count fully"]["stature"]
-    assert f"stature is off by {full / 1e3:.1f} m" in text
-    wide, narrow = (told[one.name]["mpjpe"] for one in TRIED[5:7])
-    assert f"is {wide:.1f} mm with 8 px of it and {narrow:.1f} mm with 3.5 px" in text
-    assert max(wide, narrow) < independent
-    for part in ("tuning", "report"):
-        best = means(found[part])
-        assert min(best, key=lambda name: best[name]["mpjpe"]) == "as `video_fit`"
-    assert max(row["errors"]["rho"] for row in found["report"]) == 0.8
