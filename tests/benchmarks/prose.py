@@ -9,7 +9,7 @@ from tests.lectures.prose import places
 
 WRITTEN = re.compile(r"<!--(?P<a>.*?written by.*?)-->.*?(?=<!--).*?-->", re.DOTALL)
 DATE = re.compile(r"\b\d{1,2} (?:October|November|December) 20\d\d\b")
-ONCE = "is stored nowhere"  # what a paragraph says whose numbers were measured once
+ONCE = "stored nowhere"  # what a paragraph says whose numbers were measured once
 
 
 class Prose(str):
@@ -62,7 +62,7 @@ def unheld(
     for phrase in once:
         (paragraph,) = [one for one in prose.paragraphs if phrase in one] or [""]
         if ONCE not in paragraph:
-            wrong.append(f"no paragraph says {phrase!r} and that it {ONCE}")
+            wrong.append(f"no paragraph says {phrase!r} and that it is {ONCE}")
     wrong += [f"the page does not say {one!r}" for one in given if not str(prose).count(one)]
     phrases = [*prose.found, *given, *once]
     held = [span for phrase in phrases for span in places(str(prose), phrase)]

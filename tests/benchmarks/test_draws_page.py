@@ -1,6 +1,7 @@
 """The section on draws is what its numbers say."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +22,19 @@ from benchmarks.images.draws_tables import (
     tables,
 )
 from benchmarks.images.intervals import WHAT, places_of, share
+from benchmarks.images.limbs import NAMES
 from benchmarks.images.one_camera import PAGE
+from benchmarks.images.one_camera import RESULTS as FITTED
 from benchmarks.images.one_posterior import LEAPFROGS, NUMBERS, STEPS, compiled_places
+from tests.benchmarks.prose import Prose, unheld
 from workbench import load_body
 from workbench.bodies import SkinnedBody
 from workbench.compiling import NoLibrary
-from workbench.fitting.depth_interval import Z90
+from workbench.fitting.depth_interval import OFFSET, Z90
+from workbench.sampling.mixing import TIMES
 
 FOUND = json.loads(RESULTS.read_text())
-TEXT = " ".join(PAGE.read_text().split())
+TEXT = Prose(PAGE, "Draws of the same posteriors")
 
 
 def test_the_tables_are_written_from_the_numbers() -> None:
@@ -48,16 +53,21 @@ def test_what_is_said_of_balance_holds(kind: str) -> None:
     assert max(abs(found[name]["sd"] - 1) for name in WHAT[:2]) < 0.06
     assert abs(found["along"]["sd"] - 1) < 0.1
     assert found["along"]["widest"] >= 1.7
+    assert "in the median and 1.7 or more times as large in one of twenty" in TEXT
+    assert "agree with Laplace's to 6 % in the median" in TEXT
     off = bias(runs)
     assert 0.25 < 1 - off["draws"] / off["fit"] < 0.4  # about a third
     wide = judged(runs, "draws with offsets")
     assert share(wide["along"]) == "92 %"
+    assert f"With the {1e3 * OFFSET:g} mm of offsets that were chosen" in TEXT
+    assert "along the axis in 92 %, where Laplace's hold 86 % and 87 %" in TEXT
     assert wide["depth"]["factor"] < 0.9
     depth = drawn["depth"]
     if kind == "unknown":
         assert f"hold depth in all {depth['of']} posteriors" in TEXT
         assert depth["within"] == depth["of"]
     else:
+        assert f"instead of Laplace's {laplace['depth']['within']}." in TEXT
         held = f"in {depth['within']} of {depth['of']} instead of Laplace's"
         assert f"{held} {laplace['depth']['within']}" in TEXT
     with_offsets = judged(runs, "Laplace with offsets")["along"]
@@ -71,11 +81,20 @@ def test_what_is_said_of_synthetic_people_and_times_holds() -> None:
     assert laplace["factor"] > 1.2 * drawn["factor"]
     assert drawn["within"] / drawn["of"] > 0.88
     everywhere = [of_kind(FOUND, kind) for kind in KINDS]
+    assert "because draws take 10 to 20 CPU seconds and a fit takes 50 ms" in TEXT
+    usual = json.loads(FITTED.read_text())["balance"]["regressed start"]["ms"]
+    assert np.median(usual) == pytest.approx(50, abs=5)
     assert all(9 < np.median([r["seconds"] for r in some.values()]) < 21 for some in everywhere)
     front = [run["draws"]["ends"][0][0] for some in everywhere for run in some.values()]
     assert min(front) > 0
     assert (LEAPFROGS.ensembles * LEAPFROGS.walkers, LEAPFROGS.steps) == (32, 30_000)
     assert "with 32 chains in four groups" in TEXT
+    assert f"or for {LEAPFROGS.steps:,} leapfrog steps of each chain" in TEXT
+    assert f"until the draws of {NUMBERS} numbers (depth, stature, and of {len(NAMES)} ends" in TEXT
+    assert 2 + 3 * len(NAMES) == NUMBERS
+    assert f"{TIMES:g} times as long as their autocorrelation times" in TEXT
+    body = load_body("default")
+    assert f"All {sum(block.size for block in body.blocks())} unknowns are drawn" in TEXT
 
 
 def test_what_is_said_of_emcee_holds() -> None:
@@ -88,8 +107,25 @@ def test_what_is_said_of_emcee_holds() -> None:
     assert f"After {STEPS:,} steps of each walker, its draws are {emcee['times']:.0f} times" in TEXT
     assert f"of the 85 unknowns ({emcee['autocorrelation']:,.0f} steps)" in TEXT
     assert f"{emcee['evaluations'] / 1e6:.0f} million were not enough" in TEXT
+    assert "by four ensembles of 192 walkers" in TEXT
+    assert emcee["evaluations"] % (4 * 192) == 0
     assert emcee["usable"]
     assert emcee["times"] < 50
+
+
+def test_no_number_of_its_prose_is_held_by_nothing() -> None:
+    tests = (
+        partial(test_what_is_said_of_balance_holds, "unknown"),
+        partial(test_what_is_said_of_balance_holds, "known"),
+        test_what_is_said_of_synthetic_people_and_times_holds,
+        test_what_is_said_of_emcee_holds,
+    )
+    given = (
+        "The 95 % intervals of the factors are from a bootstrap",
+        "An interval of draws is that from their 5 % to their 95 % quantile",
+    )
+    once = ("Draws of 50 such times had been estimated to need 51 million evaluations",)
+    assert not unheld(TEXT, tests, given, once)
 
 
 def test_intervals_of_draws_are_measured_from_the_median_on_each_side() -> None:

@@ -9,9 +9,11 @@ import pytest
 from benchmarks.images.intervals import (
     BEGIN,
     END,
+    LEVEL,
     OFFSETS,
     PAGE,
     RESULTS,
+    TUNING,
     WHAT,
     Z90,
     band,
@@ -19,10 +21,15 @@ from benchmarks.images.intervals import (
     share,
     tables,
 )
+from benchmarks.images.limbs import NAMES
+from benchmarks.images.one_camera import PEOPLE, REPORTED
+from tests.benchmarks.prose import Prose, unheld
+from workbench.experiments.balance_video import FPS
 from workbench.fitting.depth_interval import FOUND, OFFSET
+from workbench.fitting.stature import MEASURED
 
 FOUND_NUMBERS = json.loads(RESULTS.read_text())
-TEXT = " ".join(PAGE.read_text().split())
+TEXT = Prose(PAGE, "Intervals from one image")
 CHOSEN = f"{1e3 * OFFSET:g}"
 
 
@@ -66,6 +73,8 @@ def test_what_is_said_of_balance_holds() -> None:
         for s in OFFSETS
     ]
     assert OFFSETS[int(np.argmax(np.array(each) >= 0.85))] == OFFSET
+    least = "the smallest on the tuning frames with which limbs along the axis reach 85 %"
+    assert f"With offsets of {CHOSEN} mm, {least}" in TEXT
     assert (
         f"depth is held in {kept(unknown, CHOSEN, 'depth')} and {kept(known, CHOSEN, 'depth')}, "
         f"and limbs along the axis in {kept(unknown, CHOSEN, 'along')} and "
@@ -73,6 +82,7 @@ def test_what_is_said_of_balance_holds() -> None:
     )
     assert f"could be {factor(unknown)} times as wide, {factor(known)} times with known" in TEXT
     worst = FOUND_NUMBERS["cameras, known"]["cam02"]
+    assert "The wanted 80 % are not reached in one camera of four" in TEXT
     assert f"in cam02 with known stature it is {share(worst)}, and" in TEXT
     assert f"would have to be {worst['factor']:.2f} times as wide" in TEXT
     for kind in ("unknown", "known"):
@@ -89,6 +99,8 @@ def test_what_is_said_of_synthetic_people_holds() -> None:
     assert f"limbs along the axis, with {share(people['the prior']['along'])}." in TEXT
     started = people["the prior, started at the truth"]["along"]
     assert f"at the true pose these have {share(started)}:" in TEXT
+    assert f"Their {started['of']} numbers come from {PEOPLE} people" in TEXT
+    assert started["of"] == 12 * PEOPLE
     assert f"they suggest {people['the prior']['noise']:.1f} px, and the noise was 5" in TEXT
 
 
@@ -113,6 +125,7 @@ def test_what_is_said_of_causes_holds() -> None:
     wide = bias("the true landmarks, pose prior three times as wide")
     assert f"three times as wide does not change the bias ({wide} mm)" in TEXT
     assert f"10 px of noise it is {bias('the true landmarks, 10 px of noise')} mm" in TEXT
+    assert "With 10 px instead of 4 px, intervals of depth hold" in TEXT
     assert (
         f"hold {share(sigmas['10']['depth'])} of the tuning frames instead of "
         f"{share(sigmas['4']['depth'])}, but the mean error rises from {sigmas['4']['mpjpe']:.1f} "
@@ -121,6 +134,33 @@ def test_what_is_said_of_causes_holds() -> None:
     assert f"They suggest {FOUND_NUMBERS['noise, unknown']:.1f} px on `balance`" in TEXT
     rms = FOUND_NUMBERS["report, known"]["0"]["stature"]["rms"]
     assert f"known one by {rms:.0f} mm (root mean square)" in TEXT
+
+
+def test_what_is_said_of_frames_and_numbers_is_what_the_code_has() -> None:
+    apart = min(abs(a - b) for a in TUNING for b in REPORTED) / FPS
+    a, b, *_, c = TUNING
+    for told in (
+        f"how many of the {100 * LEVEL:g} % intervals contain the truth",
+        f"have to be wider to contain {100 * LEVEL:g} %",
+        f"of the places of the {len(NAMES)} landmarks of the limbs",
+        f"across the axis ({2 * len(NAMES)} numbers for each fit) and along it "
+        f"({len(NAMES)} numbers)",
+        f"*known* is a stature known to {100 * MEASURED:g} cm",
+        f"With an offset of {OFFSETS[0]:g} mm the interval is Laplace's",
+        f"The offset was chosen on the frames {a}, {b}, ..., {c}",
+        f"Every tuning frame lies {apart:.2f} s from reported ones",
+    ):
+        assert told in TEXT
+
+
+def test_no_number_of_its_prose_is_held_by_nothing() -> None:
+    tests = (
+        test_what_is_said_of_balance_holds,
+        test_what_is_said_of_synthetic_people_holds,
+        test_what_is_said_of_causes_holds,
+        test_what_is_said_of_frames_and_numbers_is_what_the_code_has,
+    )
+    assert not unheld(TEXT, tests)
 
 
 def test_intervals_are_judged_by_what_they_hold() -> None:
