@@ -50,7 +50,10 @@ def test_what_is_said_of_the_new_fit_holds() -> None:
         return float(np.mean(np.array(FOUND[scene][name]["MPJPE"]) > FAILED))
 
     assert failures("people", "regressed start") == pytest.approx(0.005)
-    assert failures("people", "as before") == pytest.approx(0.275)
+    before = failures("people", "as before")
+    assert before == pytest.approx(0.27)
+    changed = " ".join((PAGE.parents[1] / "CHANGELOG.md").read_text().split())
+    assert f"more than 150 mm off, before {100 * before:.1f} %" in changed
     now, best = (
         np.mean(FOUND["people"][name]["MPJPE"]) for name in ("regressed start", "from the truth")
     )
@@ -215,6 +218,7 @@ def test_no_number_of_its_prose_is_held_by_nothing() -> None:
         "about 20 of 51, the tuning frames have 87.5 and 59.7 mm",
         "have 59.1 and 41.9 mm instead of 61.5 and 44.3 (160 people)",
         "the tuning frames have 85.0 and 58.5 mm, and these people 61.1 and 43.9 mm",
+        "with four wrong keypoints differs by 0.1 or 0.2 mm",
         "have 123.6 mm instead of 99.7 (60 people), and 105.4 mm if outliers begin at 3.5 %",
     )
     assert not unheld(TEXT, tests, given, once)
