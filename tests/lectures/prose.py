@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -20,6 +20,7 @@ import numpy as np
 
 from tests.lectures.comparisons import comparisons
 from tests.lectures.numerals import Numeral, numerals, printed_numbers, right
+from tests.memory import collect
 from workbench.course.cells import carried_out
 from workbench.course.outline import Lecture, lecture
 from workbench.course.picture import Picture
@@ -71,9 +72,11 @@ class Claims:
         return replace(self, says=said)
 
 
-@cache
+@lru_cache(maxsize=1)  # a run may hold 200 MB, and tests of one lecture follow each other
 def run_of(number: int) -> Run:
-    """A lecture, run once for all tests."""
+    """A lecture, run once for all its tests."""
+    run_of.cache_clear()  # the lecture before is freed before this one grows
+    collect()
     names: dict[str, Any] = {}
     texts, captions, shown = [], [], []
     began = time.process_time()
