@@ -37,6 +37,18 @@ def test_the_page_is_written_from_the_results() -> None:
     assert written.strip() == page(KNOWN).strip()
 
 
+def test_it_says_when_its_tables_were_made() -> None:
+    text = " ".join(PAGE.read_text().split())
+    for file, told in (
+        (RESULTS, "finished on 26 November 2026 at {} (UTC), and at 03:19 a mistake in"),
+        (MANY, "measured before that as well, at {}, and"),
+        (triangle_scans.RESULTS, "the model that acts on triangles after it, at {}."),
+    ):
+        day, _, time = json.loads(file.read_text())["machine"]["date"].partition("T")
+        assert day == "2026-11-26"
+        assert told.format(time[:5]) in text
+
+
 def test_vertices_are_nearer_than_in_the_control() -> None:
     text, nearer = " ".join(PAGE.read_text().split()), {}
     for what in ("hidden", "seen"):
