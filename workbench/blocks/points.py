@@ -1,6 +1,6 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn, Protocol, cast
 
@@ -53,17 +53,6 @@ class NumericPoints(Protocol):
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """(M, N, 3) m for M values of each block that is read, (M, *shape)."""
-
-
-def evaluate_each(source: NumericPoints, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
-    """The points at several sets of values.
-
-    A source may have a method `evaluate_each` for that, where it finds several in fewer calls.
-    """
-    together = getattr(source, "evaluate_each", None)
-    return (
-        [source.evaluate(some) for some in values] if together is None else list(together(values))
-    )
 
 
 def tangent_over_zeros(here: Any) -> Callable[..., None]:

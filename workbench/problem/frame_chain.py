@@ -9,13 +9,13 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout, PointsAt
+from workbench.blocks import Layout
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import pattern_of
 from workbench.problem.band_order import BandOrder
 from workbench.problem.block_matrix import BlockMatrix, BlockPlaces, SparsePlaces, joined
 from workbench.problem.chain import Chain
-from workbench.problem.frame_group import FrameGroup
+from workbench.problem.frame_group import FrameGroup, Places
 from workbench.problem.naming import rows_of
 from workbench.problem.nonzeros import columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.rounding import Support, half_squared
@@ -42,7 +42,7 @@ class FrameChain:
         at = (np.arange(rows[r.name].start, rows[r.name].stop) for r in others)
         self._rest_rows = np.concatenate([none, *at])
         self._rest = Chain.of(others, free, fixed) if others else None
-        self._last: tuple[tuple[bytes, bytes], list[list[list[PointsAt]]]] = ((b"", b""), [])
+        self._last: tuple[tuple[bytes, bytes], list[Places]] = ((b"", b""), [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """The whitened residual, (m,)."""
@@ -118,7 +118,7 @@ class FrameChain:
         self,
         x: Array,
         fixed: Array,
-        of_group: Callable[[FrameGroup, Array, Array, list[list[PointsAt]]], Array],
+        of_group: Callable[[FrameGroup, Array, Array, Places], Array],
         of_rest: Callable[[Chain, Array, Array], Array],
     ) -> Array:
         found = np.empty(self._size)
@@ -128,16 +128,14 @@ class FrameChain:
             found[self._rest_rows] = of_rest(self._rest, x, fixed)
         return found
 
-    def _places(self, x: Array, fixed: Array) -> list[list[list[PointsAt]]]:
+    def _places(self, x: Array, fixed: Array) -> list[Places]:
         """The points of every group, source and frame at x; kept for the next call there."""
         last, key = self._last, (x.tobytes(), fixed.tobytes())
         if key != last[0]:
             values = all_values(self._free, x, self._fixed, fixed)
             blocks = {b.base.name: b.base for b in (*self._free.blocks, *self._fixed.blocks)}
-            own = {name: block.framed for name, block in blocks.items()}
-            T = 1 + max((int(group.frames.max()) for group in self._groups), default=-1)
-            each = [{n: v[t] if own[n] else v for n, v in values.items()} for t in range(T)]
-            self._last = last = key, [group.places(each) for group in self._groups]
+            framed = {name: block.framed for name, block in blocks.items()}
+            self._last = last = key, [group.places(values, framed) for group in self._groups]
         return last[1]
 
     # How the Jacobian is put together.

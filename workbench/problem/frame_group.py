@@ -7,13 +7,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import PointsAt
 from workbench.blocks.batched import Buffered
-from workbench.blocks.points import evaluate_each
+from workbench.blocks.points_of_each import PointsOfEach, points_of_each
 from workbench.problem.band_order import run_of
 from workbench.problem.chain import Chain
 
-Each = Sequence[Mapping[str, Array]]  # the values of each frame
+Places = Sequence[PointsOfEach]  # the points of every source
 AT_ONCE = 16  # frames whose points' derivatives are kept at a time: they stay near the processor
 FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored with its zeros
 
@@ -43,34 +42,39 @@ class FrameGroup:
             self._of_all[one] = Buffered(one.function.map(F) if F > 1 else one.function)
         return self._of_all[one]
 
-    def residual(self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]) -> Array:
+    def residual(self, x: Array, fixed: Array, places: Places) -> Array:
         """The residuals of the frames, (F, m)."""
         found = self._mapped(self.chain.to_residual)(*self._arguments(x, fixed, places))[0]
         return found.reshape(self.rows.shape)
 
-    def made_of(self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]) -> Array:
+    def made_of(self, x: Array, fixed: Array, places: Places) -> Array:
         """The sizes of the terms that rows are made of, (F, m); see `Chain.made_of`."""
         found = self._mapped(self.chain.to_size)(*self._arguments(x, fixed, places))[0]
         return found.reshape(self.rows.shape)
 
-    def places(self, values: Each) -> list[list[PointsAt]]:
-        """The points of each source, frame by frame."""
-        some = [values[t] for t in self.frames]
-        return [evaluate_each(source, some) for source in self.chain.sources]
+    def places(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> Places:
+        """The points of each source in all frames; `framed` blocks have values of every frame."""
+        F = len(self.frames)
+        own = {
+            name: value[self.frames]
+            if framed[name]
+            else np.broadcast_to(value.copy(), (F, *value.shape))  # a copy: points are lazy
+            for name, value in values.items()
+            if any(name in source.reads for source in self.chain.sources)
+        }
+        return [points_of_each(source, own, F) for source in self.chain.sources]
 
-    def gradient(
-        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
-    ) -> tuple[Array, Array]:
+    def gradient(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array]:
         """The residuals (F, m), and the gradients (F, n) of the frames' costs."""
         r, direct, by_points = self._derived(x, fixed, places)
         chain, g = self.chain, np.zeros(self.columns.shape)
         for own, entries, residual in zip(g, direct, r, strict=True):
             own += chain.by_x.pulled(entries, residual)
         for there, pattern, entries in zip(places, chain.by_points, by_points, strict=True):
-            for here, own, residual, into in zip(there, entries, r, g, strict=True):
-                for name, part in here.adjoint(pattern.pulled(own, residual)).items():
-                    if name in chain.free.slices:
-                        into[chain.free.slices[name]] += part
+            pulls = [pattern.pulled(own, one) for own, one in zip(entries, r, strict=True)]
+            for name, part in there.adjoints(np.array(pulls)).items():
+                if name in chain.free.slices:
+                    g[:, chain.free.slices[name]] += part
         return r, g
 
     # The Jacobian: rows that are stored whole, and the entries of others.
@@ -102,9 +106,7 @@ class FrameGroup:
         by_x = self.chain.by_x
         return self.rows[:, by_x.rows[alone]], self.columns[:, by_x.columns[alone]]
 
-    def linearize(
-        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
-    ) -> tuple[Array, Array, Array]:
+    def linearize(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, Array]:
         """The residuals (F, m), the whole rows (F, k, n), and the single entries (F, l)."""
         r, direct, by_points = self._derived(x, fixed, places)
         inside, place = self._into
@@ -129,20 +131,15 @@ class FrameGroup:
             Product(self.chain, i, place, len(self.frames)) for i in range(len(self.chain.sources))
         ]
 
-    def _derived(
-        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
-    ) -> tuple[Array, Array, list[Array]]:
+    def _derived(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, list[Array]]:
         F = len(self.frames)
         derived = self._mapped(self.chain.to_derivative)
         r, direct, *by_points = derived(*self._arguments(x, fixed, places))
         each = [entries.reshape(F, -1) for entries in by_points]
         return r.reshape(F, -1), direct.reshape(F, -1), each
 
-    def _arguments(
-        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
-    ) -> list[Array]:
-        points = (np.array([here.points for here in there]) for there in places)
-        return [x[self.columns], fixed[self.given], *points]
+    def _arguments(self, x: Array, fixed: Array, places: Places) -> list[Array]:
+        return [x[self.columns], fixed[self.given], *(there.points for there in places)]
 
 
 class Product:
@@ -165,7 +162,9 @@ class Product:
         columns = np.concatenate(
             [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in self._wanted)]
         )
-        self._columns = columns
+        self._columns, self._rooms, at = columns, {}, 0
+        for name, where in self._wanted:
+            self._rooms[name] = slice(at, at := at + where.stop - where.start)
         down, across = run_of(place[rows]), run_of(columns)
         if isinstance(down, np.ndarray) and isinstance(across, np.ndarray):
             down = down[:, None]
@@ -173,20 +172,14 @@ class Product:
         straight = isinstance(down, slice) and isinstance(across, slice)
         self.covers = (len(rows), len(columns)) if straight else (0, 0)  # in order, from 0 on
 
-    def of(self, there: Sequence[PointsAt], entries: Array) -> Iterator[tuple[slice, Array]]:
+    def of(self, there: PointsOfEach, entries: Array) -> Iterator[tuple[slice, Array]]:
         """Some of the frames, and the products (some, rows, columns) of these."""
         k = len(self._columns)
-        for first in range(0, len(there), AT_ONCE):
-            some = slice(first, min(first + AT_ONCE, len(there)))
+        for first in range(0, len(entries), AT_ONCE):
+            some = slice(first, min(first + AT_ONCE, len(entries)))
             size = some.stop - some.start
             points = np.empty((size, self._wide, k))
-            for here, into in zip(there[some], points, strict=True):
-                at, rooms = 0, {}
-                for name, where in self._wanted:
-                    wide = where.stop - where.start
-                    rooms[name] = into[:, at : at + wide].T
-                    at += wide
-                here.tangent(rooms, None)
+            there.tangents(some, {name: points[:, :, at] for name, at in self._rooms.items()})
             data = entries[some][:, self._taken].ravel()
             shape = size * self._height, size * self._wide
             starts = self._starts[: shape[0] + 1]

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Array, Mask
+from workbench.problem import Linearization
 from workbench.problem.rounding import fall, half_squared
 from workbench.solvers.end_point import EndPoint
 from workbench.solvers.iterate import Iterate
@@ -24,6 +25,7 @@ FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum betwe
 SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
 FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
 IMPERFECT = 1e-6  # of the cost: what these steps may leave above the least
+HELD = 1e20  # times the squared length of a column: added to it, holds its unknown
 SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
 
 
@@ -80,19 +82,38 @@ def _running(end: EndPoint, start: Array, middle: Array, late: Array, final: Arr
 
 def _followed(end: EndPoint, x: Array, running: Mask, noise: float) -> Array:
     """The point after the unknowns that do not run have followed, by Gauss-Newton steps."""
-    rest = np.flatnonzero(~running)
-    low, high = end.problem.lower, end.problem.upper
-    for _ in range(FOLLOWED if rest.size else 0):
-        here = end.linearize(x)
-        if not here.finite:
+    for _ in range(0 if running.all() else FOLLOWED):
+        cost, step = _step_of_others(end.linearize(x), running)
+        to = None if step is None else _lower(end, x, step, cost - noise)
+        if to is None:
             return x
-        full = np.zeros_like(x)
-        full[rest] = here.columns(rest).step()
-        for part in SHORTER:
-            to = np.clip(x + part * full, low, high)
-            if half_squared(end.residual(to)) < here.cost - noise:
-                x = to
-                break
-        else:
-            return x
+        x = to
     return x
+
+
+def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
+    """The first point along a step (n,) at which the cost is lower than this one, if there is."""
+    for part in SHORTER:
+        to = np.clip(x + part * step, end.problem.lower, end.problem.upper)
+        if half_squared(end.residual(to)) < cost:
+            return to
+    return None
+
+
+def _step_of_others(here: Linearization, running: Mask) -> tuple[float, Array | None]:
+    """The cost, and the Gauss-Newton step (n,) of the unknowns that do not run; the others stay.
+
+    There is no step where the linearization is not finite. In a sequence the columns of the others
+    are not copied, which would take several times the memory of the Jacobian: those that run are
+    held by a diagonal beside which all else is zero to rounding.
+    """
+    if not here.finite:
+        return here.cost, None
+    if here.by_frames:
+        squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
+        step = here.inverse_times(-here.gradient, np.where(running, HELD * squares, 0.0))
+        if step is not None:
+            return here.cost, np.where(running, 0.0, step)
+    rest, found = np.flatnonzero(~running), np.zeros(here.shape[1])
+    found[rest] = here.columns(rest).step()
+    return here.cost, found

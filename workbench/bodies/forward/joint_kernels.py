@@ -1,4 +1,4 @@
-"""The kinematics of a body at one pose by compiled code, after trying it out."""
+"""The kinematics of a body by compiled code, after trying it out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from workbench.compiling import (
 from workbench.geometry.rotation import matrix_from_vector
 
 NAME = "joint-kernels"
-ARGUMENTS = {"motion": 4, "slopes": 5}  # of the library's functions
+ARGUMENTS = {"motion": 4, "slopes": 5, "motions": 5, "slopes_of_all": 5}  # of its functions
 SMALL = 1e-3  # rad: so near to zero, rotations are series
 
 
@@ -47,7 +47,7 @@ def joint_kernels(parents: tuple[int, ...], B: int) -> ctypes.CDLL | None:
 
 @dataclass(frozen=True, eq=False)
 class CompiledJoints:
-    """The motion of a body's joints and its derivative at one pose; see JointNumbers.
+    """The motion of a body's joints and its derivative; see JointNumbers.
 
     Attributes:
         library: the compiled functions for bodies on this tree.
@@ -96,22 +96,40 @@ class CompiledJoints:
         self._run("slopes", pose, betas, found, moving)
         return self._moved(moving), self._sloped(found)
 
+    def motions(self, poses: Array, betas: Array) -> Motion:
+        """The motions at poses (M, K, 3) rad and betas (M, B), in one call."""
+        found = np.empty((len(poses), self._sizes[0]))
+        self._run_all("motions", poses, betas, found)
+        return self._moved(found)
+
+    def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
+        """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), in one call."""
+        found = np.empty((len(poses), self._sizes[1]))
+        self._run_all("slopes_of_all", poses, betas, found)
+        return self._sloped(found)
+
     def _moved(self, found: Array) -> Motion:
-        K = len(self.bind)
+        K, some = len(self.bind), found.shape[:-1]
         bent, turned = 9 * (K - 1), 9 * (K - 1) + 12 * K
-        G, joints = found[bent:turned].reshape(K, 3, 4), found[turned : turned + 3 * K]
-        return Motion(G, found[:bent], joints.reshape(K, 3), found[turned + 3 * K :], found)
+        placed = turned + 3 * K
+        return Motion(
+            found[..., bent:turned].reshape(*some, K, 3, 4),
+            found[..., :bent],
+            found[..., turned:placed].reshape(*some, K, 3),
+            found[..., placed:],
+            found,
+        )
 
     def _sloped(self, found: Array) -> Slopes:
-        K, B = len(self.bind), self.skeleton.slopes.shape[2]
+        K, B, some = len(self.bind), self.skeleton.slopes.shape[2], found.shape[:-1]
         own = OF_JOINT * K + 3 * B * K
         turned, bulged = own + 27 * K, own + 27 * K + 27 * (K - 1)
         return Slopes(
-            found[own:turned].reshape(K, 9, 3),
-            found[turned:bulged].reshape(K - 1, 3, 9),
-            found[bulged:].reshape(3 * B, K),
-            found[: OF_JOINT * K].reshape(K, OF_JOINT)[:, SLOPED:],
-            found[:own],
+            found[..., own:turned].reshape(*some, K, 9, 3),
+            found[..., turned:bulged].reshape(*some, K - 1, 3, 9),
+            found[..., bulged:].reshape(*some, 3 * B, K),
+            found[..., : OF_JOINT * K].reshape(*some, K, OF_JOINT)[..., SLOPED:],
+            found[..., :own],
         )
 
     @cached_property
@@ -142,6 +160,14 @@ class CompiledJoints:
         places = (None if array is None else address(array) for array in found)
         self._functions[name](self._here, address(pose), address(betas), *places)
 
+    def _run_all(self, name: str, poses: Array, betas: Array, found: Array) -> None:
+        (K, _, B), M = self.skeleton.slopes.shape, len(found)
+        if (poses.size, betas.size) != (3 * K * M, B * M):  # the library trusts it
+            raise ValueError(f"{M} poses have {poses.size} numbers and betas {betas.size}")
+        poses, betas = (np.ascontiguousarray(a, dtype=np.float64) for a in (poses, betas))
+        # M is an integer of the size of an address
+        self._functions[name](self._here, address(poses), address(betas), address(found), M)
+
 
 def unbinding(bind_pose: Array, parents: Sequence[int]) -> Array:
     """The transposes of the joints' rotations in the world at a pose (K, 3) rad, (K, 3, 3)."""
@@ -159,12 +185,14 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
         CompiledJoints.made(loaded, skeleton, bind, parents),
         Kinematics(skeleton, bind, parents),
     )
+    twice = np.array([bind, pose]), np.array([-betas, betas])
     right = _answers(casadis.motion(pose, betas), casadis.slopes(pose, betas))
     return all(
         np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
         for both in (
             (ours.motion(pose, betas), ours.slopes(pose, betas)),
             ours.motion_and_slopes(pose, betas),
+            (ours.motions(*twice)[1], ours.slopes_batch(*twice)[1]),
         )
         for got, expected in zip(_answers(*both), right, strict=True)
     )

@@ -96,3 +96,19 @@ EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas
         }
     }
 }
+
+/* what `motion` finds at each of so many poses (K, 3) with their betas */
+EXPORT void motions(const skeleton_t *of, const double *poses, const double *betas, double *found, integer count)
+{
+    for (integer m = 0; m < count; ++m)
+        motion(of, poses + 3 * JOINTS * m, betas + BETAS * m, found + (18 * (JOINTS - 1) + 15 * JOINTS) * m);
+}
+
+/* what `slopes` finds at each of them */
+EXPORT void slopes_of_all(const skeleton_t *of, const double *poses, const double *betas, double *found,
+                          integer count)
+{
+    const integer size = (OF_JOINT + 27) * JOINTS + 27 * (JOINTS - 1) + 6 * BETAS * JOINTS;
+    for (integer m = 0; m < count; ++m)
+        slopes(of, poses + 3 * JOINTS * m, betas + BETAS * m, found + size * m, NULL);
+}

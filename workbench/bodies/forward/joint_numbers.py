@@ -34,10 +34,15 @@ class JointArithmetic:
         """The joints moved by a motion, of the person with these betas (B,)."""
         return JointsAtOrigin(self, motion, betas)
 
+    evaluate_each = evaluate  # at M motions and betas (M, B): the formulas are the same
+
 
 @dataclass(frozen=True, eq=False)
 class JointsAtOrigin:
-    """The joints at one motion and betas (B,), before translation; see AtOrigin."""
+    """The joints before translation, at one motion and betas (B,); see AtOrigin.
+
+    Where there are M motions and betas (M, B), see ManyAtOrigin.
+    """
 
     of: JointArithmetic
     motion: Motion
@@ -45,17 +50,23 @@ class JointsAtOrigin:
 
     @property
     def points(self) -> Array:
-        """The posed joints before translation, (K, 3) m."""
+        """The posed joints before translation, (..., K, 3) m."""
         return self.motion.joints
+
+    def __getitem__(self, some: slice) -> JointsAtOrigin:
+        """Those at some of the motions."""
+        return JointsAtOrigin(self.of, self.motion[some], self.betas[some])
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 K) each."""
-        if "pose" in into:
-            write(into["pose"], self._by_pose(slopes), scale)
-        if "betas" in into:
-            write(into["betas"], self._by_betas(slopes), scale)
-        if "trans" in into:
-            write(into["trans"], np.tile(np.eye(3), len(self.points)), scale)
+        for role, target in into.items():
+            write(target, self.derivative(slopes, role), scale)
+
+    def derivative(self, slopes: Slopes, role: str) -> Array:
+        """The transposed derivative by `pose`, `betas` or `trans`, (..., size, 3 K)."""
+        if role == "trans":
+            return np.tile(np.eye(3), self.points.shape[-2])
+        return self._by_pose(slopes) if role == "pose" else self._by_betas(slopes)
 
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """Gradients of sum(pull * points), pull (K, 3), by G (K, 3, 4), features and betas."""
@@ -67,16 +78,18 @@ class JointsAtOrigin:
         return pull[:, :, None] * rest[:, None], np.zeros_like(self.motion.features), on_betas
 
     def _by_pose(self, slopes: Slopes) -> Array:
-        """The transposed derivative of the joints by the pose, (3 K, 3 K)."""
-        t, K = self.points, len(self.points)
-        arms = t.T - t[:, :, None]  # (K, 3, K): from joint k to joint j
+        """The transposed derivative of the joints by the pose, (..., 3 K, 3 K)."""
+        t = self.points
+        *some, K, _ = t.shape
+        arms = t.swapaxes(-1, -2)[..., None, :, :] - t[..., None]  # (K, 3, K): from joint k to j
         arms *= self.of.ancestors.T[:, None]
-        found: Array = np.matmul(slopes.turns, arms).reshape(K, 3, 3, K)
-        return found.transpose(0, 1, 3, 2).reshape(3 * K, 3 * K)
+        found: Array = np.matmul(slopes.turns, arms).reshape(*some, K, 3, 3, K)
+        return found.swapaxes(-1, -2).reshape(*some, 3 * K, 3 * K)
 
     def _by_betas(self, slopes: Slopes) -> Array:
-        """The transposed derivative of the joints by betas, (B, 3 K)."""
-        K, B = len(self.points), len(self.betas)
-        at_rest = self.motion.G[:, :, :3] @ self.of.skeleton.slopes  # (K, 3, B)
-        moved: Array = at_rest.transpose(2, 1, 0) + slopes.d_shift.reshape(B, 3, K)
-        return moved.transpose(0, 2, 1).reshape(B, 3 * K)
+        """The transposed derivative of the joints by betas, (..., B, 3 K)."""
+        *some, K, _ = self.points.shape
+        B = self.betas.shape[-1]
+        at_rest = self.motion.G[..., :3] @ self.of.skeleton.slopes  # (K, 3, B)
+        moved: Array = at_rest.swapaxes(-1, -3) + slopes.d_shift.reshape(*some, B, 3, K)
+        return moved.swapaxes(-1, -2).reshape(*some, B, 3 * K)

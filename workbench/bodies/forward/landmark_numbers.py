@@ -40,6 +40,8 @@ class LandmarkArithmetic:
         """
         return LandmarksAtOrigin(self, motion, betas, offsets)
 
+    evaluate_each = evaluate  # at M motions, betas (M, B) and offsets (M, L, 3) m, alike
+
     def evaluate_batch(self, motions: Motion, betas: Array, offsets: Array | None = None) -> Array:
         """The landmarks (M, L, 3) m for M motions and betas (M, B), by matrix products.
 
@@ -69,21 +71,22 @@ class LandmarkArithmetic:
         return joints, posedirs.reshape(len(joints), 9, points.posedirs.shape[1])
 
     def on_joints(self, of_rest_points: Array) -> Array:
-        """Numbers of the rest points (r, P), sorted by joint and landmark: (K, r, L).
+        """Numbers of the rest points (..., r, P), sorted by joint and landmark: (..., K, r, L).
 
         Zero where a landmark has no rest point on a joint.
         """
-        found = np.zeros((len(self.ancestors), len(of_rest_points), len(self.rest_points.first)))
-        points = self.rest_points
-        found[points.joint, :, points.landmark] = of_rest_points.T
+        points, (*some, r, _) = self.rest_points, of_rest_points.shape
+        found = np.zeros((*some, len(self.ancestors), r, len(points.first)))
+        found[..., points.joint, :, points.landmark] = np.moveaxis(of_rest_points, -1, 0)
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class LandmarksAtOrigin:
-    """The landmarks at one motion and betas (B,), before translation; see AtOrigin.
+    """The landmarks before translation, at one motion and betas (B,); see AtOrigin.
 
-    `offsets` (L, 3) m displace them at rest, where there are any.
+    `offsets` (L, 3) m displace them at rest, where there are any. Where there are M motions, betas
+    (M, B) and offsets (M, L, 3) m, see ManyAtOrigin.
     """
 
     of: LandmarkArithmetic
@@ -91,40 +94,48 @@ class LandmarksAtOrigin:
     betas: Array
     offsets: Array | None = None
 
+    def __getitem__(self, some: slice) -> LandmarksAtOrigin:
+        """Those at some of the motions."""
+        offsets = None if self.offsets is None else self.offsets[some]
+        return LandmarksAtOrigin(self.of, self.motion[some], self.betas[some], offsets)
+
     @cached_property
     def rest(self) -> Array:
-        """v: the rest points, (3, P) m."""
+        """v: the rest points, (..., 3, P) m."""
         return self.of.rest_points.rest(self.motion.features, self.betas, self.offsets)
 
     @cached_property
     def turns(self) -> Array:
-        """G of each rest point's joint, (3, 4, P)."""
+        """G of each rest point's joint, (..., 3, 4, P)."""
         return self.of.rest_points.turns(self.motion.G)
 
     @cached_property
     def moved(self) -> Array:
-        """y: the rest points, each moved with its joint, (3, P) m."""
+        """y: the rest points, each moved with its joint, (..., 3, P) m."""
         return self.of.rest_points.moved(self.turns, self.rest)
 
     @cached_property
     def points(self) -> Array:
-        """The landmarks before translation, (L, 3) m."""
-        return self.of.rest_points.summed(self.moved).T
+        """The landmarks before translation, (..., L, 3) m."""
+        return self.of.rest_points.summed(self.moved).swapaxes(-1, -2)
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas`, `trans` and `offsets`.
 
         Each is of the shape (size, 3 L).
         """
-        for name, target in into.items():
-            if name == "trans":
-                found = np.tile(np.eye(3), len(self.of.rest_points.first))
-            elif name == "offsets":
-                found = self._by_offsets()
-            else:
-                planar = self._by_pose(slopes) if name == "pose" else self._by_betas(slopes)
-                found = planar.transpose(0, 2, 1).reshape(len(target), 3 * planar.shape[2])
-            write(target, found, scale)
+        for role, target in into.items():
+            write(target, self.derivative(slopes, role), scale)
+
+    def derivative(self, slopes: Slopes, role: str) -> Array:
+        """The transposed derivative by `pose`, `betas`, `trans` or `offsets`, (..., size, 3 L)."""
+        if role == "trans":
+            return np.tile(np.eye(3), len(self.of.rest_points.first))
+        if role == "offsets":
+            return self._by_offsets()
+        planar = self._by_pose(slopes) if role == "pose" else self._by_betas(slopes)
+        *some, _, L = planar.shape
+        return planar.swapaxes(-1, -2).reshape(*some[:-1], some[-1], 3 * L)
 
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """Gradients of sum(pull * points), pull (L, 3), by G (K, 3, 4), features and betas."""
@@ -143,39 +154,39 @@ class LandmarksAtOrigin:
 
     @cached_property
     def _blended(self) -> Array:
-        """The blended rotation of each landmark, the sum of its m_p R_j(p): (3, 3, L)."""
+        """The blended rotation of each landmark, the sum of its m_p R_j(p): (..., 3, 3, L)."""
         points = self.of.rest_points
-        return points.summed(self.turns[:, :3] * points.mass)
+        return points.summed(self.turns[..., :3, :] * points.mass)
 
     def _by_offsets(self) -> Array:
-        """The transposed derivative of the landmarks by their offsets, (3 L, 3 L)."""
-        L = len(self.of.rest_points.first)
-        found, each = np.zeros((L, 3, L, 3)), np.arange(L)
-        found[each, :, each] = self._blended.transpose(2, 1, 0)
-        return found.reshape(3 * L, 3 * L)
+        """The transposed derivative of the landmarks by their offsets, (..., 3 L, 3 L)."""
+        *some, _, _, L = self._blended.shape
+        found, each = np.zeros((*some, L, 3, L, 3)), np.arange(L)
+        found[..., each, :, each, :] = np.moveaxis(self._blended, -1, 0).swapaxes(-1, -2)
+        return found.reshape(*some, 3 * L, 3 * L)
 
     def _by_pose(self, slopes: Slopes) -> Array:
-        """The transposed derivative of the landmarks by the pose, (3 K, 3, L)."""
-        of, K = self.of, len(self.motion.G)
+        """The transposed derivative of the landmarks by the pose, (..., 3 K, 3, L)."""
+        of, (*some, K, _, _) = self.of, self.motion.G.shape
         placed = of.on_joints(self.moved)
-        below = (of.ancestors.T @ placed.reshape(K, -1)).reshape(placed.shape)
-        below -= of.mass_below * self.motion.joints[:, :, None]
-        found: Array = np.matmul(slopes.turns, below).reshape(K, 3, 3, -1)
+        below = (of.ancestors.T @ placed.reshape(*some, K, -1)).reshape(placed.shape)
+        below -= of.mass_below * self.motion.joints[..., None]
+        found: Array = np.matmul(slopes.turns, below).reshape(*some, K, 3, 3, -1)
         joints, posedirs = of.bent
         if len(joints):
-            bulge = np.matmul(slopes.d_features[joints], posedirs)  # (U, 3, 3 P)
-            found[1 + joints] += self._turned(bulge).reshape(len(joints), 3, 3, -1)
-        return found.reshape(3 * K, 3, -1)
+            bulge = np.matmul(slopes.d_features[..., joints, :, :], posedirs)  # (U, 3, 3 P)
+            turned = self._turned(bulge.reshape(*some, 3 * len(joints), -1))
+            found[..., 1 + joints, :, :, :] += turned.reshape(*some, len(joints), 3, 3, -1)
+        return found.reshape(*some, 3 * K, 3, -1)
 
     def _by_betas(self, slopes: Slopes) -> Array:
-        """The transposed derivative of the landmarks by betas, (B, 3, L)."""
-        B = len(self.betas)
-        return (slopes.d_shift @ self.of.mass).reshape(B, 3, -1) + self._turned(
-            self.of.rest_points.shapedirs
-        )
+        """The transposed derivative of the landmarks by betas, (..., B, 3, L)."""
+        shift = slopes.d_shift @ self.of.mass  # (3 B, L)
+        turned = self._turned(self.of.rest_points.shapedirs)
+        return shift.reshape(turned.shape) + turned
 
     def _turned(self, rest: Array) -> Array:
-        """What changes of the rest points (..., 3 P) do to the landmarks, (r, 3, L)."""
-        R = self.turns[:, :3]
-        planar = rest.reshape(-1, 3, R.shape[2])
-        return self.of.rest_points.summed(np.einsum("dcp,rcp->rdp", R, planar))
+        """What changes of the rest points (..., r, 3 P) do to the landmarks, (..., r, 3, L)."""
+        R = self.turns[..., :3, :]
+        planar = rest.reshape(*rest.shape[:-1], 3, R.shape[-1])
+        return self.of.rest_points.summed(np.einsum("...dcp,...rcp->...rdp", R, planar))

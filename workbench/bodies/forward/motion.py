@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol
 
 import casadi as cs
 import numpy as np
@@ -45,6 +45,10 @@ class Motion:
     halved: Array | None = None
     column: Array | None = None
 
+    def __getitem__(self, which: int | slice) -> Motion:
+        """One or some of several motions."""
+        return Motion(*_some(self, which))
+
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
@@ -64,6 +68,14 @@ class Slopes:
     halves: Array
     column: Array | None = None
 
+    def __getitem__(self, which: int | slice) -> Slopes:
+        """The derivatives of one or some of several motions."""
+        return Slopes(*_some(self, which))
+
+
+def _some(of: Motion | Slopes, which: int | slice) -> Iterator[Any]:
+    return (None if part is None else part[which] for part in vars(of).values())
+
 
 class JointNumbers(Protocol):
     """The motion of a body's joints and its derivative at one pose (K, 3) rad and betas (B,)."""
@@ -76,6 +88,12 @@ class JointNumbers(Protocol):
 
     def motion_and_slopes(self, pose: Array, betas: Array) -> tuple[Motion, Slopes]:
         """Both of them, in less time than apart."""
+
+    def motions(self, poses: Array, betas: Array) -> Motion:
+        """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
+
+    def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
+        """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,18 +137,14 @@ class Together:
     betas: Array
 
     @cached_property
-    def motions(self) -> list[Motion]:
-        """The motion of each pose."""
-        found = self.kinematics.motions(self.poses, self.betas)
-        parts = found.G, found.features, found.joints, found.halved
-        return [Motion(*one) for one in zip(*cast(tuple[Array, ...], parts), strict=True)]
+    def motions(self) -> Motion:
+        """The motions of all poses."""
+        return self.kinematics.motions(self.poses, self.betas)
 
     @cached_property
-    def slopes(self) -> list[Slopes]:
-        """The derivative of the motion of each pose."""
-        all_of = self.kinematics.slopes_batch(self.poses, self.betas)
-        parts = all_of.turns, all_of.d_features, all_of.d_shift, all_of.halves
-        return [Slopes(*one) for one in zip(*parts, strict=True)]
+    def slopes(self) -> Slopes:
+        """The derivatives of all motions."""
+        return self.kinematics.slopes_batch(self.poses, self.betas)
 
 
 class _Functions(NamedTuple):
@@ -220,6 +234,8 @@ class Kinematics:
 
     def motions(self, poses: Array, betas: Array) -> Motion:
         """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
+        if self._at_one is not None:
+            return self._at_one.motions(poses, betas)
         return self._shaped(self._motions(poses.reshape(len(poses), 3 * self._sizes[0]), betas))
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
@@ -236,6 +252,8 @@ class Kinematics:
 
     def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
         """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
+        if self._at_one is not None:
+            return self._at_one.slopes_batch(poses, betas)
         return self._shaped_slopes(
             self._slopes_batch(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
         )

@@ -15,11 +15,12 @@ from typing import Protocol, cast
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks import PointsAt
 from workbench.blocks.points import tangent_over_zeros
+from workbench.blocks.points_of_each import OneByOne, PointsOfEach
 from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced, Translating
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
+from workbench.bodies.forward.posed_each import ArithmeticOfMany, PosedEach
 from workbench.bodies.forward.rows import Target
 
 Writer = Callable[[Mapping[str, Target], Array | None], None]  # see BodyPointsAt.tangent
@@ -60,6 +61,12 @@ class BodyPoints(Protocol):
     def evaluate_batch(self) -> Callable[..., Array]:
         """The points (M, N, 3) m of M arguments, of the same shapes."""
 
+    def together(self, names: Mapping[str, str], *arguments: Array) -> PointsOfEach | None:
+        """The points at each of M arguments, by arithmetic on all of them; None if it takes one.
+
+        `names` are those of the blocks that hold the arguments, by the words of `ROLES`.
+        """
+
 
 @dataclass(frozen=True, eq=False)
 class Named:
@@ -97,10 +104,16 @@ class Named:
         """Where the blocks have these values."""
         return NamedAt(self, self.points.evaluate(*(one.value(values) for one in self.maps)))
 
-    def evaluate_each(self, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
-        """The points at several sets of values, in fewer calls than by `evaluate` for each."""
-        arguments = (np.array([one.value(some) for some in values]) for one in self.maps)
-        return [NamedAt(self, here) for here in self.points.evaluate_each(*arguments)]
+    def evaluate_each(self, values: Mapping[str, Array], count: int) -> PointsOfEach:
+        """The points at M = `count` sets of values, in fewer calls than by `evaluate` for each."""
+        if self.plain is not None:
+            arguments = [one.value_batch(values) for one in self.maps]
+            together = self.points.together(dict(zip(ROLES, self.plain, strict=False)), *arguments)
+            if together is not None:
+                return together
+        each = [{name: values[name][i] for name in self.reads} for i in range(count)]
+        arguments = [np.array([one.value(some) for some in each]) for one in self.maps]
+        return OneByOne([NamedAt(self, here) for here in self.points.evaluate_each(*arguments)])
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points of M sets of values, (M, N, 3) m."""
@@ -196,6 +209,13 @@ class PosedPoints:
         posed = self.kinematics.evaluate_each(poses, betas)
         each = zip(posed, trans, *offsets, strict=True)
         return [PosedPointsAt(self.arithmetic, p, t, tuple(more)) for p, t, *more in each]
+
+    def together(self, names: Mapping[str, str], *arguments: Array) -> PointsOfEach | None:
+        """The same by arithmetic on all of them; None where there is none, as for a surface."""
+        if not hasattr(self.arithmetic, "evaluate_each"):
+            return None
+        arithmetic = cast(ArithmeticOfMany, self.arithmetic)
+        return PosedEach(self.kinematics, arithmetic, self.evaluate, names, arguments)
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *offsets: Array) -> Array:
         """The points (M, N, 3) m of M poses, betas and translations, all at once."""

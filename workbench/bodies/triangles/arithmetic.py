@@ -36,6 +36,9 @@ class TriangleArithmetic:
         """The surface at M poses, betas and translations."""
         return [self.evaluate(*one) for one in zip(poses, betas, trans, strict=True)]
 
+    def together(self, names: Mapping[str, str], *arguments: Array) -> None:
+        """None: there is no arithmetic on several surfaces with their derivatives."""
+
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations, all at once."""
         return self._many(poses, betas) + trans[:, None]

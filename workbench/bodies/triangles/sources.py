@@ -89,6 +89,9 @@ class NumericMeans:
         """The means at M poses, betas and translations."""
         return [MeansAt(self, here) for here in self.surface.evaluate_each(poses, betas, trans)]
 
+    def together(self, names: Mapping[str, str], *arguments: Array) -> None:
+        """None: there is no arithmetic on several surfaces with their derivatives."""
+
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The means (M, L, 3) m of M poses, betas and translations."""
         if self.regressor.shape[0] * FEW <= self.regressor.shape[1]:
