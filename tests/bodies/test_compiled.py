@@ -346,6 +346,20 @@ def test_the_motion_that_comes_with_its_slopes_is_the_same_to_the_bit() -> None:
     assert posed.motion is moved
 
 
+@NEEDS_COMPILER
+def test_the_motions_of_many_poses_are_those_of_each_to_the_bit() -> None:
+    kinematics, rng = body_of("smpl", 9).kinematics, np.random.default_rng(3)
+    poses, betas = rng.standard_normal((3, 24, 3)), rng.standard_normal((3, 10))
+    motions, slopes = kinematics.motions(poses, betas), kinematics.slopes_batch(poses, betas)
+    for i in range(3):
+        motion, sloped = kinematics.motion_and_slopes(poses[i], betas[i])
+        for many, one in ((motions[i], motion), (slopes[i], sloped)):
+            for part, expected in zip(vars(many).values(), vars(one).values(), strict=True):
+                np.testing.assert_array_equal(part, expected)
+    with pytest.raises(ValueError, match="3 poses have 216 numbers and betas 20"):
+        kinematics.motions(poses, betas[:2])
+
+
 @pytest.mark.parametrize("layout", ["whole", "read-only", "in pieces", "empty", "part"])
 def test_addresses_are_those_of_numpy(layout: str) -> None:
     whole = np.arange(24.0).reshape(4, 6)

@@ -13,7 +13,9 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from tests.problem.test_chain import POINTS, assert_same, pose_at
 from workbench import residuals
 from workbench.blocks import Block, NumericPoints, PointsAt, Tree
+from workbench.blocks.points_of_each import OneByOne, points_of_each
 from workbench.bodies import Landmarks, SkinnedBody
+from workbench.bodies.forward.posed_each import PosedEach
 from workbench.errors import NotSupported
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.problem import Constraint
@@ -114,6 +116,33 @@ def test_many_at_once_are_each_of_them(body: SkinnedBody, kind: str) -> None:
     expected = [body.landmark(kind, **one) for one in each]
     np.testing.assert_allclose(numeric.evaluate_batch(together), expected, atol=1e-12)
     np.testing.assert_allclose([numeric.evaluate(one).points for one in each], expected, atol=1e-12)
+
+
+@EACH_BODY
+@EACH_KIND
+def test_derivatives_of_many_are_those_of_each(body: SkinnedBody, kind: str) -> None:
+    numeric = body.landmark_points(kind, *symbols(body)).source.numeric
+    assert numeric is not None
+    each = [values_at(body, "anywhere", seed) for seed in range(5)]
+    values = {name: np.array([one[name] for one in each]) for name in each[0]}
+    one_by_one = OneByOne([numeric.evaluate(one) for one in each])
+    many = points_of_each(numeric, values, len(each))
+    assert isinstance(many, PosedEach)
+    np.testing.assert_allclose(many.points, one_by_one.points, atol=1e-13)
+    for some in (slice(0, 5), slice(2, 4)):
+        shape = some.stop - some.start, many.points[0].size
+        found, expected = (
+            {name: np.full((*shape, values[name][0].size), np.nan) for name in numeric.reads}
+            for _ in range(2)
+        )
+        many.tangents(some, found)
+        one_by_one.tangents(some, expected)
+        for name in numeric.reads:
+            np.testing.assert_allclose(found[name], expected[name], atol=1e-12)
+    pulls = np.random.default_rng(2).standard_normal((5, many.points[0].size))
+    felt, expected = many.adjoints(pulls), one_by_one.adjoints(pulls)
+    for name in numeric.reads:
+        np.testing.assert_allclose(felt[name], expected[name], atol=1e-12)
 
 
 @EACH_BODY

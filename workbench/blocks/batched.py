@@ -115,23 +115,27 @@ class OneByOne:
 class Mapped:
     """A function that takes several rows per call; the last call repeats the last row."""
 
-    def __init__(self, function: cs.Function, shared: Sequence[bool]) -> None:
-        self._shared = tuple(shared)
+    def __init__(
+        self, function: cs.Function, shared: Sequence[bool], together: int = TOGETHER
+    ) -> None:
+        self._shared, self._together = tuple(shared), together
         one_for_all = [i for i, s in enumerate(self._shared) if s]
-        mapped = function.map(f"many_{function.name()}", "serial", TOGETHER, one_for_all, [])
+        mapped = function.map(f"many_{function.name()}", "serial", together, one_for_all, [])
         self._function = Buffered(mapped)
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
-        M = count(arguments, self._shared)
+        M, together = count(arguments, self._shared), self._together
         pieces: list[list[Array]] = []
-        for first in range(0, M, TOGETHER):
-            rows = np.minimum(np.arange(first, first + TOGETHER), M - 1)
+        for first in range(0, M, together):
+            rows = np.minimum(np.arange(first, first + together), M - 1)
             some = (a if s else a[rows] for a, s in zip(arguments, self._shared, strict=True))
-            pieces.append([out.reshape(TOGETHER, -1) for out in self._function(*some)])
+            pieces.append([out.reshape(together, -1) for out in self._function(*some)])
         if not pieces:
             outputs = range(self._function.function.n_out())
-            return [np.empty((0, self._function.function.nnz_out(k) // TOGETHER)) for k in outputs]
+            return [np.empty((0, self._function.function.nnz_out(k) // together)) for k in outputs]
+        if len(pieces) == 1 and together == M:
+            return pieces[0]
         return [np.concatenate(parts)[:M] for parts in zip(*pieces, strict=True)]
 
 

@@ -19,7 +19,7 @@ from workbench.problem.frame_group import FrameGroup, Places
 from workbench.problem.naming import rows_of
 from workbench.problem.nonzeros import columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.rounding import Support, half_squared
-from workbench.problem.single_frame import FramePlaces, SingleFrame
+from workbench.problem.single_frame import SingleFrame
 from workbench.problem.storage import Matrix, is_sparse
 from workbench.residuals import Residual
 
@@ -41,7 +41,11 @@ class FrameChain:
         none = np.zeros(0, dtype=np.int64)
         at = (np.arange(rows[r.name].start, rows[r.name].stop) for r in others)
         self._rest_rows = np.concatenate([none, *at])
-        self._rest = Chain.of(others, free, fixed) if others else None
+        reads = {name for residual in others for name in residual.reads}
+        read = [block for block in fixed.blocks if block.name in reads]
+        given = (np.arange(fixed.size)[fixed.slices[block.name]] for block in read)
+        self._rest_given = np.concatenate([none, *given])
+        self._rest = Chain.of(others, free, Layout(tuple(read))) if others else None
         self._last: tuple[tuple[bytes, bytes], list[Places]] = ((b"", b""), [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
@@ -54,7 +58,9 @@ class FrameChain:
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian is formed."""
-        cost, g = (0.0, np.zeros(len(x))) if self._rest is None else self._rest.gradient(x, fixed)
+        cost, g = 0.0, np.zeros(len(x))
+        if self._rest is not None:
+            cost, g = self._rest.gradient(x, fixed[self._rest_given])
         for group, places in zip(self._groups, self._places(x, fixed), strict=True):
             r, own = group.gradient(x, fixed, places)
             cost += half_squared(r.ravel())
@@ -69,7 +75,7 @@ class FrameChain:
             blocks.append(block)
             parts.append(single)
         if self._rest is not None:
-            r[self._rest_rows], J = self._rest.linearize(x, fixed)
+            r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_given])
             parts.append(entries_at(J, self._rest_pattern))
         rest = self._entries.matrix(parts)
         found = BlockMatrix(rest, tuple(blocks), self._block_places, self._order)
@@ -125,7 +131,7 @@ class FrameChain:
         for group, places in zip(self._groups, self._places(x, fixed), strict=True):
             found[group.rows] = of_group(group, x, fixed, places)
         if self._rest is not None:
-            found[self._rest_rows] = of_rest(self._rest, x, fixed)
+            found[self._rest_rows] = of_rest(self._rest, x, fixed[self._rest_given])
         return found
 
     def _places(self, x: Array, fixed: Array) -> list[Places]:
@@ -213,7 +219,7 @@ def _grouped(
             parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
             first += one.size
     known: dict[object, SingleFrame] = {}
-    chains: dict[object, tuple[Chain, list[tuple[int, Index, FramePlaces]]]] = {}
+    chains: dict[object, tuple[Chain, list[tuple[int, Index, Index, Index]]]] = {}
     for t in sorted(parts):
         own = tuple(one for one, _ in parts[t])
         key = tuple(map(id, own))
@@ -227,15 +233,10 @@ def _grouped(
             ):
                 return [], list(residuals)
             chains[whole] = chain, []
-        chains[whole][1].append((t, np.concatenate([r for _, r in parts[t]]), at))
+        numbers = np.concatenate([r for _, r in parts[t]])
+        chains[whole][1].append((t, numbers, at.columns, at.given))
     groups = [
-        FrameGroup(
-            chain,
-            np.array([t for t, _, _ in members]),
-            np.array([r for _, r, _ in members]),
-            np.array([at.columns for _, _, at in members]),
-            np.array([at.given for _, _, at in members]),
-        )
+        FrameGroup(chain, *(np.array(each) for each in zip(*members, strict=True)))
         for chain, members in chains.values()
     ]
     return groups, [r for r in residuals if not r.by_frame]

@@ -7,13 +7,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks.batched import Buffered
+from workbench.blocks.batched import Buffered, Mapped
 from workbench.blocks.points_of_each import PointsOfEach, points_of_each
 from workbench.problem.band_order import run_of
 from workbench.problem.chain import Chain
 
 Places = Sequence[PointsOfEach]  # the points of every source
 AT_ONCE = 16  # frames whose points' derivatives are kept at a time: they stay near the processor
+MAPPED = 64  # frames that one call of a CasADi function serves at most
 FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored with its zeros
 
 
@@ -33,24 +34,27 @@ class FrameGroup:
     ) -> None:
         self.chain, self.frames = chain, frames
         self.rows, self.columns, self.given = rows, columns, given
-        self._of_all: dict[Buffered, Buffered] = {}
+        self._mapped: dict[Buffered, Mapped] = {}
 
-    def _mapped(self, one: Buffered) -> Buffered:
-        """The function of one frame for all frames in one call."""
-        if one not in self._of_all:
+    def _of_all(self, one: Buffered, *arguments: Array) -> list[Array]:
+        """The function of one frame for all frames, (F, .) for each output.
+
+        CasADi's memory for a call is in proportion to its frames, which are therefore divided
+        among calls with equally many.
+        """
+        if one not in self._mapped:
             F = len(self.frames)
-            self._of_all[one] = Buffered(one.function.map(F) if F > 1 else one.function)
-        return self._of_all[one]
+            calls = -(-F // MAPPED)
+            self._mapped[one] = Mapped(one.function, (False,) * len(arguments), -(-F // calls))
+        return self._mapped[one](*arguments)
 
     def residual(self, x: Array, fixed: Array, places: Places) -> Array:
         """The residuals of the frames, (F, m)."""
-        found = self._mapped(self.chain.to_residual)(*self._arguments(x, fixed, places))[0]
-        return found.reshape(self.rows.shape)
+        return self._of_all(self.chain.to_residual, *self._arguments(x, fixed, places))[0]
 
     def made_of(self, x: Array, fixed: Array, places: Places) -> Array:
         """The sizes of the terms that rows are made of, (F, m); see `Chain.made_of`."""
-        found = self._mapped(self.chain.to_size)(*self._arguments(x, fixed, places))[0]
-        return found.reshape(self.rows.shape)
+        return self._of_all(self.chain.to_size, *self._arguments(x, fixed, places))[0]
 
     def places(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> Places:
         """The points of each source in all frames; `framed` blocks have values of every frame."""
@@ -132,11 +136,9 @@ class FrameGroup:
         ]
 
     def _derived(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, list[Array]]:
-        F = len(self.frames)
-        derived = self._mapped(self.chain.to_derivative)
-        r, direct, *by_points = derived(*self._arguments(x, fixed, places))
-        each = [entries.reshape(F, -1) for entries in by_points]
-        return r.reshape(F, -1), direct.reshape(F, -1), each
+        derivative = self.chain.to_derivative
+        r, direct, *by_points = self._of_all(derivative, *self._arguments(x, fixed, places))
+        return r, direct, by_points
 
     def _arguments(self, x: Array, fixed: Array, places: Places) -> list[Array]:
         return [x[self.columns], fixed[self.given], *(there.points for there in places)]

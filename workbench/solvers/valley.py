@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Array, Mask
-from workbench.problem import Linearization
+from workbench.problem.covariance import inverse_times
 from workbench.problem.rounding import fall, half_squared
+from workbench.problem.steps import SLIGHT
 from workbench.solvers.end_point import EndPoint
 from workbench.solvers.iterate import Iterate
 
@@ -83,7 +84,7 @@ def _running(end: EndPoint, start: Array, middle: Array, late: Array, final: Arr
 def _followed(end: EndPoint, x: Array, running: Mask, noise: float) -> Array:
     """The point after the unknowns that do not run have followed, by Gauss-Newton steps."""
     for _ in range(0 if running.all() else FOLLOWED):
-        cost, step = _step_of_others(end.linearize(x), running)
+        cost, step = _step_of_others(end, x, running)
         to = None if step is None else _lower(end, x, step, cost - noise)
         if to is None:
             return x
@@ -100,20 +101,27 @@ def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
     return None
 
 
-def _step_of_others(here: Linearization, running: Mask) -> tuple[float, Array | None]:
-    """The cost, and the Gauss-Newton step (n,) of the unknowns that do not run; the others stay.
+def _step_of_others(end: EndPoint, x: Array, running: Mask) -> tuple[float, Array | None]:
+    """The cost at x, and the Gauss-Newton step (n,) of the unknowns that do not run.
 
-    There is no step where the linearization is not finite. In a sequence the columns of the others
-    are not copied, which would take several times the memory of the Jacobian: those that run are
-    held by a diagonal beside which all else is zero to rounding.
+    There is no step where the linearization is not finite. In a sequence no columns are copied,
+    which would take much more memory than the Jacobian: unknowns that run are held by a diagonal
+    beside which all else is zero to rounding, and the others are slightly damped if their columns
+    are dependent.
     """
+    here = end.linearize(x)
+    cost = here.cost
     if not here.finite:
-        return here.cost, None
-    if here.by_frames:
-        squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
-        step = here.inverse_times(-here.gradient, np.where(running, HELD * squares, 0.0))
+        return cost, None
+    if not here.by_frames:
+        rest, found = np.flatnonzero(~running), np.zeros(len(x))
+        found[rest] = here.columns(rest).step()
+        return cost, found
+    gradient, normal = here.gradient, here.normal
+    squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
+    del here  # and its Jacobian, before the normal equations are copied
+    for damping in (0.0, SLIGHT):
+        step = inverse_times(normal, -gradient, np.where(running, HELD, damping) * squares)
         if step is not None:
-            return here.cost, np.where(running, 0.0, step)
-    rest, found = np.flatnonzero(~running), np.zeros(here.shape[1])
-    found[rest] = here.columns(rest).step()
-    return here.cost, found
+            return cost, np.where(running, 0.0, step)
+    return cost, None
