@@ -7,13 +7,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks.batched import Buffered, Mapped
+from workbench.blocks.batched import TOGETHER, Buffered, Mapped
 from workbench.blocks.points_of_each import PointsOfEach, points_of_each
 from workbench.problem.band_order import run_of
 from workbench.problem.chain import Chain
 
 Places = Sequence[PointsOfEach]  # the points of every source
-AT_ONCE = 16  # frames whose points' derivatives are kept at a time: they stay near the processor
+AT_ONCE = TOGETHER  # frames whose points' derivatives are kept at a time, near the processor
 MAPPED = 64  # frames that one call of a CasADi function serves at most
 FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored with its zeros
 
