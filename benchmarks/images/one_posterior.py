@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -62,16 +62,20 @@ class Drawn:
 def by_hamiltonian(setup: Setup, values: Values, numbers: Any, seed: int) -> Drawn:
     """All free numbers by Hamiltonian Monte Carlo, until those that are reported have mixed.
 
-    A pinhole camera also projects what is behind it, upside down. Bodies there can fit as well as
-    those in front; chains begin in front alone, and none gets behind.
+    A pinhole camera also projects what is behind it, upside down, and bodies there can fit as well
+    as those in front. The posterior has no density there (`Residual.domain`). How much mass would
+    be there is told by a search for modes of the same residuals without their domains, and chains
+    begin at those modes of this search that are in front.
     """
     began, problem = time.process_time(), setup.problem
     x, given = problem.split(values)
     free = np.flatnonzero(movable(problem))
     space = fixed(problem, problem.linearize_at(x, given), x, free)
     target, rng = LogDensity(problem, given, space, compiled), np.random.default_rng((seed, 1))
-    every = modes(target, mode_from(target, space.centre), rng).modes
-    found = tuple(one for one in every if numbers(space.points(one.z[None]))[0, 0] > 0)
+    residuals = [replace(one, domain=None) for one in problem.residuals]
+    pinhole = replace(target, problem=problem.variant(residuals, problem.free.spelled()))
+    every = modes(pinhole, mode_from(pinhole, space.centre), rng).modes
+    found = tuple(one for one in every if target.in_domain(one.z[None])[0])
     starts = walkers_at(target, found, LEAPFROGS.ensembles * LEAPFROGS.walkers, rng)
     labels = tuple(map(str, range(NUMBERS)))
     run = run_hamiltonian(

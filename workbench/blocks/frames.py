@@ -56,6 +56,8 @@ class FrameBlocks:
         small for a thousand of them as for one.
         """
         symbols = [*(block.symbol for block in blocks), *(own for own, _ in points)]
+        if not symbols:  # CasADi answers a call without arguments by a dictionary
+            return cs.repmat(expression, 1, len(some))
         one = cs.Function("frame", symbols, [expression])
         given = [*(self.columns(block, some) for block in blocks), *(all_ for _, all_ in points)]
         return (one.map(len(some)) if len(some) > 1 else one)(*given)

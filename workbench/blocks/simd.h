@@ -11,6 +11,7 @@ typedef long long bits __attribute__((vector_size(8 * LANES)));
 
 /* the truth is 1.0, as in CasADi */
 #define TRUTH(condition) ((v)((bits)(condition) & (bits)BROADCAST(1.0)))
+#define CHOICE(condition, x, y) ((v)(((bits)(condition) & (bits)(x)) | (~(bits)(condition) & (bits)(y))))
 #define IF(condition, x) ((v)((bits)((condition) != BROADCAST(0.0)) & (bits)(x)))
 
 /* rows of n numbers, from `first` on, to (n, LANES) and back; the last row fills up what is left */
@@ -94,6 +95,6 @@ ONE_NUMBER(acos, acos(p)) ONE_NUMBER(atan, atan(p)) ONE_NUMBER(fabs, fabs(p))
 ONE_NUMBER(sinh, sinh(p)) ONE_NUMBER(cosh, cosh(p)) ONE_NUMBER(tanh, tanh(p))
 ONE_NUMBER(floor, floor(p)) ONE_NUMBER(ceil, ceil(p)) ONE_NUMBER(log1p, log1p(p))
 ONE_NUMBER(expm1, expm1(p)) ONE_NUMBER(erf, erf(p)) ONE_NUMBER(sign, p < 0 ? -1.0 : p > 0)
-TWO_NUMBERS(pow, pow(p, q)) TWO_NUMBERS(atan2, atan2(p, q)) TWO_NUMBERS(fmin, fmin(p, q))
-TWO_NUMBERS(fmax, fmax(p, q)) TWO_NUMBERS(hypot, hypot(p, q))
+TWO_NUMBERS(pow, pow(p, q)) TWO_NUMBERS(atan2, atan2(p, q))
+TWO_NUMBERS(hypot, hypot(p, q))
 TWO_NUMBERS(copysign, copysign(p, q)) TWO_NUMBERS(fmod, fmod(p, q))

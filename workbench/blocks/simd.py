@@ -19,7 +19,7 @@ LINES = 500  # instructions in one piece of the source
 LONG = 20_000  # instructions, from which on the compiler is asked to try less
 TRIED = 11  # calls of the comparison: all lanes are used, and some calls are left over
 ONE = "sqrt sin cos tan exp log asin acos atan fabs sinh cosh tanh floor ceil log1p expm1 erf sign"
-TWO = "pow atan2 fmin fmax hypot copysign fmod"  # functions of C of one argument, and of two
+TWO = "pow atan2 hypot copysign fmod"  # functions of C of one argument, and of two
 C_OF: Mapping[int, str] = {
     cs.OP_ASSIGN: "{0}",
     cs.OP_ADD: "{0} + {1}",
@@ -38,6 +38,8 @@ C_OF: Mapping[int, str] = {
     cs.OP_AND: "TRUTH(({0} != BROADCAST(0.0)) & ({1} != BROADCAST(0.0)))",
     cs.OP_OR: "TRUTH(({0} != BROADCAST(0.0)) | ({1} != BROADCAST(0.0)))",
     cs.OP_IF_ELSE_ZERO: "IF({0}, {1})",
+    cs.OP_FMIN: "CHOICE(({0} < {1}) | ({1} != {1}), {0}, {1})",
+    cs.OP_FMAX: "CHOICE(({0} > {1}) | ({1} != {1}), {0}, {1})",
     cs.OP_CONSTPOW: "each_pow({0}, {1})",
     **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE.split()},
     **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO.split()},

@@ -73,7 +73,19 @@ class Camera:
                 f"a camera projects points (3, N), a CasADi matrix (MX), not one of {found}; "
                 "numbers (N, 3) go to camera.pixels"
             )
-        return project(points, *(block.symbol for block in self.blocks))
+        return self.image_of(self.seen(points))
+
+    def seen(self, points: cs.MX) -> cs.MX:
+        """World points (3, N) m in the camera's frame, (3, N) m; the last row is their depth."""
+        return in_frame(points, self.rotation.symbol, self.translation.symbol)
+
+    def image_of(self, seen: cs.MX) -> cs.MX:
+        """The pixels (2, N) of points in the camera's frame (3, N) m.
+
+        A pinhole also projects what is behind it, upside down: whoever asks has to look at depths.
+        """
+        lens = self.focal, self.centre, self.distortion
+        return project(seen, *(block.symbol for block in lens))
 
     def values(
         self,
@@ -143,17 +155,19 @@ class Camera:
         return list(layout.unpack(layout.pack(values)).values())
 
 
-def project(
-    points: cs.MX, focal: cs.MX, centre: cs.MX, distortion: cs.MX, rotation: cs.MX, t: cs.MX
-) -> cs.MX:
+def in_frame(points: cs.MX, rotation: cs.MX, t: cs.MX) -> cs.MX:
+    """World points (3, N) m in the frame of a camera, (3, N) m."""
+    return rodrigues(rotation) @ points + cs.repmat(t, 1, points.shape[1])
+
+
+def project(seen: cs.MX, focal: cs.MX, centre: cs.MX, distortion: cs.MX) -> cs.MX:
     r"""The pinhole camera with radial and tangential distortion (Brown 1971, as in OpenCV).
 
-    With (x, y) = (X / Z, Y / Z) in the camera's frame and r^2 = x^2 + y^2:
+    With (x, y) = (X / Z, Y / Z) of points `seen` in the camera's frame and r^2 = x^2 + y^2:
         radial = 1 + k1 r^2 + k2 r^4 + k3 r^6
         u = f_x (x radial + 2 p1 x y + p2 (r^2 + 2 x^2)) + c_x
         v = f_y (y radial + p1 (r^2 + 2 y^2) + 2 p2 x y) + c_y
     """
-    seen = rodrigues(rotation) @ points + cs.repmat(t, 1, points.shape[1])  # (3, N) m
     x, y = seen[0, :] / seen[2, :], seen[1, :] / seen[2, :]
     k1, k2, p1, p2, k3 = (distortion[i] for i in range(5))
     r2 = x**2 + y**2

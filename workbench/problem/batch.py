@@ -14,7 +14,7 @@ import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout, NumericPoints
+from workbench.blocks import Layout, NumericPoints, Points, in_blocks
 from workbench.blocks.batched import LONGEST, Batched, Buffered, Mapped, OneByOne, scalar
 from workbench.blocks.columns import FewOrMany
 from workbench.blocks.products import taken_out
@@ -22,7 +22,8 @@ from workbench.blocks.simd import simd_function
 from workbench.blocks.threaded import Threaded
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
-from workbench.problem.graph import Graph
+from workbench.problem.domain import Domain
+from workbench.problem.graph import Graph, split
 from workbench.problem.parted import Parted, parted
 
 T = TypeVar("T")
@@ -45,6 +46,7 @@ class Batch:
         sources: the arithmetic for the points of the split graph.
         free: the layout of the free numbers.
         fixed: the layout of the fixed numbers.
+        limited: whether the last row says by 0 or infinity if all is in its domain.
         made: what was derived or compiled already, by the places that vary.
     """
 
@@ -53,7 +55,24 @@ class Batch:
     sources: Sequence[NumericPoints]
     free: Layout
     fixed: Layout
+    limited: bool = False
     made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
+
+    @staticmethod
+    def of(
+        whitened: cs.MX,
+        points: Sequence[Points],
+        free: Layout,
+        fixed: Layout,
+        graph: Graph | None,
+        domain: Domain | None,
+    ) -> "Batch":
+        """The batch of whitened residuals, of which `graph` is the graph if there is one."""
+        if domain is None:
+            return Batch(graph, *split(whitened, points, free, fixed), free, fixed)
+        limited = domain.beside(whitened)
+        whole = None if graph is None else Graph.of(in_blocks(limited, points), free, fixed)
+        return Batch(whole, *split(limited, points, free, fixed), free, fixed, limited=True)
 
     def once(self, what: str, places: Places, make: Callable[[], T]) -> T:
         """The result of `make`, which is called once for these places and is kept in `made`."""
@@ -99,11 +118,15 @@ def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slo
     """
     graph = batch.once("parted", places, lambda: _parted(batch, places))
     if graph is None or graph.instructions > COMPILED_UP_TO:
+        costs = interpreted(batch, x, fixed, places) if batch.limited else None
 
         def each(z: Array) -> tuple[Array, Array]:
             X = _filled(x, places, z)
             found = [one_by_one(row) for row in X]
-            return np.array([cost for cost, _ in found]), np.array([g[places] for _, g in found])
+            cost = np.array([cost for cost, _ in found])
+            if costs is not None:
+                cost[np.isinf(costs(z))] = np.inf
+            return cost, np.array([g[places] for _, g in found])
 
         return each
     run = batch.once("slopes", places, lambda: _derived(graph.cost))

@@ -110,6 +110,13 @@ class ConstraintSet:
         sizes = [c.size for c in self.constraints]
         self.tolerance = np.repeat([c.tolerance for c in self.constraints], sizes)
 
+    @staticmethod
+    def of(
+        constraints: Sequence[Constraint], free: Layout, fixed: Layout
+    ) -> "ConstraintSet | None":
+        """The constraints together; None if there are none."""
+        return ConstraintSet(constraints, free, fixed) if constraints else None
+
     @property
     def size(self) -> int:
         """k, the number of rows."""

@@ -19,8 +19,9 @@ from workbench.problem.bounds import Bounds, flat_bounds, of_free
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.domain import Domain
 from workbench.problem.frame_chain import FrameChain
-from workbench.problem.graph import Graph, split, stored
+from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
@@ -62,9 +63,8 @@ class Problem:
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
         self.solvers_made: list[object] = []  # for the next run; see `solvers.made`
-        self.stacked_constraints = (
-            ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
-        )
+        self.stacked_constraints = ConstraintSet.of(self.constraints, *self._layouts)
+        self.domain = Domain.of(self.residuals, *self._layouts)
 
     def freeing(self, *names: str) -> "Problem":
         """The same residuals with these blocks, or entries of blocks, free instead.
@@ -209,8 +209,8 @@ class Problem:
     ) -> Costs:
         """A function of z (M, k) to the costs (M,) at M points that differ from x in z only.
 
-        z are the numbers at the places `entries` of x (all, if None). `by` is `interpreted`, or
-        `compiled`, which takes seconds once and is many times as fast.
+        z are the numbers at the places `entries` of x (all, if None). Outside of the `domain` costs
+        are infinite. `by` is `interpreted`, or `compiled`: many times as fast, after some seconds.
         """
         return by(self._batch, x, fixed, self._places(entries))
 
@@ -281,7 +281,7 @@ class Problem:
         of_points = (b for p in points for b in p.source.blocks)
         described = (*of_points, *of_residuals, *self._named)  # the last one counts
         limited = [constraint.expression for constraint in self.constraints]
-        weightless = [one.expression for one in self.residuals]  # read also where a weight is 0
+        weightless = [one.written for one in self.residuals]  # read also where a weight is 0
         stacked = cs.veccat(self._whitened, *limited, *weightless)
         return naming.blocks_behind(stacked, points, described)
 
@@ -296,5 +296,5 @@ class Problem:
 
     @cached_property
     def _batch(self) -> Batch:
-        parts = split(self._whitened, self.points, *self._layouts)
-        return Batch(self._graph if self.has_graph else None, *parts, *self._layouts)
+        graph = self._graph if self.has_graph else None
+        return Batch.of(self._whitened, self.points, *self._layouts, graph, self.domain)

@@ -96,6 +96,7 @@ class Frames:
             {t: (one.expression, blocks, one.points) for t, (one, blocks) in each.items()}
         )
         weights, more = self._weights(each)
+        domain, limited = self._domain(each)
         distinct = {id(one): one for one in parts}.values()
         read = dict.fromkeys(name for one in distinct for name in one.reads)
         return Residual(
@@ -104,12 +105,27 @@ class Frames:
             np.concatenate([_for_rows(one.sigma, one, one.size) for one in parts]),
             first.unit,
             first.kernel,
-            tuple({p.symbol.__hash__(): p for p in (*points, *more)}.values()),
+            tuple({p.symbol.__hash__(): p for p in (*points, *more, *limited)}.values()),
             None,
             weights,
             tuple(self[name] for name in read),
             first.rows_per_point,
             tuple(zip(order, parts, strict=True)),
+            domain,
+        )
+
+    def _domain(
+        self, each: Mapping[int, tuple[Residual, Described]]
+    ) -> tuple[cs.MX | None, tuple[Points, ...]]:
+        """The domain of all frames: ones in frames that have none."""
+        if all(one.domain is None for one, _ in each.values()):
+            return None, ()
+        made: dict[int, cs.MX] = {}  # once for each residual, so that frames stay alike
+        for one, _ in each.values():
+            everywhere = cs.MX.ones(one.size // one.rows_per_point)
+            made.setdefault(id(one), everywhere if one.domain is None else one.domain)
+        return self.stacked(
+            {t: (made[id(one)], blocks, one.points) for t, (one, blocks) in each.items()}
         )
 
     def _weights(

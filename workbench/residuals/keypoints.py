@@ -44,13 +44,19 @@ def keypoints(
     arrays, or expressions of symbols. A keypoint of confidence 0 has no influence, and its
     coordinates do not matter as long as they are numbers. Raises BadResidual for shapes that do not
     fit and for confidences below zero.
+
+    A pinhole also projects what is behind it, upside down, but a camera sees nothing there. The
+    depths (M,) m in front of the camera are therefore the domain of the residual: a posterior has
+    no density where a keypoint with a confidence above 0 is behind the camera. (At a depth of 0 the
+    residual is no number.) The residual itself, and with it fits, are those of the pinhole.
     """
     predicted, reads = expressed(points)
     if not isinstance(camera, Camera):
         raise BadResidual(
             f"keypoints are seen by a Camera, not by something of type {type(camera).__name__}"
         )
-    pixels = camera.project(predicted)  # (2, M) px
+    seen = camera.seen(predicted)  # (3, M) m
+    pixels = camera.image_of(seen)  # (2, M) px
     name = name or named_after("keypoints", observed, points)
     M = pixels.shape[1]
     target = given(name, "what was observed", observed, (M, 2))
@@ -58,4 +64,5 @@ def keypoints(
     weights = confidences(name, confidence, M, "keypoints")
     off = cs.vec(pixels - target)  # (2 M, 1) px
     labels = row_labels(points, "uv")
-    return Residual(name, off, sigma, "px", kernel, reads, labels, weights, camera.blocks, 2)
+    known = reads, labels, weights, camera.blocks, 2
+    return Residual(name, off, sigma, "px", kernel, *known, domain=seen[2, :].T)

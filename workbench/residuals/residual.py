@@ -13,6 +13,7 @@ from workbench.blocks.checks import reals, several, texts
 from workbench.blocks.points import unlisted
 from workbench.errors import BadResidual, listed
 from workbench.residuals.kernels import Kernel, OfNorms, quadratic
+from workbench.residuals.weights import check_weights, root
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,11 @@ class Residual:
     all frames, and says in `by_frame` which residual of a single frame they come from. What these
     say cannot be replaced for all rows: BadResidual says so.
 
+    Some residuals have numbers where they mean nothing, as those of points behind a camera. Such a
+    residual has a `domain`: a number for each point, which is below zero where the rows of this
+    point mean nothing. Posteriors have no density where that is so for a point of a weight above
+    0, nor where the cost is no number. The residual, its derivatives and fits do not know of it.
+
     Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
     points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
     that is no function, or one of norms where each row stands alone; NotNumbers for a sigma or
@@ -54,6 +60,8 @@ class Residual:
         blocks: units and labels of symbols that the expression reads.
         rows_per_point: d, how many successive rows are the coordinates of one point.
         by_frame: in a sequence, the frames and their residuals; empty otherwise.
+        domain: (m / d, 1) below zero where the rows of a point mean nothing; None if they mean
+            something everywhere.
     """
 
     name: str
@@ -67,6 +75,7 @@ class Residual:
     blocks: tuple[Block, ...] = ()
     rows_per_point: int = 1
     by_frame: tuple[tuple[int, "Residual"], ...] = ()
+    domain: cs.MX | None = None
     _of_frames: tuple[object, ...] = field(default=(), repr=False)  # what `by_frame` says in full
 
     def __post_init__(self) -> None:
@@ -117,7 +126,9 @@ class Residual:
             )
         why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
         check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)
-        check_listed(f"residual {self.name!r}", self.expression, self.points)
+        if self.domain is not None:
+            check_domain(self.name, self.domain, counts[-1])
+        check_listed(f"residual {self.name!r}", self.written, self.points)
         self._check_frames()
 
     def _check_frames(self) -> None:
@@ -125,13 +136,12 @@ class Residual:
 
         A sequence computes from the residuals of single frames and would not see the change.
         """
-        given = self.expression, self.sigma, self.kernel, self.weights
+        given = self.expression, self.sigma, self.kernel, self.weights, self.domain
         if not self.by_frame or not self._of_frames:
             self.__dict__["_of_frames"] = given if self.by_frame else ()
             return
-        kept = zip(
-            ("expression", "sigma", "kernel", "weights"), given, self._of_frames, strict=True
-        )
+        names = "expression", "sigma", "kernel", "weights", "domain"
+        kept = zip(names, given, self._of_frames, strict=True)
         if changed := [what for what, now, then in kept if now is not then]:
             raise BadResidual(
                 f"residual {self.name!r} has the rows of {len(self.by_frame)} frames, and the "
@@ -186,9 +196,13 @@ class Residual:
     @property
     def reads(self) -> tuple[str, ...]:
         """Names of the blocks that it depends on, directly or through its points."""
-        if not isinstance(self.weights, cs.MX):
-            return blocks_read(self.expression, self.points)
-        return blocks_read(cs.veccat(self.expression, self.weights), self.points)
+        return blocks_read(self.written, self.points)
+
+    @property
+    def written(self) -> cs.MX:
+        """The expression, and the weights and the domain as far as they are expressions."""
+        beside = (one for one in (self.weights, self.domain) if isinstance(one, cs.MX))
+        return cs.veccat(self.expression, *beside)
 
     def label(self, row: int) -> str:
         """The name of one row: `keypoints(camera 1/observed)[left_wrist, u]`.
@@ -228,55 +242,21 @@ def check_symbolic(what: str, value: object) -> None:
         )
 
 
+def check_domain(name: str, domain: object, count: int) -> None:
+    """Raise BadResidual unless the domain is an expression with one number for each point."""
+    check_symbolic(f"residual {name!r}: the domain", domain)
+    assert isinstance(domain, cs.MX)
+    if domain.shape != (count, 1):
+        raise BadResidual(
+            f"residual {name!r} needs a domain of shape ({count}, 1), one number for each point, "
+            f"not of {domain.shape}"
+        )
+
+
 def check_listed(what: str, expression: cs.MX, points: Sequence[Points]) -> None:
     """Raise BadResidual if an expression reads points of a body that are not among its `points`."""
     for name in unlisted(expression, points):
         raise BadResidual(
             f"{what} reads {name}, a symbol that stands for points of a body, but does not say "
             "which; give the Points themselves, as in points=(points,), and not their .symbol alone"
-        )
-
-
-def root(weights: cs.MX | ArrayLike) -> cs.MX | cs.DM:
-    """sqrt(w), by which a whitened row is multiplied so that its square counts w times.
-
-    The derivative is 0 at w = 0, where that of the root is infinite. NaN below zero.
-    """
-    if not isinstance(weights, cs.MX):
-        return cs.DM(np.sqrt(reals("weights", weights)))
-    none = weights == 0
-    return cs.if_else(none, 0, cs.sqrt(cs.if_else(none, 1, weights)))
-
-
-def check_weights(
-    name: str, weights: cs.MX | ArrayLike | None, counts: tuple[int, ...], why: str
-) -> None:
-    """Raise BadResidual unless there is one weight, or one of `counts`, none below zero.
-
-    `why` ends the sentence about weights that do not fit. If weights depend on symbols, only
-    their shape is checked. Raises NotNumbers for text.
-    """
-    if weights is None:
-        return
-    if isinstance(weights, cs.MX):
-        shape, fits = weights.shape, weights.shape in ((1, 1), *((n, 1) for n in counts))
-        known = None if cs.symvar(weights) else np.asarray(cs.evalf(weights), dtype=float)
-    else:
-        known = reals(f"the weights of residual {name!r}", weights)
-        shape, fits = known.shape, known.shape in ((), *((n,) for n in counts))
-    if not fits:
-        raise BadResidual(
-            f"residual {name!r} needs one weight or {' or '.join(map(str, counts))} of them, not "
-            f"an array of shape {shape}{why}"
-        )
-    if known is not None:
-        _check_numbers(name, known)
-
-
-def _check_numbers(name: str, known: Array) -> None:
-    bad = ~((known >= 0) & np.isfinite(known))
-    if bad.any():
-        raise BadResidual(
-            f"residual {name!r} needs finite weights from 0 on, not {known[bad].flat[0]:g}; a row "
-            "of weight 0 has no influence"
         )

@@ -59,13 +59,15 @@ class Mode:
 def mode_from(target: LogDensity, start: Array) -> Mode:
     """The minimum that least squares reaches from z = start, inside bounds and constraints.
 
-    Raises Improper where a direction is held by nothing, and NoMinimum where no point that
-    meets the constraints is reached.
+    It takes no step that leads out of the domain of a residual, such as one behind a camera. Raises
+    Improper where a direction is held by nothing, and NoMinimum where no point that meets the
+    constraints is reached.
     """
     problem, space = target.problem, target.subspace
 
     def residual(z: Array) -> Array:
-        return problem.residual(_x(target, z), target.fixed)
+        r = problem.residual(_x(target, z), target.fixed)
+        return r if target.in_domain(z[None])[0] else np.full_like(r, np.inf)
 
     def jacobian(z: Array) -> Array:
         return problem.linearize_at(_x(target, z), target.fixed).jacobian @ space.along

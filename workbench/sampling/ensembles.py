@@ -232,7 +232,11 @@ def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
     if there is not None:
         digest.update("\n".join(there.label(row) for row in range(there.size)).encode())
         digest.update(there.lower.tobytes() + there.upper.tobytes() + there.tolerance.tobytes())
-    return {
+    limited: dict[str, Any] = {}
+    if problem.domain is not None:  # draws that were made without it may be outside
+        limited["domain"] = "minded"
+        digest.update(b"domain")
+    return limited | {
         "walkers": plan.walkers,
         "ensembles": plan.ensembles,
         "steps": plan.steps,

@@ -12,16 +12,28 @@ NUDGED = 1e-3  # of the size of an entry: far enough from a point where a deriva
 
 
 def refuse_undefined(problem: Problem, given: Array, x: Array) -> None:
-    """Raise BadArgument if the residual is not finite at x (n,)."""
+    """Raise BadArgument if the residual is not finite at x (n,), or means nothing there."""
     if not np.isfinite(problem.residual(x, given)).all():
         raise BadArgument(
             "the residual is not finite where Laplace's approximation is to begin; solve the "
             "problem first, and begin at its answer"
         )
+    if missed := outside_in_words(problem, given, x):
+        raise BadArgument(
+            f"the posterior has no density where it is to begin: {missed}; begin at another answer"
+        )
+
+
+def outside_in_words(problem: Problem, given: Array, x: Array) -> str:
+    """The first domain of a residual that x (n,) is outside of, in words; "" if it is in all."""
+    return "" if problem.domain is None else problem.domain.outside_in_words(x, given)
 
 
 def violation_in_words(problem: Problem, given: Array, x: Array) -> str:
-    """The first bound or the worst constraint that a point x (n,) misses, in words; "" if none."""
+    """The first bound, the worst constraint or the first domain that a point x (n,) misses.
+
+    In words; "" if there is none.
+    """
     out = np.flatnonzero((x < problem.lower) | (x > problem.upper))
     if out.size:
         i = int(out[0])
@@ -32,7 +44,7 @@ def violation_in_words(problem: Problem, given: Array, x: Array) -> str:
         values = there.values(x, given)
         if there.violation(values) > 1.0:
             return there.worst(values)
-    return ""
+    return outside_in_words(problem, given, x)
 
 
 def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:

@@ -38,7 +38,7 @@ class Importance:
         k_hat: the shape of the Pareto distribution fitted to the largest weights.
         effective: the effective number of draws.
         tried: the number of draws.
-        outside: the share of the draws that bounds or constraints forbid.
+        outside: the share of the draws that bounds, constraints or domains of residuals forbid.
         cut_off: the share of what constraints allow that the Gaussian leaves out.
         errors: (k,) the largest correction of a quantile's level of each entry: 0.02 if the 5 %
             quantile holds 7 %.
@@ -171,12 +171,16 @@ def _weighed(
     space = target.subspace
     w = rng.standard_normal((len(z), space.rest.shape[1]))
     x = space.points(z, w)
-    log_weights = target.at(x) - log_q + 0.5 * np.sum(w**2, axis=1)
+    log_p = target.at(x)
+    log_weights = log_p - log_q + 0.5 * np.sum(w**2, axis=1)
     smoothed, k_hat = psis(log_weights)
     weights = np.exp(smoothed - smoothed.max()) if np.isfinite(smoothed).any() else 0 * smoothed
     if not weights.sum() > 0:
         weights = np.ones(len(z))
-    outside = 1 - float(target.allows(x).mean())
+    allowed = target.allows(x)
+    if target.problem.domain is not None:
+        allowed &= np.isfinite(log_p)
+    outside = 1 - float(allowed.mean())
     weights /= weights.sum()
     ends = np.quantile(z, LEVELS, axis=0)
     below = ends[:, None, :] > z  # (levels, N, k)

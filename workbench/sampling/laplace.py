@@ -22,7 +22,7 @@ from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
 from workbench.sampling.posterior import Posterior
 from workbench.sampling.subspace import Names, Rest, Subspace, fixed, integrated, subspace_of
-from workbench.sampling.truncated_gaussian import draws_from, share_cut_off, truncated_laplace
+from workbench.sampling.truncated_gaussian import draws_in_domain, share_cut_off, truncated_laplace
 from workbench.sampling.with_the_rest import drawn_with_the_rest
 from workbench.threads import limited_threads
 
@@ -49,12 +49,13 @@ def laplace(
 
     J'J is Gauss and Newton's Hessian, whitened. What is not named is integrated out, unless `rest`
     says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off (see
-    `cut`), which is exact where residuals and constraints are linear. The verdict compares the
-    Gaussian with the posterior by importance weights, and looks for other modes, of which the
-    Gaussian knows nothing. Where the weights say that the Gaussian of all free numbers does not
-    fit, the named entries alone are compared with draws: with those of `against`, which `sample`
-    made of the same entries, or with some that are made for this. Raises what `sample` raises, and
-    BadArgument if `against` is of other entries.
+    `cut`), which is exact where residuals and constraints are linear, and so do the domains of
+    residuals: no draw is behind a camera. The verdict compares the Gaussian with the posterior by
+    importance weights, and looks for other modes, of which the Gaussian knows nothing. Where the
+    weights say that the Gaussian of all free numbers does not fit, the named entries alone are
+    compared with draws: with those of `against`, which `sample` made of the same entries, or with
+    some that are made for this. Raises what `sample` raises, and BadArgument if `against` is of
+    other entries.
     """
     x, given = problem.split(at)
     if draws < CHAINS:
@@ -72,7 +73,7 @@ def laplace(
         rng = np.random.default_rng(seed)
         mode = mode_from(target, subspace.centre)
         gaussian = truncated_laplace(target, mode)
-        z, log_q = draws_from(gaussian, CHAINS * (draws // CHAINS), rng)
+        z, log_q = draws_in_domain(target, gaussian, CHAINS * (draws // CHAINS), rng)
         z = np.clip(z, *bounds_of(target))  # a draw on a bound may be beyond it by rounding
         drawn = z.reshape(CHAINS, -1, 1, subspace.size)
         weighed = of_laplace(target, z, log_q, share_cut_off(target, gaussian, rng), rng)

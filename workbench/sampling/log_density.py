@@ -13,11 +13,11 @@ from workbench.sampling.subspace import Subspace
 
 @dataclass(frozen=True, eq=False)
 class LogDensity:
-    """log p(z) = -cost(x(z)); -infinity beyond bounds and constraints, or where it is no number.
+    """log p(z) = -cost(x(z)); -infinity beyond bounds, constraints and domains of residuals.
 
     Every residual has a sigma, so the cost is minus a log posterior: least squares are Gaussian,
     and a robust term with rho is the likelihood exp(-rho / 2). A constraint counts as met within
-    its tolerance.
+    its tolerance. Where the cost is no number, the log density is -infinity as well.
 
     Attributes:
         problem: the problem whose posterior it is.
@@ -34,8 +34,7 @@ class LogDensity:
     def __call__(self, z: Array) -> Array:
         """The log density (M,) at z (M, k)."""
         x = self.subspace.points(z)
-        plain = self.subspace.entries_only
-        return self._density(x, z if plain else x, self._of_entries if plain else self._of_all)
+        return self._density(x, *self._by(z, x))
 
     def at(self, x: Array) -> Array:
         """(M,) for all free numbers, x (M, n)."""
@@ -44,7 +43,7 @@ class LogDensity:
     def with_gradient(self, z: Array) -> tuple[Array, Array]:
         """The log density (M,) at z (M, k), and its gradient (M, k); zero where that is no number.
 
-        The gradient does not know of bounds and constraints.
+        The gradient does not know of bounds, constraints and domains.
         """
         x = self.subspace.points(z)
         plain = self.subspace.entries_only
@@ -67,6 +66,21 @@ class LogDensity:
             miss = np.maximum(there.lower - values, values - there.upper) / there.tolerance
             met[met] = np.isfinite(values).all(axis=1) & (miss <= 1.0).all(axis=1)
         return met
+
+    def in_domain(self, z: Array) -> Mask:
+        """Which of the points z (M, k) are in the domains of all residuals.
+
+        Bounds and constraints are left aside, and the rest is as at w = 0.
+        """
+        if self.problem.domain is None:
+            return np.ones(len(z), dtype=bool)
+        given, costs = self._by(z, self.subspace.points(z))
+        with np.errstate(all="ignore"):
+            return np.isfinite(costs(given))
+
+    def _by(self, z: Array, x: Array) -> tuple[Array, Costs]:
+        """What costs are a function of, z or all free numbers x, and the function."""
+        return (z, self._of_entries) if self.subspace.entries_only else (x, self._of_all)
 
     def _density(self, x: Array, given: Array, costs: Costs) -> Array:
         allowed = self.allows(x)

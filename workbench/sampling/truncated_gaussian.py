@@ -16,6 +16,7 @@ WIDE = 1 / 30  # over the distance of two bounds: a Gaussian that is flat betwee
 CHAINS = 1000  # particles side by side
 WARM = 40  # flights before the first that counts
 APART = 10  # flights from one that counts to the next: in a tail, one alone does not forget
+ROUNDS = 30  # of draws that replace those outside of the domains of residuals, at most
 MOST = 2000  # reflections of a flight; one with more is undone, which is as likely both ways
 UNDONE = 0.01  # of all flights, at most
 TOUCHING = 1e-12  # of the size of the terms: on the limit, but for rounding
@@ -110,6 +111,29 @@ def share_cut_off(
     if allowed.sum() < ENOUGH:
         return 1.0
     return float(np.mean(~kept[allowed]))
+
+
+def draws_in_domain(
+    target: LogDensity, gaussian: TruncatedGaussian, count: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draws z (count, k) of the Gaussian, cut off where a residual means nothing; see `draws_from`.
+
+    Draws outside of the domains of residuals are replaced by others. Raises NotSupported if nearly
+    all are outside.
+    """
+    z, log_q = draws_from(gaussian, count, rng)
+    inside = target.in_domain(z)
+    z, log_q = z[inside], log_q[inside]
+    for _ in range(ROUNDS):
+        if len(z) >= count:
+            return z[:count], log_q[:count]
+        more, log_more = draws_from(gaussian, count, rng)
+        inside = target.in_domain(more)
+        z, log_q = np.concatenate([z, more[inside]]), np.concatenate([log_q, log_more[inside]])
+    raise NotSupported(
+        "nearly all of Laplace's Gaussian is where a residual means nothing, as behind a camera; "
+        "draw with `sample`"
+    )
 
 
 def draws_from(

@@ -1,0 +1,274 @@
+"""Posteriors end where a residual means nothing: no draw is behind a camera.
+
+A pinhole projects p and -p to the same pixel. A flat square that faces the camera therefore has
+the same image from in front, and from behind after half a turn about the camera's axis.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.compilers import NEEDS_A_COMPILER
+from tests.problem.test_batch import problems
+from tests.sampling.test_modes import target_of
+from workbench.errors import BadArgument, BadFile, BadResidual
+from workbench.problem.batch import compiled, interpreted
+from workbench.residuals import Residual, gaussian, keypoints
+from workbench.sampling import laplace, posterior_mean, sample
+from workbench.sampling.descent import mode_from
+from workbench.sampling.hamiltonian import HamiltonianSettings, run_hamiltonian
+from workbench.sampling.modes import modes, walkers_at
+
+CAMERA = wb.Camera("camera/")
+AT = wb.Block("at", (3,), "m", ("x", "y", "z"))
+TURN = wb.Block("turn", (1,), "rad")
+SURE = wb.Block("confidence", (5,))
+SQUARE = 0.5 * np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]])
+HIDDEN = np.array([0.3, 0.2, -10.0])  # from the middle of the square: behind the camera
+TRUE = {"at": np.array([0.1, -0.2, 3.0]), "turn": np.zeros(1)}
+LENS = CAMERA.values(K=[[500, 0, 320], [0, 500, 240], [0, 0, 1]])
+FREE = ("at", "turn")
+
+
+def square() -> cs.MX:
+    """The corners, and a point that is hidden, (3, 5) m."""
+    c, s = cs.cos(TURN.symbol), cs.sin(TURN.symbol)
+    R = cs.vertcat(cs.horzcat(c, -s, 0), cs.horzcat(s, c, 0), cs.DM([[0, 0, 1]]))
+    return R @ cs.DM(np.vstack([SQUARE, HIDDEN]).T) + cs.repmat(AT.symbol, 1, 5)
+
+
+def seen() -> np.ndarray:
+    pixels = CAMERA.pixels(np.vstack([SQUARE, SQUARE[:1]]) + TRUE["at"], LENS)
+    return pixels + np.random.default_rng(0).normal(scale=2.0, size=(5, 2))
+
+
+def problem(confidence: object = SURE.symbol, sigma: float = 5.0) -> wb.Problem:
+    data = keypoints(square(), CAMERA, seen(), confidence, sigma=sigma, name="seen")  # type: ignore[arg-type]
+    priors = [
+        gaussian(AT.symbol, covariance=9.0, unit="m", name="place"),
+        gaussian(TURN.symbol, covariance=4.0, unit="rad", name="turned"),
+    ]
+    return wb.Problem([data, *priors], FREE, blocks=[AT, TURN, SURE])
+
+
+SEEN = problem()
+VALUES = TRUE | LENS | {"confidence": np.array([1.0, 1.0, 0.5, 1.0, 0.0])}
+BEHIND = VALUES | {"at": -TRUE["at"], "turn": np.array([np.pi])}
+
+
+def everywhere(of: wb.Problem) -> wb.Problem:
+    """The same problem as if every residual meant something everywhere."""
+    return of.variant([replace(one, domain=None) for one in of.residuals], of.free.spelled())
+
+
+def depth(draws: np.ndarray) -> np.ndarray:
+    return draws.reshape(-1, draws.shape[-1])[:, 2]
+
+
+def test_searches_for_modes_stay_in_front() -> None:
+    """Without the domain there is another mode behind the camera."""
+    found = {}
+    for which in (SEEN, everywhere(SEEN)):
+        target = target_of(which, VALUES)
+        first = mode_from(target, target.subspace.centre)
+        found[which] = modes(target, first, np.random.default_rng(0)).modes
+    in_front, both = found.values()
+    assert all(mode.z[2] > 0 for mode in in_front)
+    assert sum(mode.share for mode in both if mode.z[2] < 0) > 0.1
+
+
+def test_a_search_does_not_step_behind_the_camera() -> None:
+    """It ends in front of the border if its minimum lies beyond, and has then found no mode."""
+    beyond = Residual("beyond", AT.symbol + 1.0, 1.0, domain=AT.symbol)
+    limited = wb.Problem([beyond], "at")
+    at = np.array([0.5, 1.0, 2.0])
+    for which, end, settled in ((limited, 0.0, False), (everywhere(limited), -1.0, True)):
+        found = mode_from(target_of(which, {"at": at}), at)
+        assert (found.z[0], found.settled) == (pytest.approx(end, abs=1e-2), settled)
+        assert found.z.min() >= end
+    assert sample(limited, {"at": at}, steps=100, walkers=32).flat.min() > 0
+
+
+def test_no_draw_of_any_sampler_is_behind_the_camera() -> None:
+    rng = np.random.default_rng(0)
+    drawn = sample(SEEN, VALUES, steps=400, walkers=32, seed=1)
+    assert (depth(drawn.draws) > 0).all()
+    drawn = sample(SEEN, VALUES, "at", steps=400, walkers=32, seed=1)  # the rest is integrated out
+    assert (depth(drawn.draws) > 0).all()
+    assert (depth(laplace(SEEN, VALUES, draws=4000).draws) > 0).all()
+    assert (depth(posterior_mean(SEEN, VALUES).draws) > 0).all()
+    target = target_of(SEEN, VALUES)
+    found = modes(target, mode_from(target, target.subspace.centre), rng).modes
+    starts = walkers_at(target, found, 32, rng)
+    assert (starts[:, 2] > 0).all()
+    run = run_hamiltonian(
+        target,
+        starts,
+        found,
+        lambda z: z,
+        target.subspace.labels,
+        HamiltonianSettings(4, 8, 500),
+        rng,
+    )
+    assert (depth(run.mixing.draws) > 0).all()
+
+
+def test_draws_are_behind_it_if_the_residual_has_no_domain() -> None:
+    """What the test above would see: half of the mass is there."""
+    drawn = sample(everywhere(SEEN), VALUES, steps=400, walkers=32, seed=1)
+    assert (depth(drawn.draws) < 0).mean() > 0.1
+
+
+def test_a_wide_gaussian_is_cut_off_at_the_camera() -> None:
+    """Laplace's draws behind the camera are replaced; the others are what they were."""
+    wide = problem(np.array([1.0, 0, 0, 0, 0]), 100.0)  # one corner: the prior alone has a depth
+    at = VALUES | wb.solve(wide, VALUES).values
+    given = {name: at[name] for name in VALUES if name != "confidence"}
+    cut, whole = laplace(wide, given, draws=4000), laplace(everywhere(wide), given, draws=4000)
+    inside = whole.flat[depth(whole.draws) > 0]
+    assert 0.01 < 1 - len(inside) / 4000 < 0.9
+    assert (depth(cut.draws) > 0).all()
+    assert cut.flat.shape == (4000, 4)
+    np.testing.assert_array_equal(cut.flat[: len(inside)], inside)
+
+
+def test_a_keypoint_of_no_confidence_may_be_behind_the_camera() -> None:
+    hidden = CAMERA.depths(HIDDEN + TRUE["at"], LENS)
+    assert hidden < 0
+    for confidence in (np.zeros(5), np.array([0.0, 1.0, 1.0, 1.0, 0.0])):
+        density = target_of(SEEN, VALUES | {"confidence": confidence})
+        assert np.isfinite(density(density.subspace.centre[None])).all()
+    unsure = target_of(SEEN, VALUES | {"confidence": np.array([1.0, 1.0, 1.0, 1.0, 1e-3])})
+    assert np.isneginf(unsure(unsure.subspace.centre[None])).all()
+
+
+@pytest.mark.parametrize("way", [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)])
+def test_depths_of_zero_and_none_are_refused(way: object) -> None:
+    target = replace(target_of(SEEN, VALUES), way=way)
+    z = np.repeat(target.subspace.centre[None], 4, axis=0)
+    z[1:, 2] = 0.0, np.nan, -1e-9
+    assert np.isfinite(target(z)).tolist() == [True, False, False, False]
+    assert target.in_domain(z).tolist() == [True, False, False, False]
+    log_p, slope = target.with_gradient(z)
+    assert np.isfinite(log_p).tolist() == [True, False, False, False]
+    assert np.isfinite(slope).all()
+
+
+def test_where_to_begin_is_in_front() -> None:
+    for draw in (sample, laplace, posterior_mean):
+        with pytest.raises(BadArgument, match=r"seen\[0\] means nothing there, .* is -3, below"):
+            draw(SEEN, BEHIND)
+
+
+def test_draws_of_a_run_without_the_domain_are_not_continued(tmp_path: Path) -> None:
+    saved = tmp_path / "draws.h5"
+    sample(everywhere(SEEN), VALUES, steps=50, walkers=32, checkpoint=saved)
+    with pytest.raises(BadFile, match="its domain is None"):
+        sample(SEEN, VALUES, steps=50, walkers=32, checkpoint=saved)
+
+
+@pytest.mark.parametrize("way", [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)])
+def test_in_front_costs_are_what_they_were(way: object) -> None:
+    limited, start = problems()["keypoints"]
+    x, fixed = limited.split(start)
+    X = x + 0.05 * np.random.default_rng(0).standard_normal((100, x.size))
+    cost, before = (one.costs(x, fixed, None, way)(X) for one in (limited, everywhere(limited)))  # type: ignore[arg-type]
+    assert np.isfinite(cost).all()
+    np.testing.assert_allclose(cost, before, rtol=1e-12)
+    X[::2, limited.free.slices["trans"]] += [0.0, 0.0, 6.0]
+    cost = limited.costs(x, fixed, None, way)(X)  # type: ignore[arg-type]
+    assert np.isposinf(cost[::2]).all()
+    np.testing.assert_allclose(cost[1::2], before[1::2], rtol=1e-12)
+
+
+def test_in_front_gradients_are_what_they_were() -> None:
+    limited, start = problems()["keypoints"]
+    x, fixed = limited.split(start)
+    X = x + 0.05 * np.random.default_rng(0).standard_normal((10, x.size))
+    now, before = (one.slopes(x, fixed)(X) for one in (limited, everywhere(limited)))
+    for one, other in zip(now, before, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["joints", "vertices"])
+def test_without_a_camera_the_same_graph_is_evaluated(name: str) -> None:
+    plain, start = problems()[name]
+    assert plain.domain is None
+    assert plain._batch.whole is plain._graph
+    assert not plain._batch.limited
+    target = target_of(plain, start)
+    assert target.in_domain(np.full((3, target.subspace.size), np.nan)).all()
+
+
+def test_long_graphs_know_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gradients of surfaces come one by one, by the chain rule, which knows no domain."""
+    monkeypatch.setattr("workbench.problem.batch.COMPILED_UP_TO", 10)
+    target = target_of(SEEN, VALUES)
+    z = np.array([target.subspace.centre, [-0.1, 0.2, -3.0, np.pi]])
+    assert np.isfinite(target.with_gradient(z)[0]).tolist() == [True, False]
+
+
+def test_every_frame_of_a_sequence_is_in_front() -> None:
+    """A residual that has a domain in some frames only has it there."""
+    one, other = problem(), everywhere(problem())
+    frames = wb.sequence([one, other, one], shared=[b.name for b in CAMERA.blocks])
+    T = 3
+    values = LENS | {
+        name: np.repeat(np.asarray(VALUES[name])[None], T, axis=0) for name in (*FREE, "confidence")
+    }
+    x, fixed = frames.split(values)
+    costs = frames.costs(x, fixed)
+    found = []
+    for t in (None, 0, 1, 2):
+        moved = {name: value.copy() for name, value in values.items()}
+        if t is not None:
+            moved["at"][t], moved["turn"][t] = BEHIND["at"], BEHIND["turn"]
+        found.append(np.isfinite(costs(frames.split(moved)[0][None]))[0])
+        told = frames.domain.outside_in_words(*frames.split(moved)) if frames.domain else "none"
+        assert told.startswith(f"seen[{t}, 0] means nothing") == (t in (0, 2))
+    assert found == [True, False, True, False]
+    (first, *_) = frames.residuals
+    with pytest.raises(BadResidual, match="its domain were replaced"):
+        replace(first, domain=None)
+
+
+def test_only_points_that_count_have_a_domain() -> None:
+    """A weight of zero, of the residual, of a point, or of both rows of a point, takes it away."""
+    limited = Residual("r", AT.symbol, 1.0, domain=AT.symbol)
+    two = Residual("r", cs.vertcat(AT.symbol, 0), 1.0, rows_per_point=2, domain=AT.symbol[:2])
+    x = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]])
+    for residual, finite in (
+        (limited, [True, False, False]),
+        (limited.weighed(0.0), [True, True, True]),
+        (replace(limited, weights=[1.0, 0.0, 1.0]), [True, True, False]),
+        (replace(limited, weights=cs.MX(0.5)), [True, False, False]),
+        (replace(two, weights=[1.0, 0.0, 0.0, 0.0]), [True, True, False]),
+        (replace(two, weights=[0.0, 1.0, 0.0, 1.0]), [True, False, False]),
+        (replace(two, weights=[0.0, 1.0]), [True, False, True]),
+    ):
+        whole = wb.Problem([residual], "at")
+        found = whole.costs(np.zeros(3), np.zeros(0))(x)
+        assert np.isfinite(found).tolist() == finite
+        inside = [not whole.domain.outside_in_words(one, np.zeros(0)) for one in x]  # type: ignore[union-attr]
+        assert inside == finite
+
+
+def test_a_domain_is_checked_and_read() -> None:
+    with pytest.raises(BadResidual, match=r"domain of shape \(3, 1\), .* not of \(2, 1\)"):
+        Residual("r", AT.symbol, 1.0, domain=AT.symbol[:2])
+    with pytest.raises(BadResidual, match="the domain must be a CasADi symbol"):
+        Residual("r", AT.symbol, 1.0, domain=np.ones(3))  # type: ignore[arg-type]
+    body = wb.load_body("small")
+    points = body.joint_points(*(block.symbol for block in body.blocks()))
+    with pytest.raises(BadResidual, match="does not say which"):
+        Residual("r", AT.symbol, 1.0, domain=points.symbol[2, :3].T)
+    limited = Residual("r", AT.symbol, 1.0, domain=AT.symbol - TURN.symbol, blocks=(AT, TURN))
+    assert limited.reads == ("at", "turn")
+    whole = wb.Problem([limited], "at")
+    assert whole.fixed.names == ("turn",)
+    costs = whole.costs(np.zeros(3), np.array([0.5]))
+    assert np.isfinite(costs(np.array([[1.0, 1, 1], [1, 0, 1]]))).tolist() == [True, False]
