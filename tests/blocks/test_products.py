@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.compilers import NEEDS_A_COMPILER
 from workbench.blocks.batched import Mapped
-from workbench.blocks.products import LEAST, TOGETHER, rows_together, taken_out
+from workbench.blocks.products import ENOUGH, LEAST, TOGETHER, rows_together, taken_out
 from workbench.blocks.simd import AfterProduct, Before, simd_function
 
 RNG = np.random.default_rng(3)
@@ -64,24 +64,27 @@ def test_every_row_that_is_not_zero_is_in_one_group() -> None:
     matrix[[5, 17]] = 0.0
     groups = rows_together(matrix)
     assert sorted(np.concatenate(groups)) == [k for k in range(47) if k not in (5, 17)]
-    assert max(map(len, groups)) == TOGETHER
-    blocks = np.kron(np.eye(5), np.ones((TOGETHER, 7)))  # rows that share all of their columns
+    assert max(map(len, groups)) == ENOUGH
+    blocks = np.kron(np.eye(5), np.ones((TOGETHER + 2, 7)))  # rows that share all of their columns
     mixed = blocks[RNG.permutation(len(blocks))]
     for group in rows_together(mixed):
+        assert len(group) == (TOGETHER + 2) // 2
         assert (mixed[group] == mixed[group[0]]).all()
 
 
 @NEEDS_A_COMPILER
-@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 1.0])
 def test_compiled_products_are_those_of_numpy(share: float) -> None:
     """Also with rows of zeros, and with a number of rows that fills no last group."""
     matrix = sparse(33, 25, share)
     z, still, y = cs.SX.sym("z", 25), cs.SX.sym("still", 2), cs.SX.sym("y", 33)
-    first = cs.Function("before", [z, still], [cs.sin(z) + still[0]])
-    then = cs.Function("cost", [z, still, y], [cs.vertcat(cs.sumsqr(y) + still[1], y, z[3])])
+    w = cs.SX.sym("w", 2)
+    first = cs.Function("before", [z, still], [cs.sin(z) + still[0], cs.exp(z[1:3])])
+    rest = cs.vertcat(cs.sumsqr(y) + still[1], y, z[3], w)
+    then = cs.Function("cost", [z, still, w, y], [rest])
     before, shared = Before(first, matrix), (False, True)
     fast = simd_function(then, shared, before)
-    slow = AfterProduct(Mapped(then, (*shared, False)), before, Mapped(first, shared))
+    slow = AfterProduct(Mapped(then, (*shared, False, False)), before, Mapped(first, shared))
     Z, numbers = RNG.standard_normal((21, 25)), RNG.standard_normal(2)
     assert_allclose(fast(Z, numbers)[0], slow(Z, numbers)[0], rtol=1e-13, atol=1e-13)
     for rows in (slice(0, 1), slice(4, 9), slice(7, 21)):  # each row as it would be alone

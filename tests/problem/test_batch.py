@@ -163,8 +163,8 @@ def test_only_what_varies_is_multiplied() -> None:
         numbers = parts.numbers(x, fixed)
         given = [z, numbers]
         if parts.before is not None:
-            u = np.asarray(parts.before.function(z, numbers)).ravel()
-            given.append(parts.before.matrix @ u)
+            u, w = (np.asarray(a).ravel() for a in parts.before.function(z, numbers))
+            given += [w, parts.before.matrix @ u]
         moved = x.copy()
         moved[places] = z
         cost = 0.5 * np.sum(problem.residual(moved, fixed) ** 2)

@@ -7,6 +7,7 @@ which a loop reads faster than a processor reads instructions, and which no comp
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import casadi as cs
 import numpy as np
@@ -14,7 +15,8 @@ import numpy as np
 from workbench.arrays import Array, Index
 
 LEAST = 200  # elements that are not zero, from which on a matrix is taken out
-TOGETHER = 4  # rows that read the same numbers at once, in compiled code
+TOGETHER = 8  # rows that read the same numbers at once, in compiled code: at most so many,
+ENOUGH = 4  # and so many, where they read nearly the same: a sum in a register waits for the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,11 @@ def _absent(x: cs.MX, among: Sequence[cs.MX]) -> bool:
 
 
 def rows_together(matrix: Array) -> list[Index]:
-    """The rows of a matrix that are not zero, in groups of TOGETHER that share most columns."""
+    """The rows of a matrix that are not zero, in groups of up to TOGETHER that share columns.
+
+    Rows of the same columns are divided among groups of nearly equal size. Fewer than ENOUGH are
+    joined by others, those that share most columns with them.
+    """
     used = (matrix != 0).astype(np.float64)
     left = list(np.flatnonzero(used.any(axis=1)))
     groups = []
@@ -86,7 +92,9 @@ def rows_together(matrix: Array) -> list[Index]:
         first, others = left[0], left[1:]
         shared = used[others] @ used[first]  # columns in common with the first row
         more = used[others].sum(axis=1) - shared  # columns that the first row does not have
-        nearest = [others[k] for k in np.lexsort((more, more - shared))[: TOGETHER - 1]]
+        alike = 1 + np.count_nonzero((more == 0) & (shared == used[first].sum()))
+        size = max(ENOUGH, ceil(alike / ceil(alike / TOGETHER)))
+        nearest = [others[k] for k in np.lexsort((more, more - shared))[: size - 1]]
         groups.append(np.array([first, *nearest], dtype=np.int64))
         left = [row for row in others if row not in nearest]
     return groups

@@ -14,10 +14,19 @@ typedef long long bits __attribute__((vector_size(8 * LANES)));
 #define CHOICE(condition, x, y) ((v)(((bits)(condition) & (bits)(x)) | (~(bits)(condition) & (bits)(y))))
 #define IF(condition, x) ((v)((bits)((condition) != BROADCAST(0.0)) & (bits)(x)))
 
+#if LANES == 8
+#define OF_ROWS(j) {row[0][j], row[1][j], row[2][j], row[3][j], row[4][j], row[5][j], row[6][j], row[7][j]}
+#elif LANES == 4
+#define OF_ROWS(j) {row[0][j], row[1][j], row[2][j], row[3][j]}
+#else
+#define OF_ROWS(j) {row[0][j], row[1][j]}
+#endif
+
 /* rows of n numbers, from `first` on, to (n, LANES) and back; the last row fills up what is left */
-#define GATHER(to, from, n) for (int l = 0; l < LANES; ++l) { \
-    const double *row = from + (n) * (first + l < M ? first + l : M - 1); \
-    for (integer j = 0; j < (n); ++j) to[j][l] = row[j]; }
+#define GATHER(to, from, n) { \
+    const double *row[LANES]; \
+    for (int l = 0; l < LANES; ++l) row[l] = from + (n) * (first + l < M ? first + l : M - 1); \
+    for (integer j = 0; j < (n); ++j) to[j] = (v)OF_ROWS(j); }
 #define SCATTER(from, to, n) for (int l = 0; l < LANES && first + l < M; ++l) \
     for (integer j = 0; j < (n); ++j) to[(n) * (first + l) + j] = from[j][l];
 
@@ -64,25 +73,31 @@ quarter are exact. What is larger, or no number, goes to the library. */
 }
 TURNED(sin, 0) TURNED(cos, 1)
 
-/* y = A u in groups of TOGETHER rows, which read the same columns; rows[] says where they go */
-#define TOGETHER 4
-static PART void product(integer groups, const short *columns_of, const short *rows, const short *columns,
-                         const double *element, const v *u, v *y)
+/* y = A u in groups of at most TOGETHER rows, which read the same columns and whose sums stay in
+registers; rows[] says where they go */
+#define EACH1(f) f(0)
+#define EACH2(f) EACH1(f) f(1)
+#define EACH3(f) EACH2(f) f(2)
+#define EACH4(f) EACH3(f) f(3)
+#define EACH5(f) EACH4(f) f(4)
+#define EACH6(f) EACH5(f) f(5)
+#define EACH7(f) EACH6(f) f(6)
+#define EACH8(f) EACH7(f) f(7)
+#define NOTHING_YET(i) v s##i = BROADCAST(0.0);
+#define ONE_MORE(i) s##i += x * element[i];
+#define KEEP(i) y[rows[i]] = s##i;
+#define GROUP_OF(n) case n: { \
+    EACH##n(NOTHING_YET) \
+    for (integer k = *columns_of; k > 0; --k, element += n) { const v x = u[*columns++]; EACH##n(ONE_MORE) } \
+    EACH##n(KEEP) \
+    break; }
+static PART void product(integer groups, const short *rows_of, const short *columns_of, const short *rows,
+                         const short *columns, const double *element, const v *u, v *y)
 {
-    for (; groups > 0; --groups, rows += TOGETHER) {
-        v a = BROADCAST(0.0), b = a, c = a, d = a;
-        for (integer k = *columns_of++; k > 0; --k, element += TOGETHER) {
-            const v x = u[*columns++];
-            a += x * element[0];
-            b += x * element[1];
-            c += x * element[2];
-            d += x * element[3];
+    for (; groups > 0; --groups, rows += *rows_of++, ++columns_of)
+        switch (*rows_of) {
+            GROUP_OF(1) GROUP_OF(2) GROUP_OF(3) GROUP_OF(4) GROUP_OF(5) GROUP_OF(6) GROUP_OF(7) GROUP_OF(8)
         }
-        y[rows[0]] = a;
-        y[rows[1]] = b;
-        y[rows[2]] = c;
-        y[rows[3]] = d;
-    }
 }
 
 #if defined(__GNUC__) && !defined(__clang__)

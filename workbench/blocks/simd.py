@@ -10,8 +10,15 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks.batched import Batched, Mapped, count
-from workbench.blocks.products import TOGETHER, rows_together
-from workbench.compiling import NoLibrary, library, source_beside, vectors
+from workbench.blocks.products import rows_together
+from workbench.compiling import (
+    NoLibrary,
+    address,
+    function_of_addresses,
+    library,
+    source_beside,
+    vectors,
+)
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
@@ -48,31 +55,31 @@ C_OF: Mapping[int, str] = {
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """What a function's last argument is: a matrix times the result of another function.
+    """What a function's last two arguments are: of another function and a matrix.
 
     Attributes:
-        function: of all other arguments, with one result u (n,).
-        matrix: A (m, n); the argument is A u.
+        function: of all other arguments, with two results u (n,) and w.
+        matrix: A (m, n); the last two arguments are w and A u.
     """
 
     function: cs.Function
     matrix: Array
 
-    def argument(self, run: Batched, *arguments: Array) -> Array:
-        """A u (M, m) for many arguments, where `run` evaluates `function`."""
-        found: Array = run(*arguments)[0] @ self.matrix.T
-        return found
+    def arguments(self, run: Batched, *arguments: Array) -> tuple[Array, Array]:
+        """w (M, .) and A u (M, m) for many arguments, where `run` evaluates `function`."""
+        u, w = run(*arguments)
+        return w, u @ self.matrix.T
 
 
 class AfterProduct:
-    """A function of many arguments whose last one is a product; see `Before`."""
+    """A function of many arguments whose last two are made of the others; see `Before`."""
 
     def __init__(self, function: Batched, before: Before, operand: Batched) -> None:
         self._function, self._before, self._operand = function, before, operand
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """The other arguments, (M, .), or (.) where they are shared; a list of outputs (M, .)."""
-        return self._function(*arguments, self._before.argument(self._operand, *arguments))
+        return self._function(*arguments, *self._before.arguments(self._operand, *arguments))
 
 
 def simd_function(
@@ -80,14 +87,14 @@ def simd_function(
 ) -> Batched:
     """A function of scalar instructions as compiled code, which is kept in a library on disk.
 
-    `shared` says which arguments are the same for all calls. With `before` the last argument is
-    not given, but computed.
+    `shared` says which arguments are the same for all calls. With `before` the last two arguments
+    are not given, but computed.
 
     Raises NoLibrary without a compiler, and NotSupported for an instruction that cannot be written
     as C here.
     """
     source = simd_code(function, shared, before)
-    usual: Batched = Mapped(function, shared if before is None else (*shared, False))
+    usual: Batched = Mapped(function, shared if before is None else (*shared, False, False))
     if before is not None:
         usual = AfterProduct(usual, before, Mapped(before.function, shared))
 
@@ -108,7 +115,7 @@ class SimdFunction:
         self._shared = tuple(shared)
         self._wide = [function.nnz_in(i) for i in range(len(self._shared))]
         self._outputs = [function.nnz_out(i) for i in range(function.n_out())]
-        self._run = loaded.run
+        self._run = function_of_addresses(loaded, "run", 1 + len(self._wide) + len(self._outputs))
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
@@ -117,7 +124,7 @@ class SimdFunction:
         for array, wide, same in zip(plain, self._wide, self._shared, strict=True):
             assert array.size == (wide if same else M * wide)  # the library trusts it
         found = [np.empty((M, wide)) for wide in self._outputs]
-        self._run(ctypes.c_ssize_t(M), *(ctypes.c_void_p(a.ctypes.data) for a in (*plain, *found)))
+        self._run(M, *map(address, plain), *map(address, found))
         return found
 
 
@@ -134,14 +141,15 @@ def simd_code(function: cs.Function, shared: Sequence[bool], before: Before | No
     if before is None:
         parts, calls, between = _stage("part", function, shared, [*given, *results])
     else:
-        u, y = "u", f"i{len(inputs)}"
-        kept |= {u: before.function.nnz_out(0), y: len(before.matrix) + 1}
-        first, before_calls, some = _stage("before", before.function, shared, [*given, u])
-        then = _stage("part", function, (*shared, False), [*given, y, *results])
+        u, w, y = "u", f"i{len(inputs)}", f"i{len(inputs) + 1}"
+        sizes = (*(before.function.nnz_out(k) for k in range(2)), len(before.matrix))
+        kept |= dict(zip((u, w, y), sizes, strict=True))
+        first, before_calls, some = _stage("before", before.function, shared, [*given, u, w])
+        then = _stage("part", function, (*shared, False, False), [*given, w, y, *results])
         table, product = _product(before.matrix, u, y)
         parts, between = [*first, table, *then[0]], max(some, then[2])
         calls = [*before_calls, product, *then[1]]
-    zero = [*results, *([] if before is None else [f"i{len(inputs)}"])]
+    zero = [*results, *([] if before is None else [y])]
     return "\n".join(
         [
             vectors(),
@@ -180,30 +188,27 @@ def _stage(
 
 
 def _product(matrix: Array, u: str, y: str) -> tuple[str, str]:
-    """The tables of a matrix in C, and the call that multiplies by it; see `product` in simd.h.
-
-    Rows that fill up a group are written behind the last one.
-    """
-    columns_of, rows, columns = [], [], []
+    """The tables of a matrix in C, and the call that multiplies by it; see `product` in simd.h."""
+    rows_of, columns_of, rows, columns = [], [], [], []
     elements: list[float] = []
     for group in rows_together(matrix):
         used = np.flatnonzero(matrix[group].any(axis=0))
-        block = np.zeros((len(used), TOGETHER))
-        block[:, : len(group)] = matrix[np.ix_(group, used)].T
+        rows_of.append(len(group))
         columns_of.append(len(used))
-        rows += [*group.tolist(), *(TOGETHER - len(group)) * [len(matrix)]]
+        rows += group.tolist()
         columns += used.tolist()
-        elements += block.ravel().tolist()
+        elements += matrix[np.ix_(group, used)].T.ravel().tolist()
     tables = "\n".join(
         f"static const {kind} {name}[] = {{{', '.join(map(str, numbers))}}};"
         for kind, name, numbers in (
+            ("short", "rows_of", rows_of),
             ("short", "columns_of", columns_of),
             ("short", "rows", rows),
             ("short", "columns", columns),
             ("double", "element", [_number(x) for x in elements]),
         )
     )
-    call = f"product({len(columns_of)}, columns_of, rows, columns, element, {u}, {y});"
+    call = f"product({len(rows_of)}, rows_of, columns_of, rows, columns, element, {u}, {y});"
     return tables, call
 
 

@@ -23,7 +23,7 @@ class Parted:
 
     Attributes:
         still: (x, fixed) to the numbers that the cost takes beside z, which z does not change.
-        cost: (z, still) to the cost, or (z, still, y) where y comes from a product.
+        cost: (z, still) to the cost, or (z, still, w, y) where `before` has made w and y.
         before: the product, where there is one.
     """
 
@@ -70,23 +70,30 @@ def parted(graph: Graph, places: Index, products: bool) -> Parted | None:
     results = cs.DM(shift) + cs.sparsify(cs.DM(matrix[:, ~varies])) @ u[same]
     results[np.flatnonzero(moved).tolist()] += y
     c = f(put, fixed, *_split(results, [one.result.numel() for one in out]))[0]
-    parts = cs.vertcat(c, u[np.flatnonzero(varies).tolist()])
-    still, symbols, function = _without_still(parts, cs.vertcat(x, fixed))
+    parts = cs.cse(cs.vertcat(c, u[np.flatnonzero(varies).tolist()]))
+    symbols, made, left = _made_first(parts, cs.vertcat(x, fixed), trivial=True)
+    still = cs.Function("still", [cs.vertcat(x, fixed)], [made])
     if not varies.any():
-        return Parted(still, cs.Function("cost", [z, symbols], [cs.densify(function)]), None)
-    before = cs.Function("before", [z, symbols], [cs.densify(function[1:])])
+        return Parted(still, cs.Function("cost", [z, symbols], [cs.densify(left)]), None)
+    w, made, last = _made_first(left[0], cs.vertcat(z, symbols))
     return Parted(
         still,
-        cs.Function("cost", [z, symbols, y], [cs.densify(function[0])]),
-        Before(before, matrix[np.ix_(moved, varies)]),
+        cs.Function("cost", [z, symbols, w, y], [cs.densify(last)]),
+        Before(
+            cs.Function("before", [z, symbols], [cs.densify(left[1:]), made]),
+            matrix[np.ix_(moved, varies)],
+        ),
     )
 
 
-def _without_still(parts: cs.SX, known: cs.SX) -> tuple[cs.Function, cs.SX, cs.SX]:
-    """`known` to what depends on it alone, the symbols for that, and the parts in these symbols."""
-    left, symbols, still = cs.extract_parametric(parts, known, {"extract_trivial": True})
-    made = cs.Function("still", [known], [cs.densify(cs.vertcat(*still))])
-    return made, cs.vertcat(*symbols), left
+def _made_first(parts: cs.SX, of: cs.SX, trivial: bool = False) -> tuple[cs.SX, cs.SX, cs.SX]:
+    """Symbols for what depends on `of` alone, what they stand for, and the parts in these symbols.
+
+    With `trivial`, entries of `of` that stand alone get symbols too.
+    """
+    left, symbols, made = cs.extract_parametric(parts, of, {"extract_trivial": trivial})
+    column = cs.SX(0, 1)
+    return cs.vertcat(column, *symbols), cs.densify(cs.vertcat(column, *made)), left
 
 
 def _split(column: cs.SX, sizes: Sequence[int]) -> list[cs.SX]:

@@ -3,6 +3,7 @@
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import solve_triangular
 
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
@@ -59,7 +60,7 @@ def gaussian(
 
 
 def whitening(C: Array, name: str) -> Array:
-    """L^-1 of a covariance C = L L', both (n, n), for the residual of this name.
+    """L^-1 of a covariance C = L L', both (n, n), for the residual of this name; zero above.
 
     Raises BadResidual for one that is not finite, not symmetric or not positive definite.
     """
@@ -68,10 +69,12 @@ def whitening(C: Array, name: str) -> Array:
     if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-9, atol=rounding)):
         raise BadResidual(f"residual {name!r} needs a covariance that is finite and symmetric")
     try:
-        return np.linalg.inv(np.linalg.cholesky(C))
+        L = np.linalg.cholesky(C)
     except np.linalg.LinAlgError:
         low = np.linalg.eigvalsh(C)[0]
         raise BadResidual(
             f"residual {name!r} needs a positive definite covariance; the smallest eigenvalue "
             f"of this one is {low:.3g}"
         ) from None
+    # as a triangle: a general inverse leaves rounding errors where half of the numbers are zero
+    return np.tril(solve_triangular(L, np.eye(len(L)), lower=True))
