@@ -29,7 +29,7 @@ def test_a_row_is_the_same_among_many_and_alone() -> None:
     for some in (slice(0, 1), slice(3, 50), slice(WIDE - 2, WIDE + 9), slice(0, WIDE), slice(7, 9)):
         for one, all_of in zip(columns(X[some], Y), whole, strict=True):
             assert_allclose(one, all_of[some], rtol=1e-15, atol=0)
-    assert len(columns._programs) == KEPT
+    assert len(columns._made) == KEPT
 
 
 def test_no_rows_and_numbers_that_are_none() -> None:

@@ -8,8 +8,18 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.compilers import NEEDS_A_COMPILER
 from workbench.blocks.batched import Mapped
-from workbench.blocks.products import ENOUGH, LEAST, TOGETHER, rows_together, taken_out
-from workbench.blocks.simd import AfterProduct, Before, simd_function
+from workbench.blocks.columns import Columns
+from workbench.blocks.products import (
+    ENOUGH,
+    LEAST,
+    TOGETHER,
+    AfterProduct,
+    Before,
+    blocks_of,
+    rows_together,
+    taken_out,
+)
+from workbench.blocks.simd import simd_function
 
 RNG = np.random.default_rng(3)
 A, B = RNG.standard_normal((30, 20)), RNG.standard_normal((20, 30))
@@ -72,19 +82,51 @@ def test_every_row_that_is_not_zero_is_in_one_group() -> None:
         assert (mixed[group] == mixed[group[0]]).all()
 
 
-@NEEDS_A_COMPILER
-@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 1.0])
-def test_compiled_products_are_those_of_numpy(share: float) -> None:
-    """Also with rows of zeros, and with a number of rows that fills no last group."""
+def of_a_product(share: float) -> tuple[cs.Function, Before]:
+    """A function of z (25,), of two numbers that are shared, and of what is made of these."""
     matrix = sparse(33, 25, share)
     z, still, y = cs.SX.sym("z", 25), cs.SX.sym("still", 2), cs.SX.sym("y", 33)
     w = cs.SX.sym("w", 2)
     first = cs.Function("before", [z, still], [cs.sin(z) + still[0], cs.exp(z[1:3])])
     rest = cs.vertcat(cs.sumsqr(y) + still[1], y, z[3], w)
     then = cs.Function("cost", [z, still, w, y], [rest])
-    before, shared = Before(first, matrix), (False, True)
-    fast = simd_function(then, shared, before)
-    slow = AfterProduct(Mapped(then, (*shared, False, False)), before, Mapped(first, shared))
+    return then, Before(first, matrix)
+
+
+def one_by_one(then: cs.Function, before: Before) -> AfterProduct:
+    last = Mapped(then, (False, True, False, False))
+    return AfterProduct(last, before, Mapped(before.function, (False, True)))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 1.0])
+def test_products_between_steps_of_numpy(share: float) -> None:
+    """Also for other numbers of rows, and after other arguments."""
+    then, before = of_a_product(share)
+    fast, slow = Columns(then, (False, True), before), one_by_one(then, before)
+    for rows in (5, 300, 5):
+        Z, numbers = RNG.standard_normal((rows, 25)), RNG.standard_normal(2)
+        assert_allclose(fast(Z, numbers)[0], slow(Z, numbers)[0], rtol=1e-13, atol=1e-13)
+
+
+def test_blocks_hold_every_element_once() -> None:
+    matrix = np.zeros((7, 9))
+    matrix[np.ix_([0, 2], [1, 8])] = 1.0
+    matrix[3, 4:6] = 2.0
+    matrix[[4, 6], [4, 0]] = 3.0
+    found = blocks_of(matrix)
+    assert sorted((r.tolist(), c.tolist()) for r, c in found) == [
+        ([0, 2], [1, 8]),
+        ([3, 4], [4, 5]),
+        ([6], [0]),
+    ]
+
+
+@NEEDS_A_COMPILER
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 1.0])
+def test_compiled_products_are_those_of_numpy(share: float) -> None:
+    """Also with rows of zeros, and with groups of every number of rows."""
+    then, before = of_a_product(share)
+    fast, slow = simd_function(then, (False, True), before), one_by_one(then, before)
     Z, numbers = RNG.standard_normal((21, 25)), RNG.standard_normal(2)
     assert_allclose(fast(Z, numbers)[0], slow(Z, numbers)[0], rtol=1e-13, atol=1e-13)
     for rows in (slice(0, 1), slice(4, 9), slice(7, 21)):  # each row as it would be alone

@@ -11,8 +11,11 @@ from math import ceil
 
 import casadi as cs
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index
+from workbench.blocks.batched import Batched
 
 LEAST = 200  # elements that are not zero, from which on a matrix is taken out
 TOGETHER = 8  # rows that read the same numbers at once, in compiled code: at most so many,
@@ -38,6 +41,46 @@ class Product:
     def of(self, u: Array) -> Array:
         """y (M, m) for operands u (M, n)."""
         return np.asarray(u @ self.matrix.T + self.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What a function's last two arguments are: of another function and a matrix.
+
+    Attributes:
+        function: of all other arguments, with two results u (n,) and w.
+        matrix: A (m, n); the last two arguments are w and A u.
+    """
+
+    function: cs.Function
+    matrix: Array
+
+    def arguments(self, run: Batched, *arguments: Array) -> tuple[Array, Array]:
+        """w (M, .) and A u (M, m) for many arguments, where `run` evaluates `function`."""
+        u, w = run(*arguments)
+        return w, u @ self.matrix.T
+
+
+class AfterProduct:
+    """A function of many arguments whose last two are made of the others; see `Before`."""
+
+    def __init__(self, function: Batched, before: Before, operand: Batched) -> None:
+        self._function, self._before, self._operand = function, before, operand
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """The other arguments, (M, .), or (.) where they are shared; a list of outputs (M, .)."""
+        return self._function(*arguments, *self._before.arguments(self._operand, *arguments))
+
+
+def blocks_of(matrix: Array) -> list[tuple[Index, Index]]:
+    """The rows and columns of the blocks of a matrix, outside of which there are only zeros."""
+    m = len(matrix)
+    row, column = np.nonzero(matrix)
+    pairs = coo_array((np.ones(len(row)), (row, m + column)), shape=(m + matrix.shape[1],) * 2)
+    count, label = connected_components(pairs, directed=False)
+    rows = [np.flatnonzero(label[:m] == k) for k in range(count)]
+    columns = [np.flatnonzero(label[m:] == k) for k in range(count)]
+    return [(r, c) for r, c in zip(rows, columns, strict=True) if len(r) and len(c)]
 
 
 def taken_out(

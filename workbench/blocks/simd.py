@@ -3,14 +3,13 @@
 import ctypes
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks.batched import Batched, Mapped, count
-from workbench.blocks.products import rows_together
+from workbench.blocks.products import AfterProduct, Before, rows_together
 from workbench.compiling import (
     NoLibrary,
     address,
@@ -51,35 +50,6 @@ C_OF: Mapping[int, str] = {
     **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE.split()},
     **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO.split()},
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Before:
-    """What a function's last two arguments are: of another function and a matrix.
-
-    Attributes:
-        function: of all other arguments, with two results u (n,) and w.
-        matrix: A (m, n); the last two arguments are w and A u.
-    """
-
-    function: cs.Function
-    matrix: Array
-
-    def arguments(self, run: Batched, *arguments: Array) -> tuple[Array, Array]:
-        """w (M, .) and A u (M, m) for many arguments, where `run` evaluates `function`."""
-        u, w = run(*arguments)
-        return w, u @ self.matrix.T
-
-
-class AfterProduct:
-    """A function of many arguments whose last two are made of the others; see `Before`."""
-
-    def __init__(self, function: Batched, before: Before, operand: Batched) -> None:
-        self._function, self._before, self._operand = function, before, operand
-
-    def __call__(self, *arguments: Array) -> list[Array]:
-        """The other arguments, (M, .), or (.) where they are shared; a list of outputs (M, .)."""
-        return self._function(*arguments, *self._before.arguments(self._operand, *arguments))
 
 
 def simd_function(

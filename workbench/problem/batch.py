@@ -16,7 +16,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints, Points, in_blocks
 from workbench.blocks.batched import LONGEST, Batched, Buffered, Mapped, OneByOne, scalar
-from workbench.blocks.columns import FewOrMany
+from workbench.blocks.columns import MANY, Columns, FewOrMany
 from workbench.blocks.products import taken_out
 from workbench.blocks.simd import simd_function
 from workbench.blocks.threaded import Threaded
@@ -32,7 +32,8 @@ Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
 Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
-INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
+INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster for few points,
+TOGETHER_UP_TO = 20_000  # and above this many, beside constant matrices, for many as well
 SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
 
 
@@ -87,12 +88,26 @@ Evaluation = Callable[[Batch, Array, Array, Places], Costs]
 
 
 def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
-    """A function of z to costs that CasADi or NumPy evaluates, without a compiler."""
-    graph = batch.once("parted", places, lambda: _parted(batch, places))
-    long = graph is None or (batch.sources and graph.instructions > INTERPRETED_UP_TO)
-    if graph is None or long:
-        return _arithmetic(batch, x, fixed, places)
-    return _called(FewOrMany(graph.cost, SHARED), graph, x, fixed)
+    """A function of z to costs that CasADi or NumPy evaluates, without a compiler.
+
+    The number of rows decides how, so that the costs of some are the same on any number of cores.
+    """
+    plain = batch.once("parted", places, lambda: _parted(batch, places))
+    if plain is not None and (not batch.sources or plain.instructions <= INTERPRETED_UP_TO):
+        return _called(FewOrMany(plain.cost, SHARED), plain, x, fixed)
+    few = _arithmetic(batch, x, fixed, places)
+    graph = batch.once("products", places, lambda: _parted(batch, places, products=True))
+    if graph is None or graph.instructions > TOGETHER_UP_TO:
+        return few
+
+    def make() -> Columns:
+        return Columns(graph.cost, SHARED, graph.before)
+
+    try:
+        many = _called(batch.once("columns", places, make), graph, x, fixed)
+    except NotSupported:
+        return few
+    return lambda z: (many if len(z) >= MANY else few)(z)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:

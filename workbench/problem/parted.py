@@ -10,8 +10,7 @@ from scipy.linalg import block_diag
 
 from workbench.arrays import Array, Index
 from workbench.blocks.batched import scalar
-from workbench.blocks.products import LEAST, taken_out
-from workbench.blocks.simd import Before
+from workbench.blocks.products import LEAST, Before, taken_out
 from workbench.problem.graph import Graph
 
 EXPANDED_UP_TO = 100_000  # instructions
