@@ -18,6 +18,7 @@ from workbench.blocks.products import (
     blocks_of,
     rows_together,
     taken_out,
+    without_repeats,
 )
 from workbench.blocks.simd import simd_function
 
@@ -119,6 +120,18 @@ def test_blocks_hold_every_element_once() -> None:
         ([3, 4], [4, 5]),
         ([6], [0]),
     ]
+
+
+def test_rows_that_come_again_are_kept_once() -> None:
+    """With the other sign, and with rounding errors; but not with another factor or more error."""
+    a, b = RNG.standard_normal((2, 6))
+    rounded = a * (1 + 1e-16 * np.arange(6))
+    rows = np.array([a, b, -a, 2 * a, rounded, -b, a + 1e-13, np.zeros(6)])
+    once, stands_for, sign = without_repeats(rows)
+    assert once.tolist() == [0, 1, 3, 6, 7]
+    assert stands_for.tolist() == [0, 1, 0, 2, 0, 1, 3, 4]
+    assert sign.tolist() == [1, 1, -1, 1, 1, -1, 1, 1]
+    assert_allclose(sign[:, None] * rows[once][stands_for], rows, rtol=1e-14)
 
 
 @NEEDS_A_COMPILER

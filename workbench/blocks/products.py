@@ -20,6 +20,7 @@ from workbench.blocks.batched import Batched
 LEAST = 200  # elements that are not zero, from which on a matrix is taken out
 TOGETHER = 8  # rows that read the same numbers at once, in compiled code: at most so many,
 ENOUGH = 4  # and so many, where they read nearly the same: a sum in a register waits for the last
+DIGITS, ROUNDING = 12, 1e-15  # of rows that are the same; the second relative to their largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,31 @@ class AfterProduct:
     def __call__(self, *arguments: Array) -> list[Array]:
         """The other arguments, (M, .), or (.) where they are shared; a list of outputs (M, .)."""
         return self._function(*arguments, *self._before.arguments(self._operand, *arguments))
+
+
+def without_repeats(matrix: Array) -> tuple[Index, Index, Array]:
+    """The rows of a matrix (m, n) that are no other row again, and of each row which and its sign.
+
+    Row k is sign[k] (m,) times row once[stands_for[k]], up to rounding errors. The left and the
+    right half of a symmetric body have such rows: their shape directions are mirror images.
+    """
+    once: list[int] = []
+    stands_for, sign = np.zeros(len(matrix), dtype=np.int64), np.ones(len(matrix))
+    known: dict[tuple[str, bytes], int] = {}
+    for k, row in enumerate(matrix):
+        largest = row[np.argmax(np.abs(row))] if row.size else 0.0
+        shape = np.round(row / (largest or 1.0), DIGITS) + 0.0  # + 0.0: no -0.0
+        key = f"{abs(largest):.{DIGITS}e}", shape.tobytes()
+        place = known.get(key)
+        if place is not None:
+            first = matrix[once[place]]
+            sign[k] = 1.0 if largest * first[np.argmax(np.abs(first))] >= 0 else -1.0
+            if np.abs(row - sign[k] * first).max(initial=0) <= ROUNDING * abs(largest):
+                stands_for[k] = place
+                continue
+        sign[k], stands_for[k], known[key] = 1.0, len(once), len(once)
+        once.append(k)
+    return np.array(once, dtype=np.int64), stands_for, sign
 
 
 def blocks_of(matrix: Array) -> list[tuple[Index, Index]]:

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from workbench.arrays import Array, Index
 from workbench.blocks.batched import scalar
-from workbench.blocks.products import LEAST, Before, taken_out
+from workbench.blocks.products import LEAST, Before, taken_out, without_repeats
 from workbench.problem.graph import Graph
 
 EXPANDED_UP_TO = 100_000  # instructions
@@ -63,11 +63,12 @@ def parted(graph: Graph, places: Index, products: bool) -> Parted | None:
     if np.count_nonzero(matrix[:, varies]) < LEAST:
         varies[:] = False
     moved = matrix[:, varies].any(axis=1)  # rows; all others stay what they are
-    y = cs.SX.sym("y", np.count_nonzero(moved))
+    once, stands_for, sign = without_repeats(matrix[np.ix_(moved, varies)])
+    y = cs.SX.sym("y", len(once))
     shift = np.concatenate([np.zeros(0), *(one.shift for one in out)])
     same = np.flatnonzero(~varies).tolist()
     results = cs.DM(shift) + cs.sparsify(cs.DM(matrix[:, ~varies])) @ u[same]
-    results[np.flatnonzero(moved).tolist()] += y
+    results[np.flatnonzero(moved).tolist()] += cs.DM(sign) * y[stands_for.tolist()]
     c = f(put, fixed, *_split(results, [one.result.numel() for one in out]))[0]
     parts = cs.cse(cs.vertcat(c, u[np.flatnonzero(varies).tolist()]))
     symbols, made, left = _made_first(parts, cs.vertcat(x, fixed), trivial=True)
@@ -80,7 +81,7 @@ def parted(graph: Graph, places: Index, products: bool) -> Parted | None:
         cs.Function("cost", [z, symbols, w, y], [cs.densify(last)]),
         Before(
             cs.Function("before", [z, symbols], [cs.densify(left[1:]), made]),
-            matrix[np.ix_(moved, varies)],
+            matrix[np.ix_(moved, varies)][once],
         ),
     )
 
