@@ -5,7 +5,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.blocks.operations import every_operation
-from workbench.blocks.programs import Program, as_slice
+from workbench.blocks.programs import Program, as_slice, places_of
 from workbench.blocks.schedule import Group, Schedule
 
 RNG = np.random.default_rng(5)
@@ -83,6 +83,20 @@ def test_memory_is_used_again_and_not_too_early() -> None:
     for _ in range(30):
         right = np.cos(right)
     assert_array_equal(program.found[0], right - np.sin(X))
+
+
+def test_no_result_takes_the_place_of_what_is_still_needed() -> None:
+    schedule = Schedule.of(every_operation())
+    leaves = sum(schedule.sizes) + len(schedule.constants)
+    place, size = places_of(schedule, leaves)
+    needed: set[int] = {int(value) for values in schedule.outputs for value in values}
+    assert size < len(place)  # some memory is used again
+    for group in reversed(schedule.groups):
+        made = set(range(group.first, group.first + group.operands.shape[1]))
+        needed |= set(group.operands.ravel().tolist())  # also while this group is carried out
+        others = {int(place[value]) for value in needed - made}
+        assert not others & {int(place[value]) for value in made}
+        needed -= made
 
 
 def test_places_in_a_row_are_a_slice() -> None:

@@ -93,7 +93,7 @@ class Program:
         edges = np.cumsum([0, *schedule.sizes]).tolist()
         constants = schedule.constants[:, None]
         leaves = edges[-1] + len(constants)
-        place, size = _places(schedule, leaves)
+        place, size = places_of(schedule, leaves)
         work = np.empty((size, rows))
         work[edges[-1] : leaves] = constants
         widest = max((group.operands.shape[1] for group in schedule.groups), default=0)
@@ -143,7 +143,7 @@ def _rows(work: Array, at: Index, copy: Array) -> None:
     work.take(at, 0, copy, "clip")  # without "clip", NumPy makes another copy
 
 
-def _places(schedule: Schedule, leaves: int) -> tuple[Index, int]:
+def places_of(schedule: Schedule, leaves: int) -> tuple[Index, int]:
     """The row of each value in memory, and how many rows there are.
 
     Results take the place of earlier ones that nothing needs any more.
