@@ -6,11 +6,12 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
+from tests.problem.sequences import assert_numbers
 from workbench.blocks import Values
 from workbench.diagnostics import SequenceDiagnosis, diagnose
 from workbench.errors import BadArgument, BadConstraint, BadResidual
 from workbench.problem import frame_chain
-from workbench.residuals import Residual, gaussian, huber, smooth
+from workbench.residuals import Residual, gaussian, huber, landmarks, smooth
 from workbench.residuals.frames import Frames
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.subspace import fixed, subspace_of
@@ -191,3 +192,15 @@ def test_what_is_between_frames_is_a_list() -> None:
     frame = wb.Problem([gaussian(x.symbol)], ["x"], blocks=(x,))
     with pytest.raises(BadArgument, match="put the one into a list"):
         wb.sequence([frame] * 3, between=3)  # type: ignore[arg-type]
+
+
+def test_a_block_that_is_free_in_part_and_that_nothing_between_frames_reads() -> None:
+    """Residuals between frames have only the fixed numbers that their chain rule needs."""
+    pose, betas, trans = BODY.blocks()
+    points = BODY.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    seen = wb.Block("seen", (3, 3), "m")
+    terms = [landmarks(points, seen.symbol, sigma=0.1), gaussian(pose.symbol, name="prior")]
+    frame = wb.Problem(terms, ["pose[1:3]", "betas[1]", "trans"], blocks=(seen,))
+    whole = wb.sequence([frame] * 3, shared=("betas",), between=[smooth("trans", sigma=0.1)])
+    rng = np.random.default_rng(0)
+    assert_numbers(whole, {n: rng.standard_normal(b.shape) for n, b in whole.known.items()})

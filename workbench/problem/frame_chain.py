@@ -42,6 +42,7 @@ class FrameChain:
         at = (np.arange(rows[r.name].start, rows[r.name].stop) for r in others)
         self._rest_rows = np.concatenate([none, *at])
         reads = {name for residual in others for name in residual.reads}
+        reads |= {block.name for block in free.blocks if block.whole is not None}  # see Graph.of
         read = [block for block in fixed.blocks if block.name in reads]
         given = (np.arange(fixed.size)[fixed.slices[block.name]] for block in read)
         self._rest_given = np.concatenate([none, *given])
