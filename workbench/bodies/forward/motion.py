@@ -78,10 +78,10 @@ def _some(of: Motion | Slopes, which: int | slice) -> Iterator[Any]:
 
 
 class JointNumbers(Protocol):
-    """The motion of a body's joints and its derivative at one pose (K, 3) rad and betas (B,)."""
+    """The motion of a body's joints and its derivative, at one pose and shape or at several."""
 
     def motion(self, pose: Array, betas: Array) -> Motion:
-        """How the joints have moved there: their motions, features and places."""
+        """How the joints have moved at pose (K, 3) rad and betas (B,)."""
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """The derivatives of that motion by the pose and by betas."""
@@ -158,7 +158,8 @@ class _Functions(NamedTuple):
 class Kinematics:
     """A body's joints, motions and features as functions of pose and betas; their adjoints.
 
-    CasADi computes them, and `at_one`, if it is given, those at a single pose.
+    `compiled`, if it is given, computes all but the adjoints; CasADi computes these, and the
+    others too without it.
     """
 
     def __init__(
@@ -166,11 +167,11 @@ class Kinematics:
         skeleton: Skeleton,
         bind_pose: Array,
         parents: Sequence[int],
-        at_one: JointNumbers | None = None,
+        compiled: JointNumbers | None = None,
     ) -> None:
         K, _, B = skeleton.slopes.shape
         self._sizes, self.skeleton, self.ancestors = (K, B), skeleton, ancestors(parents)
-        self._bind_pose, self._parents, self._at_one = bind_pose, tuple(parents), at_one
+        self._bind_pose, self._parents, self._compiled = bind_pose, tuple(parents), compiled
         self._last: tuple[tuple[bytes, bytes], Posed] | None = None
 
     @cached_property
@@ -228,32 +229,32 @@ class Kinematics:
 
     def motion(self, pose: Array, betas: Array) -> Motion:
         """The motion at pose (K, 3) rad and betas (B,)."""
-        if self._at_one is not None:
-            return self._at_one.motion(pose, betas)
+        if self._compiled is not None:
+            return self._compiled.motion(pose, betas)
         return self._shaped(self._functions.motion(pose, betas))
 
     def motions(self, poses: Array, betas: Array) -> Motion:
         """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
-        if self._at_one is not None:
-            return self._at_one.motions(poses, betas)
+        if self._compiled is not None:
+            return self._compiled.motions(poses, betas)
         return self._shaped(self._motions(poses.reshape(len(poses), 3 * self._sizes[0]), betas))
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
-        if self._at_one is not None:
-            return self._at_one.slopes(pose, betas)
+        if self._compiled is not None:
+            return self._compiled.slopes(pose, betas)
         return self._shaped_slopes(self._functions.slopes(pose, betas))
 
     def motion_and_slopes(self, pose: Array, betas: Array) -> tuple[Motion, Slopes]:
         """Both of them at pose (K, 3) rad and betas (B,)."""
-        if self._at_one is not None:
-            return self._at_one.motion_and_slopes(pose, betas)
+        if self._compiled is not None:
+            return self._compiled.motion_and_slopes(pose, betas)
         return self.motion(pose, betas), self.slopes(pose, betas)
 
     def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
         """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
-        if self._at_one is not None:
-            return self._at_one.slopes_batch(poses, betas)
+        if self._compiled is not None:
+            return self._compiled.slopes_batch(poses, betas)
         return self._shaped_slopes(
             self._slopes_batch(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
         )

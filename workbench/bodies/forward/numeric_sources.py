@@ -215,7 +215,7 @@ class PosedPoints:
         if not hasattr(self.arithmetic, "evaluate_each"):
             return None
         arithmetic = cast(ArithmeticOfMany, self.arithmetic)
-        return PosedEach(self.kinematics, arithmetic, self.evaluate, names, arguments)
+        return PosedEach(self.kinematics, arithmetic, self.evaluate_each, names, arguments)
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *offsets: Array) -> Array:
         """The points (M, N, 3) m of M poses, betas and translations, all at once."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -51,14 +51,14 @@ class PosedEach:
     Attributes:
         kinematics: of the body.
         arithmetic: of the points, at several motions at once.
-        one: the points at one pose, betas, translation, and offsets if any.
+        each: the points at each of several arguments, one by one.
         names: the block that holds each argument, by the word for the argument.
         arguments: the poses, betas and translations, and offsets (M, N, 3) m if any.
     """
 
     kinematics: Kinematics
     arithmetic: ArithmeticOfMany
-    one: Callable[..., OneAt]
+    each: Callable[..., Sequence[OneAt]]
     names: Mapping[str, str]
     arguments: tuple[Array, ...]
 
@@ -82,6 +82,6 @@ class PosedEach:
 
     def adjoints(self, pulls: Array) -> dict[str, Array]:
         """The gradients (M, size) of each sum(pull * points), pulls (M, 3 N), by each block."""
-        each = zip(*self.arguments, pulls, strict=True)
-        found = stacked([self.one(*arguments).adjoint(pull) for *arguments, pull in each])
+        each = zip(self.each(*self.arguments), pulls, strict=True)
+        found = stacked([here.adjoint(pull) for here, pull in each])
         return {name: found[role] for role, name in self.names.items() if role in found}
