@@ -15,6 +15,7 @@ import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
 from tests.problem.test_batch import problems
 from tests.sampling.test_modes import target_of
+from workbench.diagnostics.design import Candidate, with_candidates
 from workbench.errors import BadArgument, BadFile, BadResidual
 from workbench.problem.batch import compiled, interpreted
 from workbench.residuals import Residual, gaussian, keypoints
@@ -91,6 +92,23 @@ def test_a_search_does_not_step_behind_the_camera() -> None:
         assert (found.z[0], found.settled) == (pytest.approx(end, abs=1e-2), settled)
         assert found.z.min() >= end
     assert sample(limited, {"at": at}, steps=100, walkers=32).flat.min() > 0
+
+
+def test_with_constraints_a_search_ends_in_the_domain() -> None:
+    """SLSQP ends outside of it by 1e-11 here, where a mode would have no mass."""
+    x = AT.symbol
+    beyond = Residual("beyond", x - np.array([0.1, 0.1, -1.0]), 0.5, domain=x)
+    over = wb.Constraint("over", x[0] + x[1], 2.0)
+    at = np.ones(3)
+    limited = wb.Problem([beyond], "at", constraints=[over])
+    found = mode_from(target_of(limited, {"at": at}), at)
+    assert np.isfinite(found.log_mass)
+    np.testing.assert_allclose(found.z, [1.0, 1.0, 0.0], atol=1e-6)
+    assert found.z.min() >= 0
+    assert not found.settled
+    drawn = sample(limited, {"at": at}, steps=100, walkers=32).flat
+    assert drawn[:, 2].min() > 0
+    assert (drawn[:, 0] + drawn[:, 1]).min() > 2.0 - 1e-3
 
 
 def test_no_draw_of_any_sampler_is_behind_the_camera() -> None:
@@ -255,6 +273,19 @@ def test_only_points_that_count_have_a_domain() -> None:
         assert np.isfinite(found).tolist() == finite
         inside = [not whole.domain.outside_in_words(one, np.zeros(0)) for one in x]  # type: ignore[union-attr]
         assert inside == finite
+
+
+def test_the_domain_of_a_candidate_has_its_own_numbers() -> None:
+    """One residual stands for many cameras; in a problem the one that is chosen is constants."""
+    other = wb.Camera("other/")
+    shared = keypoints(square(), other, seen(), np.ones(5), sigma=5.0, name="other")
+    for t, finite in ((20.0, True), (5.0, False)):  # of the hidden point, which counts here
+        lens = other.values(K=[[500, 0, 320], [0, 500, 240], [0, 0, 1]], t=[0, 0, t])
+        several = {"other": Candidate((shared,), lens)}
+        both = with_candidates(SEEN, several, ["other"])
+        assert both.fixed.names == SEEN.fixed.names
+        target = target_of(both, VALUES)
+        assert np.isfinite(target(target.subspace.centre[None])).all() == finite
 
 
 def test_a_domain_is_checked_and_read() -> None:

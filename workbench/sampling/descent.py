@@ -17,6 +17,7 @@ Vector = Callable[[Array], Array]
 SETTLED = 0.1  # of the predicted decrease of the cost: at a minimum it is less
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
 INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
+BISECTIONS = 50  # of the way out of a domain: what is left of it is no more than rounding
 ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
 
 
@@ -66,7 +67,10 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     problem, space = target.problem, target.subspace
 
     def residual(z: Array) -> Array:
-        r = problem.residual(_x(target, z), target.fixed)
+        return problem.residual(_x(target, z), target.fixed)
+
+    def in_domain(z: Array) -> Array:
+        r = residual(z)
         return r if target.in_domain(z[None])[0] else np.full_like(r, np.inf)
 
     def jacobian(z: Array) -> Array:
@@ -78,14 +82,14 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     start = np.where(thin, start, np.clip(start, low + gap, high - gap))
     wide = np.where(thin, -np.inf, low), np.where(thin, np.inf, high)
     ended = scipy.optimize.least_squares(
-        residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
+        in_domain, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
     )
     z, settled = np.asarray(ended.x), True
     limited = problem.stacked_constraints is not None or len(dependent_bounds(target)[0])
     if not limited or target.allows(space.points(z[None]))[0]:
         settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < SETTLED
     else:
-        z = _constrained(target, start, residual, jacobian)
+        z, settled = _constrained(target, start, residual, jacobian)
     half = covariance_half(target, jacobian(z))
     cost = 0.5 * float(np.sum(residual(z) ** 2))
     log_det = np.linalg.slogdet(half)[1] + _cut_off(jacobian(z), residual(z), z, low, high)
@@ -184,8 +188,14 @@ def _x(target: LogDensity, z: Array) -> Array:
     return np.asarray(target.subspace.points(z[None])[0])
 
 
-def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: Vector) -> Array:
-    """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns."""
+def _constrained(
+    target: LogDensity, start: Array, residual: Vector, jacobian: Vector
+) -> tuple[Array, bool]:
+    """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns.
+
+    SLSQP may end outside of the domain of a residual. Then the point is the last one in the domains
+    on the straight way to that end, and False says that it is no minimum.
+    """
     space, there = target.subspace, target.problem.stacked_constraints
     lengths = np.linalg.norm(jacobian(start), axis=0)
     scale = 1 / np.where(lengths > 0, lengths, 1.0)
@@ -213,7 +223,9 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
         return np.concatenate([A[below], -A[above]])
 
     def cost(u: Array) -> float:
-        return 0.5 * float(np.sum(residual(start + scale * u) ** 2))
+        z = start + scale * u
+        inside = target.in_domain(z[None])[0]
+        return 0.5 * float(np.sum(residual(z) ** 2)) if inside else np.inf
 
     def gradient(u: Array) -> Array:
         z = start + scale * u
@@ -229,14 +241,29 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
         constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=slopes),
         options={"maxiter": 500, "ftol": 1e-10},
     )
-    z = np.asarray(start + scale * ended.x)
+    end = np.asarray(start + scale * ended.x)
+    z = _into_domain(target, start, end)
     if not target.allows(space.points(z[None]))[0]:
         why = violation_in_words(target.problem, target.fixed, _x(target, z))
         raise NoMinimum(
             f"no point near the start meets the bounds and constraints ({why}); solve the problem "
             "with a solver that takes constraints, and start at its answer"
         )
-    return z
+    return z, z is end
+
+
+def _into_domain(target: LogDensity, start: Array, end: Array) -> Array:
+    """The end (k,), or the last point in the domains on the way to it from a start in them."""
+    if target.in_domain(end[None])[0]:
+        return end
+    inside, outside = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (inside + outside)
+        if target.in_domain((start + middle * (end - start))[None])[0]:
+            inside = middle
+        else:
+            outside = middle
+    return np.asarray(start + inside * (end - start))
 
 
 def _inside(limit: Array) -> Array:

@@ -209,15 +209,10 @@ def _with_constants(residual: Residual, values: Mapping[str, ArrayLike]) -> Resi
     """The residual with the symbols of some blocks replaced by numbers."""
     if not values:
         return residual
-    parts = [residual.expression]
-    if isinstance(residual.weights, cs.MX):
-        parts.append(residual.weights)
-    symbols = [s for s in cs.symvar(cs.veccat(*parts)) if s.name() in values]
+    given = {name: getattr(residual, name) for name in ("expression", "weights", "domain")}
+    written = {name: part for name, part in given.items() if isinstance(part, cs.MX)}
+    symbols = [s for s in cs.symvar(residual.written) if s.name() in values]
     numbers = [cs.MX(cs.DM(np.asarray(values[s.name()], dtype=float).T)) for s in symbols]
-    parts = cs.substitute(parts, symbols, numbers)
-    return replace(
-        residual,
-        expression=parts[0],
-        weights=parts[1] if len(parts) > 1 else residual.weights,
-        blocks=tuple(block for block in residual.blocks if block.name not in values),
-    )
+    parts = cs.substitute(list(written.values()), symbols, numbers)
+    blocks = tuple(block for block in residual.blocks if block.name not in values)
+    return replace(residual, blocks=blocks, **dict(zip(written, parts, strict=True)))
