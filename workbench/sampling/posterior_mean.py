@@ -72,7 +72,8 @@ def posterior_mean(
     which takes seconds. The same seed gives the same draws, but for rounding.
 
     Raises BadArgument for less than two chains, for no trajectory, where the residual is not finite
-    at `at`, and for a number that cannot move; and Improper for a direction that nothing restricts.
+    or outside of its domain at `at`, and for a number that cannot move; and Improper for a
+    direction that nothing restricts.
 
     >>> import workbench as wb
     >>> from workbench.residuals import Residual

@@ -66,7 +66,8 @@ def sample(
     called usable. Up to about 20 entries can be sampled well; more are allowed, and the verdict
     says whether their draws are usable.
 
-    Beyond bounds and inequality constraints the posterior density is zero.
+    The posterior density is zero beyond bounds and inequality constraints, and outside of the
+    domains of residuals, such as where a keypoint is behind its camera (`Residual.domain`).
 
     There are `ensembles` independent ensembles of `walkers` walkers (64, or more than twice the
     number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
