@@ -26,7 +26,7 @@ class PointsOfEach(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class OneByOne:
+class FrameByFrame:
     """Points that are computed for one set of values after the other; see PointsOfEach."""
 
     places: list[PointsAt]
@@ -61,4 +61,4 @@ def points_of_each(source: NumericPoints, values: Mapping[str, Array], count: in
         found: PointsOfEach = together(values, count)
         return found
     each = ({name: value[i] for name, value in values.items()} for i in range(count))
-    return OneByOne([source.evaluate(some) for some in each])
+    return FrameByFrame([source.evaluate(some) for some in each])

@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks.points import tangent_over_zeros
-from workbench.blocks.points_of_each import OneByOne, PointsOfEach
+from workbench.blocks.points_of_each import FrameByFrame, PointsOfEach
 from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced, Translating
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
@@ -113,7 +113,7 @@ class Named:
                 return together
         each = [{name: values[name][i] for name in self.reads} for i in range(count)]
         arguments = [np.array([one.value(some) for some in each]) for one in self.maps]
-        return OneByOne([NamedAt(self, here) for here in self.points.evaluate_each(*arguments)])
+        return FrameByFrame([NamedAt(self, here) for here in self.points.evaluate_each(*arguments)])
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points of M sets of values, (M, N, 3) m."""
