@@ -134,6 +134,19 @@ def test_rows_that_come_again_are_kept_once() -> None:
     assert_allclose(sign[:, None] * rows[once][stands_for], rows, rtol=1e-14)
 
 
+@pytest.mark.parametrize("size", [1e-310, 1e-200, 1e300])
+def test_rows_of_tiny_or_huge_numbers_are_kept_once(size: float) -> None:
+    """Whose products would be zero or infinite."""
+    a = size * np.array([0.5, -1.0, 0.25])
+    once, stands_for, sign = without_repeats(np.array([a, -a, a]))
+    assert (once.tolist(), stands_for.tolist(), sign.tolist()) == ([0], [0, 0, 0], [1, -1, 1])
+
+
+def test_rows_without_columns_are_one() -> None:
+    once, stands_for, sign = without_repeats(np.zeros((3, 0)))
+    assert (once.tolist(), stands_for.tolist(), sign.tolist()) == ([0], [0, 0, 0], [1, 1, 1])
+
+
 @NEEDS_A_COMPILER
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 1.0])
 def test_compiled_products_are_those_of_numpy(share: float) -> None:

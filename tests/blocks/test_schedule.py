@@ -1,7 +1,10 @@
 """The instructions of a function in groups, and the memory that they work on."""
 
+import time
+
 import casadi as cs
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.blocks.operations import every_operation
@@ -49,6 +52,38 @@ def test_long_sums_take_few_steps() -> None:
     program.run()
     assert_allclose(program.found[0][0], X.sum(axis=0), rtol=1e-13)
     assert_allclose(program.found[1][0], X.sum(axis=0) * X[0], rtol=1e-13)
+
+
+def seconds_of_a_sum(terms: int) -> float:
+    """How long the schedule of a sum takes that is written one term after the other."""
+    x = cs.SX.sym("x", terms)
+    total = x[0]
+    for k in range(1, terms):
+        total = x[k] + total
+    f = cs.Function("f", [x], [total])
+    began = time.process_time()
+    Schedule.of(f)
+    return time.process_time() - began
+
+
+def test_time_grows_with_the_terms_of_a_sum_and_not_with_their_square() -> None:
+    short = min(seconds_of_a_sum(2000) for _ in range(3))
+    assert seconds_of_a_sum(20_000) < 25 * short
+
+
+def test_a_chain_is_not_sorted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has thousands of groups of one instruction, and each sort takes half a millisecond."""
+    x = cs.SX.sym("x", 2)
+    last = x[0]
+    for _ in range(10):
+        last = cs.sin(last) * x[1]
+
+    def never(_: object) -> None:
+        raise AssertionError("sorted")
+
+    f = cs.Function("f", [x], [last])
+    monkeypatch.setattr(np, "lexsort", never)
+    assert [group.operands.shape[1] for group in Schedule.of(f).groups] == [1] * 20
 
 
 def test_a_sum_that_others_need_is_kept() -> None:

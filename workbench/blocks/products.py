@@ -89,7 +89,8 @@ def without_repeats(matrix: Array) -> tuple[Index, Index, Array]:
         place = known.get(key)
         if place is not None:
             first = matrix[once[place]]
-            sign[k] = 1.0 if largest * first[np.argmax(np.abs(first))] >= 0 else -1.0
+            turned = row.size and (largest < 0) != (first[np.argmax(np.abs(first))] < 0)
+            sign[k] = -1.0 if turned else 1.0
             if np.abs(row - sign[k] * first).max(initial=0) <= ROUNDING * abs(largest):
                 stands_for[k] = place
                 continue

@@ -107,6 +107,8 @@ def _in_order(places: Index, commute: bool) -> tuple[Index, Index]:
 
     The operands of each instruction change places where they may, or all of them or none do.
     """
+    if places.shape[1] == 1:  # a long chain has thousands of such
+        return places, np.zeros(1, dtype=np.int64)
     tried: list[tuple[int, int, Index, Index]] = []
     ways = [places, np.sort(places, axis=0)] if commute and len(places) == 2 else [places]
     for way in ways:
@@ -137,7 +139,7 @@ class _Read:
 def _read(function: cs.Function, sizes: Sequence[int]) -> _Read:
     """The instructions with a number for each value, in place of places in a work vector."""
     inputs = np.cumsum([0, *sizes]).tolist()
-    numbers: dict[float | str, int] = {}  # of constants: NaN equals no other key but its text
+    numbers: dict[str, int] = {}  # of constants by their text, as 0.0 == -0.0 and NaN != NaN
     constants: list[float] = []
     holds: dict[int, int] = {}
     made: Made = {}
@@ -185,7 +187,9 @@ def _balanced(read: _Read) -> Made:
             found[value] = operation, of
             depth[value] = 1 + max(depth[k] for k in of)
             continue
-        parts = [t for k in of for t in (terms.pop(k) if k in added_once else [k])]
+        added = [terms.pop(k) if k in added_once else [k] for k in of]
+        parts, others = sorted(added, key=len, reverse=True)
+        parts += others  # the longer one stays where it is: thousands of terms come one by one
         if value in added_once:
             terms[value] = parts
             continue
