@@ -8,6 +8,7 @@ import workbench as wb
 from tests.blocks.operations import every_operation
 from tests.compilers import NEEDS_A_COMPILER
 from workbench.blocks.batched import Mapped
+from workbench.blocks.columns import MANY
 from workbench.blocks.simd import C_OF, simd_function
 from workbench.problem.batch import Evaluation, compiled, interpreted
 from workbench.problem.parted import parted
@@ -175,3 +176,14 @@ def test_only_what_varies_is_multiplied() -> None:
     assert columns["trans"] == 0  # no constant matrix multiplies it
     assert columns["elbow"] == 9  # the elements of one rotation
     assert columns["all"] > 100
+
+
+def test_what_only_many_rows_need_is_made_for_many_rows() -> None:
+    problem, start = problems()["keypoints"]
+    x, fixed = problem.split(start)
+    made = problem._batch.made
+    costs = problem.costs(x, fixed, None, interpreted)
+    costs(np.repeat(x[None], MANY - 1, axis=0))
+    assert "columns" not in {what for what, _ in made}
+    costs(np.repeat(x[None], MANY, axis=0))
+    assert "columns" in {what for what, _ in made}

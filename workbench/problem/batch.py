@@ -8,6 +8,7 @@ bodies come from matrix products over all the values at once and only the residu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, TypeVar
 
 import casadi as cs
@@ -96,18 +97,20 @@ def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     if plain is not None and (not batch.sources or plain.instructions <= INTERPRETED_UP_TO):
         return _called(FewOrMany(plain.cost, SHARED), plain, x, fixed)
     few = _arithmetic(batch, x, fixed, places)
-    graph = batch.once("products", places, lambda: _parted(batch, places, products=True))
-    if graph is None or graph.instructions > TOGETHER_UP_TO:
-        return few
 
-    def make() -> Columns:
-        return Columns(graph.cost, SHARED, graph.before)
+    @cache
+    def many() -> Costs:
+        """Made when many rows are first asked for: it takes about a second."""
+        graph = batch.once("products", places, lambda: _parted(batch, places, products=True))
+        if graph is None or graph.instructions > TOGETHER_UP_TO:
+            return few
+        try:
+            run = batch.once("columns", places, lambda: Columns(graph.cost, SHARED, graph.before))
+        except NotSupported:
+            return few
+        return _called(run, graph, x, fixed)
 
-    try:
-        many = _called(batch.once("columns", places, make), graph, x, fixed)
-    except NotSupported:
-        return few
-    return lambda z: (many if len(z) >= MANY else few)(z)
+    return lambda z: (many() if len(z) >= MANY else few)(z)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
