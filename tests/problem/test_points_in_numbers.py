@@ -13,7 +13,7 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from tests.problem.test_chain import POINTS, assert_same, pose_at
 from workbench import residuals
 from workbench.blocks import Block, NumericPoints, PointsAt, Tree
-from workbench.blocks.points_of_each import OneByOne, points_of_each
+from workbench.blocks.points_of_each import FrameByFrame, points_of_each
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.bodies.forward.posed_each import PosedEach
 from workbench.errors import NotSupported
@@ -125,7 +125,7 @@ def test_derivatives_of_many_are_those_of_each(body: SkinnedBody, kind: str) -> 
     assert numeric is not None
     each = [values_at(body, "anywhere", seed) for seed in range(5)]
     values = {name: np.array([one[name] for one in each]) for name in each[0]}
-    one_by_one = OneByOne([numeric.evaluate(one) for one in each])
+    one_by_one = FrameByFrame([numeric.evaluate(one) for one in each])
     many = points_of_each(numeric, values, len(each))
     assert isinstance(many, PosedEach)
     np.testing.assert_allclose(many.points, one_by_one.points, atol=1e-13)
