@@ -47,7 +47,9 @@ def test_what_is_said_of_balance_holds(kind: str) -> None:
     runs = of_kind(FOUND, kind)
     laplace, drawn = (judged(runs, way) for way in ("Laplace", "draws"))
     model = drawn["along"]["factor"]
-    assert 1.1 < laplace["along"]["factor"] / model < model  # the model's is the larger part
+    approximation = laplace["along"]["factor"] / model
+    assert approximation > 1.1
+    assert model == pytest.approx(approximation, rel=0.06)  # about as much
     assert drawn["across"]["factor"] < laplace["across"]["factor"]
     found = shapes(runs)
     assert max(abs(found[name]["sd"] - 1) for name in WHAT[:2]) < 0.06
@@ -56,11 +58,12 @@ def test_what_is_said_of_balance_holds(kind: str) -> None:
     assert "in the median and 1.7 or more times as large in one of twenty" in TEXT
     assert "agree with Laplace's to 6 % in the median" in TEXT
     off = bias(runs)
-    assert 0.25 < 1 - off["draws"] / off["fit"] < 0.4  # about a third
+    part = {"unknown": 1 / 3, "known": 2 / 5}[kind]
+    assert 1 - off["draws"] / off["fit"] == pytest.approx(part, abs=0.02)
     wide = judged(runs, "draws with offsets")
-    assert share(wide["along"]) == "92 %"
+    assert share(wide["along"]) == "94 %"
     assert f"With the {1e3 * OFFSET:g} mm of offsets that were chosen" in TEXT
-    assert "along the axis in 92 %, where Laplace's hold 86 % and 87 %" in TEXT
+    assert "along the axis in 94 %, where Laplace's hold 89 % and 88 %" in TEXT
     assert wide["depth"]["factor"] < 0.9
     depth = drawn["depth"]
     if kind == "unknown":
@@ -71,14 +74,14 @@ def test_what_is_said_of_balance_holds(kind: str) -> None:
         held = f"in {depth['within']} of {depth['of']} instead of Laplace's"
         assert f"{held} {laplace['depth']['within']}" in TEXT
     with_offsets = judged(runs, "Laplace with offsets")["along"]
-    assert share(with_offsets) == {"unknown": "86 %", "known": "87 %"}[kind]
+    assert share(with_offsets) == {"unknown": "89 %", "known": "88 %"}[kind]
 
 
 def test_what_is_said_of_synthetic_people_and_times_holds() -> None:
     runs = of_kind(FOUND, "people")
     laplace, drawn = (judged(runs, way)["along"] for way in ("Laplace", "draws"))
     assert abs(drawn["factor"] - 1) < 0.1
-    assert laplace["factor"] > 1.2 * drawn["factor"]
+    assert laplace["factor"] > 1.1 * drawn["factor"]
     assert drawn["within"] / drawn["of"] > 0.88
     everywhere = [of_kind(FOUND, kind) for kind in KINDS]
     assert "because draws take 10 to 20 CPU seconds and a fit takes 50 ms" in TEXT
@@ -98,19 +101,39 @@ def test_what_is_said_of_synthetic_people_and_times_holds() -> None:
 
 
 def test_what_is_said_of_emcee_holds() -> None:
-    ((name, pair),) = compared(FOUND)
-    emcee, other = pair["emcee"], pair["hamiltonian"]
-    assert name.startswith("unknown")
-    assert pair["within 2"] > 0.9 * pair["of"]
-    assert f"needs {emcee['evaluations'] / other['evaluations']:.0f} times as many" in TEXT
-    assert f"and {emcee['seconds'] / other['seconds']:.0f} times the CPU time" in TEXT
-    assert f"After {STEPS:,} steps of each walker, its draws are {emcee['times']:.0f} times" in TEXT
-    assert f"of the 85 unknowns ({emcee['autocorrelation']:,.0f} steps)" in TEXT
-    assert f"{emcee['evaluations'] / 1e6:.0f} million were not enough" in TEXT
+    pairs = dict(compared(FOUND))
+    assert len(pairs) == 4
+    assert "Four of the posteriors were drawn by emcee as well" in TEXT
+    assert {name.partition(",")[0] for name in pairs} == {"unknown", "known"}
+    emcee, other = ([pair[way] for pair in pairs.values()] for way in ("emcee", "hamiltonian"))
+
+    def ends(of: str, apart: bool = False) -> str:
+        each = [one[of] / (two[of] if apart else 1) for one, two in zip(emcee, other, strict=True)]
+        return f"{min(each):,.0f} to {max(each):,.0f}"
+
+    assert f"needs {ends('evaluations', apart=True)} times as many evaluations" in TEXT
+    assert f"and {ends('seconds', apart=True)} times the CPU time" in TEXT
+    assert f"After {STEPS:,} steps of each walker, its draws are {ends('times')} times" in TEXT
+    assert f"of the 85 unknowns ({ends('autocorrelation')} steps)" in TEXT
+    (evaluations,) = {one["evaluations"] for one in emcee}
+    assert f"{evaluations / 1e6:.0f} million were not enough" in TEXT
     assert "by four ensembles of 192 walkers" in TEXT
-    assert emcee["evaluations"] % (4 * 192) == 0
-    assert emcee["usable"]
-    assert emcee["times"] < 50
+    assert evaluations % (4 * 192) == 0
+    assert all(one["usable"] for one in (*emcee, *other))
+    assert max(one["times"] for one in emcee) < TIMES
+    worst = min(pairs.values(), key=lambda pair: float(pair["within 2"]))
+    assert [pair["within 2"] > 0.9 * pair["of"] for pair in pairs.values()].count(False) == 1
+    assert f"The {worst['of']} numbers that are compared in each posterior" in TEXT
+    assert f"in which only {worst['within 2']} of them agree, most standard" in TEXT
+    sds = [np.array(worst[way]["draws"]["sd"]) for way in ("emcee", "hamiltonian")]
+    assert np.mean(sds[1] < sds[0]) > 0.8
+    assert f"are smaller than emcee's, by up to {100 * (worst['ratio'][1] - 1):.0f} %." in TEXT
+
+
+def test_how_many_were_looked_at_first() -> None:
+    looked = 54
+    drawn = sum(len(of_kind(FOUND, kind)) for kind in KINDS)
+    assert f"the first {looked} posteriors were looked at before the other {drawn - looked}" in TEXT
 
 
 def test_no_number_of_its_prose_is_held_by_nothing() -> None:
@@ -119,6 +142,7 @@ def test_no_number_of_its_prose_is_held_by_nothing() -> None:
         partial(test_what_is_said_of_balance_holds, "known"),
         test_what_is_said_of_synthetic_people_and_times_holds,
         test_what_is_said_of_emcee_holds,
+        test_how_many_were_looked_at_first,
     )
     given = (
         "The 95 % intervals of the factors are from a bootstrap",
