@@ -739,8 +739,8 @@ for errors_are, setup in films.items():
 # fully, and by 46 mm if only the pose prior has the weight $n / T$. A person on a beam holds the arms out in
 # every frame. The prior takes this for 45 unusual poses, drawn one after the other, and would rather have
 # another shape. In the dance the poses went through the whole range of the prior, so the made-up film hid
-# this, too. With the detector's errors, both do damage: limbs are off by 156 mm if everything counts, by
-# 137 mm and 127 mm if one of the two is weighed, and by 113 mm if both are. So the weight belongs to all
+# this, too. With the detector's errors, both do damage: limbs are off by 16 cm if everything counts, by
+# 14 cm and 13 cm if one of the two is weighed, and by 11 cm if both are. So the weight belongs to all
 # terms of the frames. And what a fit leaves over contains the pull of the prior: for independent errors
 # `video_fit` finds 7 frames, where the errors alone are worth 45. (This is one camera of one person.)
 #

@@ -252,9 +252,9 @@ SAYS = {
         > run["blamed"]["independent errors", "nothing"][0],
     ),
     "The prior takes this for 45 unusual poses": lambda run: run["F"],
-    "With the detector's errors, both do damage: limbs are off by 156 mm if everything counts, by 137 mm and 127 "
-    "mm if one of the two is weighed, and by 113 mm if both are.": lambda run: tuple(
-        run["blamed"]["the detector's errors", name][0]
+    "With the detector's errors, both do damage: limbs are off by 16 cm if everything counts, by 14 cm and 13 cm "
+    "if one of the two is weighed, and by 11 cm if both are.": lambda run: tuple(
+        run["blamed"]["the detector's errors", name][0] / 10  # in cm
         for name in ("nothing", "the pose prior", "keypoints and smoothness", "both")
     ),
     "finds 7 frames, where the errors alone are worth 45": lambda run: (
