@@ -99,6 +99,27 @@ def test_the_readme_says_what_was_measured() -> None:
     assert (round(min(fits)), round(max(fits))) == (4, 22)
 
 
+def test_the_readme_says_what_a_video_takes() -> None:
+    results = {"sequences": json.loads((RESULTS / "sequences.json").read_text())}
+    found = results["sequences"]["found"]
+    ratios = {
+        target.name: target.measured
+        for target in targets.all_of(results)
+        if "linearized one by one" in target.name
+    }
+    text = " ".join((HERE.parent / "README.md").read_text(encoding="utf-8").split())
+    assert (
+        "takes about as long as computing the residuals and Jacobians of these frames one" in text
+    )
+    assert len(ratios) == 2
+    assert all(0.8 < ratio < 1.2 for ratio in ratios.values())
+    long = found["frames"]["2000"]
+    assert f"2,000 frames, with {long['unknowns']:,} unknowns, takes about a second" in text
+    assert 0.5 < best(long["seconds"]["LM iteration"]) < 1.5
+    assert "and the whole fit about a gigabyte of memory" in text
+    assert 0.85e9 < long["peak"] - long["before"] < 1.15e9
+
+
 def test_the_page_says_what_two_steps_with_each_jacobian_take() -> None:
     found = json.loads((RESULTS / "fits.json").read_text())["found"]
     ratios = [
