@@ -106,13 +106,20 @@ def test_derivatives_are_those_of_differences(body: SkinnedBody, kind: str) -> N
             np.testing.assert_allclose(felt[name][i], pull @ slopes[name][i], atol=1e-11)
 
 
-@EACH_BODY
-@EACH_KIND
-def test_many_at_once_are_each_of_them(body: SkinnedBody, kind: str) -> None:
+def landmarks_of_several(
+    body: SkinnedBody, kind: str
+) -> tuple[NumericPoints, list[wb.Values], wb.Values]:
+    """Landmarks in numbers, the values of five people, and the same values stacked."""
     numeric = body.landmark_points(kind, *symbols(body)).source.numeric
     assert numeric is not None
     each = [values_at(body, "anywhere", seed) for seed in range(5)]
-    together = {name: np.array([one[name] for one in each]) for name in each[0]}
+    return numeric, each, {name: np.array([one[name] for one in each]) for name in each[0]}
+
+
+@EACH_BODY
+@EACH_KIND
+def test_many_at_once_are_each_of_them(body: SkinnedBody, kind: str) -> None:
+    numeric, each, together = landmarks_of_several(body, kind)
     expected = [body.landmark(kind, **one) for one in each]
     np.testing.assert_allclose(numeric.evaluate_batch(together), expected, atol=1e-12)
     np.testing.assert_allclose([numeric.evaluate(one).points for one in each], expected, atol=1e-12)
@@ -121,10 +128,7 @@ def test_many_at_once_are_each_of_them(body: SkinnedBody, kind: str) -> None:
 @EACH_BODY
 @EACH_KIND
 def test_derivatives_of_many_are_those_of_each(body: SkinnedBody, kind: str) -> None:
-    numeric = body.landmark_points(kind, *symbols(body)).source.numeric
-    assert numeric is not None
-    each = [values_at(body, "anywhere", seed) for seed in range(5)]
-    values = {name: np.array([one[name] for one in each]) for name in each[0]}
+    numeric, each, values = landmarks_of_several(body, kind)
     one_by_one = FrameByFrame([numeric.evaluate(one) for one in each])
     many = points_of_each(numeric, values, len(each))
     assert isinstance(many, PosedEach)

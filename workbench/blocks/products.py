@@ -18,9 +18,10 @@ from workbench.arrays import Array, Index
 from workbench.blocks.batched import Batched
 
 LEAST = 200  # elements that are not zero, from which on a matrix is taken out
-TOGETHER = 8  # rows that read the same numbers at once, in compiled code: at most so many,
-ENOUGH = 4  # and so many, where they read nearly the same: a sum in a register waits for the last
-DIGITS, ROUNDING = 12, 1e-15  # of rows that are the same; the second relative to their largest
+TOGETHER = 8  # rows at most that compiled code multiplies at once, if they have the same columns
+ENOUGH = 4  # rows at least, also of unlike columns: a single sum would wait for its last term
+DIGITS = 12  # by which rows are looked up that may be equal
+ROUNDING = 1e-15  # of a row's largest element: by how much equal rows may differ
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,8 +33,8 @@ Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
 Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
-INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster for few points,
-TOGETHER_UP_TO = 20_000  # and above this many, beside constant matrices, for many as well
+INTERPRETED_UP_TO = 2_000  # of them: of more, matrix products are faster if points are few
+TOGETHER_UP_TO = 20_000  # of them, without constant matrices: of more, also if points are many
 SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
 
 

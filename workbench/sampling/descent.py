@@ -69,7 +69,8 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     def residual(z: Array) -> Array:
         return problem.residual(_x(target, z), target.fixed)
 
-    def in_domain(z: Array) -> Array:
+    def limited_residual(z: Array) -> Array:
+        """Infinite outside of a domain, so that no step leads there."""
         r = residual(z)
         return r if target.in_domain(z[None])[0] else np.full_like(r, np.inf)
 
@@ -82,7 +83,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     start = np.where(thin, start, np.clip(start, low + gap, high - gap))
     wide = np.where(thin, -np.inf, low), np.where(thin, np.inf, high)
     ended = scipy.optimize.least_squares(
-        in_domain, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
+        limited_residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
     )
     z, settled = np.asarray(ended.x), True
     limited = problem.stacked_constraints is not None or len(dependent_bounds(target)[0])

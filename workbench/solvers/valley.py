@@ -105,9 +105,9 @@ def _step_of_others(end: EndPoint, x: Array, running: Mask) -> tuple[float, Arra
     """The cost at x, and the Gauss-Newton step (n,) of the unknowns that do not run.
 
     There is no step where the linearization is not finite. In a sequence no columns are copied,
-    which would take much more memory than the Jacobian: unknowns that run are held by a diagonal
-    beside which all else is zero to rounding, and the others are slightly damped if their columns
-    are dependent.
+    because the copy would take much more memory than the Jacobian. Instead, an unknown that runs
+    is held: a number is added on its diagonal that is so large that its step is zero to rounding.
+    The others are slightly damped if their columns are dependent.
     """
     here = end.linearize(x)
     cost = here.cost

@@ -22,7 +22,7 @@ class ManyAtOrigin(Protocol):
         """The posed points, (M, N, 3) m."""
 
     def __getitem__(self, some: slice) -> ManyAtOrigin:
-        """Some of them."""
+        """The points of the same body at some of the M motions and shapes."""
 
     def derivative(self, slopes: Slopes, role: str) -> Array:
         """The transposed derivatives by `pose`, `betas` and so on, (M, size, 3 N)."""
