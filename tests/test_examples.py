@@ -17,7 +17,7 @@ LONG = ("15_how_well_a_person_is_known", "17_posterior_of_scape")  # held by tes
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in EXAMPLES]
+    "name", [pytest.param(n, marks=pytest.mark.thorough) if n in LONG else n for n in EXAMPLES]
 )
 def test_it_runs(name: str) -> None:
     import_module(f"examples.{name}")
@@ -186,7 +186,7 @@ def test_three_body_models_are_fitted_to_the_same_points() -> None:
     assert 10 < example.apart["SCAPE"].mean() < example.apart["BlendSCAPE"].mean() < 30  # mm
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
     example = import_module("examples.15_how_well_a_person_is_known")
     for posterior in example.posteriors.values():
@@ -211,7 +211,7 @@ def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
         assert (abs(example.reference - middle) < 2 * example.sds[name]).all()
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_joints_tell_pose_and_shape_of_scape() -> None:
     example = import_module("examples.17_posterior_of_scape")
     posterior = example.posterior

@@ -54,7 +54,7 @@ def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
     assert (tmp_path / "people.png").stat().st_size > 10_000
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.skipif(
     "WORKBENCH_KINECT" not in os.environ, reason="set WORKBENCH_KINECT to kinect_people.npz"
 )

@@ -90,7 +90,7 @@ MACHINE = {
 }
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_made_up_truths_are_covered() -> None:
     """Nine tenths of the intervals hold them, in each entry within its binomial band."""
     cases = list(simulated(frames(40)))

@@ -87,7 +87,7 @@ def test_the_near_capsule_of_a_shin_has_the_calf() -> None:
     assert part_of("left_shin_near") == part_of("left_shin_far") == "left_shin"
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_fitting_again_gives_the_capsules_that_are_stored() -> None:
     body = load_body("small")
     again = fit_capsules(body)

@@ -38,7 +38,7 @@ def commands(page: Path) -> list[list[str]]:
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(p, marks=() if p.stem == "solver" else pytest.mark.long) for p in PAGES],
+    [pytest.param(p, marks=() if p.stem == "solver" else pytest.mark.thorough) for p in PAGES],
     ids=lambda path: path.stem,
 )
 def test_the_commands_take_the_file(page: Path, workbench: Run) -> None:

@@ -151,7 +151,7 @@ def test_rows_and_columns_are_those_of_the_matrix() -> None:
         np.testing.assert_array_equal(here.columns(np.array([3])).column(0), A[:, 3])
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_fifty_thousand_rows_need_no_dense_array() -> None:
     problem, values = sparse_problem(50_000, 2_000)
     tracemalloc.start()
@@ -165,7 +165,7 @@ def test_fifty_thousand_rows_need_no_dense_array() -> None:
     json.dumps(found.data(), allow_nan=False)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_whole_mesh_is_diagnosed() -> None:
     body = load_body("full")
     observed = Block("observed", (body.n_vertices, 3), "m")
@@ -210,7 +210,7 @@ print(found.rank, found.structural_rank, peak() - before)
 """
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere peaks are told in other units")
 def test_two_hundred_thousand_vertices_take_a_few_times_their_jacobian() -> None:
     """The Jacobian takes 0.41 GB; by the whole graph it would be 11 GB."""

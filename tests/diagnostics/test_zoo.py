@@ -32,7 +32,7 @@ def of(
     specimens: Sequence[Specimen], more: Sequence[Specimen] = ()
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """A test of each of these specimens, and of more in the long run."""
-    marked = [pytest.param(one, id=one.name, marks=pytest.mark.long) for one in more]
+    marked = [pytest.param(one, id=one.name, marks=pytest.mark.thorough) for one in more]
     few = [pytest.param(one, id=one.name) for one in specimens]
     return pytest.mark.parametrize("specimen", [*few, *marked])
 

@@ -45,7 +45,7 @@ def test_the_full_body_is_recovered_too() -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [pytest.param(one, marks=[pytest.mark.long] * (one >= 3)) for one in SEEDS]
+    "seed", [pytest.param(one, marks=[pytest.mark.thorough] * (one >= 3)) for one in SEEDS]
 )
 def test_with_a_millimetre_of_noise_all_solvers_agree(setup: Setup, seed: int) -> None:
     body = setup.body

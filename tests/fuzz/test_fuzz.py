@@ -48,14 +48,14 @@ def test_commands_end_in_a_sentence(number: int, tmp_path: Path) -> None:
     assert not wrong, f"{arguments}: {wrong}"
 
 
-@pytest.mark.fuzz
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", FORMATS)
 def test_many_files_are_read_or_refused(name: str, tmp_path: Path) -> None:
     counts = attacked(name, seed=int(time.time()), cases=MANY, folder=tmp_path)
     assert not counts.failures, told(counts)
 
 
-@pytest.mark.fuzz
+@pytest.mark.thorough
 def test_many_commands_end_in_a_sentence(tmp_path: Path) -> None:
     seed = int(time.time())
     for number in range(MANY // 5):

@@ -53,7 +53,7 @@ def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
         ("--version",),
         ("solvers",),
         *(
-            pytest.param(one, marks=pytest.mark.long)
+            pytest.param(one, marks=pytest.mark.thorough)
             for one in (("--help",), ("run", "--list"), ("lecture", "list"))
         ),
     ],
@@ -239,7 +239,8 @@ def send():
     ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM twice"],
 )
 @pytest.mark.parametrize(
-    "when", [pytest.param(one, marks=[pytest.mark.long] * (k % 2)) for k, one in enumerate(WHEN)]
+    "when",
+    [pytest.param(one, marks=[pytest.mark.thorough] * (k % 2)) for k, one in enumerate(WHEN)],
 )
 def test_signals_have_their_code_and_no_traceback(
     when: str, number: signal.Signals, code: int, times: int

@@ -281,7 +281,7 @@ def found(text: str, folder: Path, seconds: float = 3) -> Grade:
 
 @pytest.mark.parametrize(
     "forgery",
-    [pytest.param(one, marks=[pytest.mark.long] * (one in VARIANTS)) for one in FORGERIES],
+    [pytest.param(one, marks=[pytest.mark.thorough] * (one in VARIANTS)) for one in FORGERIES],
 )
 def test_a_forgery_gets_what_it_earned(forgery: str, tmp_path: Path) -> None:
     text, earned = FORGERIES[forgery]

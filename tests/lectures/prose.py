@@ -7,6 +7,7 @@ from elsewhere, and `GENERAL` those that compare things other than results. Pros
 Markdown cells and in the captions of figures.
 """
 
+import gc
 import io
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,7 +21,6 @@ import numpy as np
 
 from tests.lectures.comparisons import comparisons
 from tests.lectures.numerals import Numeral, numerals, printed_numbers, right
-from tests.memory import collect
 from workbench.course.cells import carried_out
 from workbench.course.outline import Lecture, lecture
 from workbench.course.picture import Picture
@@ -76,7 +76,7 @@ class Claims:
 def run_of(number: int) -> Run:
     """A lecture, run once for all its tests."""
     run_of.cache_clear()  # the lecture before is freed before this one grows
-    collect()
+    gc.collect()
     names: dict[str, Any] = {}
     texts, captions, shown = [], [], []
     began = time.process_time()

@@ -194,7 +194,7 @@ def test_a_file_that_answers_a_part(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "number",
     [
-        pytest.param(one.number, marks=[pytest.mark.long] * (one.number not in ALONE))
+        pytest.param(one.number, marks=[pytest.mark.thorough] * (one.number not in ALONE))
         for one in course()
         if one.there
     ],

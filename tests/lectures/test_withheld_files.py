@@ -20,14 +20,14 @@ REFUSED = "lec02_rotations/solutions.py cannot be read by a file that is being g
         f"from {MODULE} import *",
         pytest.param(
             "from workbench.lectures.lec02_rotations.checks import solutions\nhat = solutions.hat",
-            marks=pytest.mark.long,
+            marks=pytest.mark.thorough,
         ),
         f"import sys\nhat = sys.modules[{MODULE!r}].hat",
         "from workbench.course.outline import lecture\nhat = lecture(2).solution('hat')",
         f"import sys\nsys.path.insert(0, {str(root().parent)!r})\n"
         f"from {root().name}.lec02_rotations.solutions import *",
         pytest.param(
-            f"import runpy\nhat = runpy.run_path({SOLUTIONS!r})['hat']", marks=pytest.mark.long
+            f"import runpy\nhat = runpy.run_path({SOLUTIONS!r})['hat']", marks=pytest.mark.thorough
         ),
         f"exec(open({SOLUTIONS!r}).read())",
         f"def hat(w):\n    from {MODULE} import hat\n    return hat(w)",

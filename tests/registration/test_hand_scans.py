@@ -141,7 +141,7 @@ def test_what_is_no_scan_of_a_hand_is_refused() -> None:
         fit_hand(load_skinned("small"), cloud)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.skipif("WORKBENCH_HAND" not in os.environ, reason="set WORKBENCH_HAND to a .glb")
 def test_the_hand_of_an_artist_is_found() -> None:
     """webxr_generic_hand_right.glb of @webxr-input-profiles/assets (MIT), which is not ours."""

@@ -71,7 +71,7 @@ def chosen_entries(problem: wb.Problem, x: np.ndarray, given: np.ndarray, names:
     return subspace_of(problem, x, given, names, fixed).entries  # type: ignore[arg-type]
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_ranks_are_uniform_and_intervals_cover() -> None:
     labels, u = ranks(REPLICATIONS)
     k = len(labels)
@@ -92,7 +92,7 @@ def test_a_few_replications_run() -> None:
     assert labels[0] == "pose[pelvis, x]"
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_the_whole_body_is_not_called_converged() -> None:
     """85 numbers: more than ensembles can do at any length that people wait for."""
     from workbench.experiments import find

@@ -26,7 +26,7 @@ def within_bands(posterior: Posterior, mean: np.ndarray, covariance: np.ndarray)
 
 @pytest.mark.parametrize(
     ("k", "condition"),
-    [(3, 1.0), (3, 1e6), (10, 1e6), pytest.param(20, 1e6, marks=pytest.mark.long)],
+    [(3, 1.0), (3, 1e6), (10, 1e6), pytest.param(20, 1e6, marks=pytest.mark.thorough)],
 )
 def test_gaussians(k: int, condition: float) -> None:
     C, mean = conditioned(k, condition), np.arange(k) - 2.0

@@ -73,7 +73,7 @@ def test_other_refusals_say_what_there_is(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", SCAFFOLDS)
 def test_every_command_that_is_printed_works(kind: str, tmp_path: Path) -> None:
     """As typed, in a folder of one's own: run, diagnosed, compared and sampled."""

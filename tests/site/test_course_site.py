@@ -99,7 +99,7 @@ def test_kernels_find_the_workbench_that_started_them(tmp_path: Path) -> None:
     assert Path(first) == Path(workbench.__file__).parents[1]
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
 def test_every_notebook_executes(lecture: Lecture, tmp_path: Path) -> None:
     have(*notebooks.NEEDED)

@@ -353,7 +353,7 @@ def study() -> PredictorStudy:
     return predictor_study(small_plan(), None, lambda text: None)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_it_comes_from_its_seeds(study: PredictorStudy) -> None:
     rng = np.random.default_rng(3)
     training, validation, test = (draw_poses(shipped_gaussian(), n, rng) for n in (120, 20, 24))
@@ -405,7 +405,7 @@ def test_a_plan_that_cannot_be_carried_out_is_refused(wrong: dict[str, int], tex
         PredictorPlan(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.skipif(
     "WORKBENCH_MOCAP" not in os.environ,
     reason="set WORKBENCH_MOCAP to the recording cmu_smpl_10fps.npz",

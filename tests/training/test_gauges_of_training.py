@@ -103,7 +103,7 @@ def test_without_its_gauges_the_rank_is_full() -> None:
     assert found.rank == found.shape[1] == 2700 - 24
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_elimination_finds_the_null_space_of_singular_values() -> None:
     d = diagnosed("E_D")
     constrained = d.point.constrained

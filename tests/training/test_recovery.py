@@ -167,7 +167,7 @@ def test_steps_end_where_the_data_are_met_closely_enough(near: Near) -> None:
     assert near.together(first, together_steps=4, products=30, enough=enough).facts["steps"] == 0
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("start", "n_betas", "subjects", "poses", "ring"),
     [
