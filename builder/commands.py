@@ -19,8 +19,8 @@ BEGINNING = """\
 Written by `python -m builder.commands`; do not edit. `workbench COMMAND --help` explains every option.
 An option in brackets may be left out; what stands after it is its default, or, in capitals, what it takes.
 What a FILE.py may define is in [howto/problem.md](howto/problem.md), and which files of data are read in
-[howto/fit.md](howto/fit.md) and [howto/scan.md](howto/scan.md). Exit codes: 0 if all is well, 1 if the command warns
-(`diagnose`, `check-body`, `sample`, `lecture check`), 2 if it could not do what it was told, 130 after Ctrl-C.
+[howto/fit.md](howto/fit.md) and [howto/scan.md](howto/scan.md). Exit codes: 0 if all is well, 1 if the command warns or
+a part of its work failed, 2 if it could not do what it was told, 130 after Ctrl-C.
 """
 
 
