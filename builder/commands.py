@@ -16,11 +16,13 @@ FILE = Path(__file__).parents[1] / "COMMANDS.md"
 BEGINNING = """\
 # Commands and main names
 
-Written by `python -m builder.commands`; do not edit. `workbench COMMAND --help` explains every option.
-An option in brackets may be left out; what stands after it is its default, or, in capitals, what it takes.
-What a FILE.py may define is in [howto/problem.md](howto/problem.md), and which files of data are read in
-[howto/fit.md](howto/fit.md) and [howto/scan.md](howto/scan.md). Exit codes: 0 if all is well, 1 if the command warns or
-a part of its work failed, 2 if it could not do what it was told, 130 after Ctrl-C.
+Written by `python -m builder.commands`; do not edit. `workbench COMMAND --help` explains every
+option. What is in brackets may be left out; what stands after an option is its default or, in
+capitals, what it takes. What a FILE.py may define is in [howto/problem.md](howto/problem.md), and
+which files of data are read in [howto/fit.md](howto/fit.md) and [howto/scan.md](howto/scan.md).
+
+Exit codes: 0 if all is well, 1 if the command warns or a part of its work failed, 2 if it could not
+do what it was told, 130 after Ctrl-C.
 """
 
 
