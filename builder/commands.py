@@ -9,7 +9,8 @@ from typing import Any
 
 import typer
 
-from builder.site.inventory import inventory
+import workbench as wb
+from builder.site.inventory import FRONT_DOOR, Entry, resolve
 from workbench.cli.app import app
 
 FILE = Path(__file__).parents[1] / "COMMANDS.md"
@@ -31,11 +32,9 @@ def text() -> str:
     parts = [BEGINNING, "## Commands\n"]
     parts += [section(name, command) for name, command in commands()]
     parts += ["## Main names of the library\n", "| name | what it is |\n| --- | --- |"]
-    parts += [
-        f"| `wb.{entry.name}` | {entry.summary.replace('|', chr(92) + '|')} |"
-        for entry in sorted(inventory(), key=lambda entry: entry.name.casefold())
-        if entry.public
-    ]
+    for name in sorted(wb.__all__, key=str.casefold):
+        entry = Entry(name, *resolve(FRONT_DOOR, name), public=True, exported=FRONT_DOOR)
+        parts.append(f"| `wb.{name}` | {entry.summary.replace('|', chr(92) + '|')} |")
     return "\n".join(parts) + "\n"
 
 
