@@ -15,7 +15,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks.backwards import scalars_repeated
-from workbench.blocks.block import Block
+from workbench.blocks.block import Block, Symbolic
 from workbench.blocks.tree import Tree
 from workbench.errors import BadArgument, BadResidual, NotSupported, TwoSymbolsOneName
 
@@ -101,7 +101,7 @@ class PointSource(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class Points(Symbolic):
     """The points that a residual reads: a symbol that stands for the points of a source.
 
     A residual need not know a body. When the whole graph is needed, the problem puts the source's

@@ -51,7 +51,7 @@ def read_glb(
     """
     check_given(unit, up)
     with taken_for(path, "motion as glTF", DO), damage():
-        document = document_of(bytes(bounded(path, MOST_BYTES)), Path(path).parent)
+        document = document_of(bounded(path, MOST_BYTES), Path(path).parent)
         try:
             return _motion_of(document, unit, up, fps, Path(path).name)
         except BadArgument as error:
