@@ -16,7 +16,6 @@ from workbench.installation import DISTRIBUTION, VERSION, pip_install, version_o
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 TEXTS = {".py", ".md", ".toml", ".yml", ".yaml", ".txt", ".cfg", ".sh", ".html", ".css", ""}
-HISTORY = "CHANGELOG.md"  # says what earlier versions printed
 NOT_OURS = re.compile(
     r"pip3? install (?:[^\s,;:`]+ )*?['\"]?workbench(?![\w/-])"  # pip install workbench
     r"|(?<![\w-])workbench\[(?:course|dask|bench|test|thorough|dev)\]"  # workbench[course]
@@ -26,12 +25,21 @@ NOT_OURS = re.compile(
 
 def texts() -> list[Path]:
     """All that is written by hand, wherever it stands in the tree."""
-    folders = ("workbench", "lectures", "examples", "benchmarks", "tests", ".ci")
+    folders = (
+        "workbench",
+        "lectures",
+        "examples",
+        "howto",
+        "builder",
+        "benchmarks",
+        "tests",
+        ".ci",
+    )
     inside = [path for folder in folders for path in (ROOT / folder).rglob("*")]
     return [
         path
         for path in (*ROOT.iterdir(), *inside)
-        if path.is_file() and path.suffix in TEXTS and path.name not in (HISTORY, ".git")
+        if path.is_file() and path.suffix in TEXTS and path.name != ".git"
     ]
 
 

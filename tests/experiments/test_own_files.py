@@ -138,8 +138,7 @@ def test_the_other_names_beside_a_problem_are_read(tmp_path: Path) -> None:
 
 
 def test_what_a_file_may_define_is_said_wherever_files_are_described(tmp_path: Path) -> None:
-    commands = (Path(__file__).parents[2] / "COMMANDS.md").read_text()
-    described = commands.partition("## Fit")[0]
+    described = (Path(__file__).parents[2] / "howto" / "problem.md").read_text(encoding="utf-8")
     with pytest.raises(BadFile) as raised:
         find(written(tmp_path, "del problem"))
     beside = ("priors", "body", "compared", "candidates", "gauges")

@@ -503,7 +503,7 @@ def test_means_of_rings_are_near_the_joints_of_the_embedded_body() -> None:
             ("segments", both / both.sum(axis=1, keepdims=True)),
         )
     }
-    assert off["rings"] == pytest.approx(31, abs=0.5)  # mm, as CHANGELOG.md has it
+    assert off["rings"] == pytest.approx(31, abs=0.5)  # mm
     assert off["segments"] == pytest.approx(59, abs=0.5)
 
 

@@ -1,4 +1,10 @@
-"""Points on a body as residuals see them: a placeholder, and where it comes from."""
+"""Points on a body as residuals see them: a placeholder, and where it comes from.
+
+Residuals are functions of placeholders, so that they need not know a body; each placeholder has a
+source that computes its points. Where the whole graph is needed, `Problem` puts the source's
+expression in the place of the placeholder. A source may have arithmetic alone (`expression` is
+None): then there is no whole graph, and all that uses the chain rule works.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

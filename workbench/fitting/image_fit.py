@@ -1,4 +1,12 @@
-"""A body on the keypoints of one image: the setup, and the stages and starts that solve it."""
+"""A body on the keypoints of one image: the setup, and the stages and starts that solve it.
+
+How an image is fitted is a recipe, as data (`image_recipe`): terms, sigmas, stages, priors and a
+solver. Lengths in px are proportional to the height of the person in the image. What a camera
+observed is in fixed blocks, so that images of one kind share one problem with its derived functions
+(`keypoint_problem`). A fit begins at what a small network reads off the keypoints
+(`regressed_start`), and further hypotheses at the resting body and at turned ones. The `strategy`
+of the setup makes the whole solver of the one that the user named.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,9 @@
-"""Reading keypoints from files of detectors, and the cameras that saw them."""
+"""Reading keypoints from files of detectors, and the cameras that saw them.
+
+Detectors differ in the order and the names of their points, which are data in `detector_layouts`.
+Whatever a file holds and no fit reads (keypoints without a landmark, other people, keys of a
+calibration) is named in a sentence among the `notes` of a `Setup`.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,9 @@
-"""Motions from skinned, animated glTF files (.glb, .gltf)."""
+"""Motions from skinned, animated glTF files (.glb, .gltf).
+
+The motion of a joint in a frame of the animation is the rigid motion from its bind pose to its pose
+in that frame; nodes between joints and above them are included. Other files that a .gltf names are
+opened only if they are in its folder.
+"""
 
 from pathlib import Path
 from typing import Any
