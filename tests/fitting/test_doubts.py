@@ -188,3 +188,15 @@ def test_negative_and_missing_confidences_are_not_seen(tmp_path: Path) -> None:
     photo = read_observations([path], size=SIZE).photographs[0]
     assert photo.confidence[3] == photo.confidence[4] == 0
     assert (photo.confidence > 0).sum() == 15
+
+
+def test_small_and_large_images_of_a_person_give_one_body() -> None:
+    points, found = seen(*FRONT), []
+    for times in (0.1, 1.0):
+        size = (int(times * SIZE[0]), int(times * SIZE[1]))
+        setup = from_one(points * [times, times, 1], size, 1500 * times)
+        assert setup.strategy is not None
+        solution = setup.strategy(None).solve(setup.problem, setup.start)
+        values = dict(setup.start) | solution.values
+        found.append(body().joints(*(values[block.name] for block in body().blocks())))
+    assert np.linalg.norm(found[0] - found[1], axis=1).max() < 0.02  # m
