@@ -60,13 +60,13 @@ def test_refits_stay_between_bounds() -> None:
 
 
 def profile_of(expression: cs.MX, start: tuple[float, float], entry: str = "x[0]") -> Profile:
-    """The profile profile_of a residual with a sigma profile_of 1, from its minimum near `start`."""
+    """The profile of a residual with a sigma of 1, from its minimum near `start`."""
     problem = wb.Problem([Residual("r", expression, 1.0)], ["x"], blocks=[X])
     values = wb.solve(problem, {"x": np.array(start)}).values
     return profile_likelihood(problem, values, entry, level=0.9)
 
 
-def test_profile_of_a_linear_problem_is_a_parabola() -> None:
+def test_of_a_linear_problem_is_a_parabola() -> None:
     A, b = np.array([[1.0, 2.0], [0.5, -1.0], [0.3, 0.1]]), np.array([1.0, 2.0, 3.0])
     found = profile_of(cs.mtimes(cs.DM(A), X.symbol) - b, (0, 0))
     sd = np.sqrt(np.linalg.inv(A.T @ A)[0, 0])
@@ -80,7 +80,7 @@ def test_profile_of_a_linear_problem_is_a_parabola() -> None:
 
 
 def test_profile_interval_of_an_exponential_is_exact() -> None:
-    """exp(x0) is observed as 1 with a sigma profile_of 0.5: ends are at log(1 +- 0.5 z)."""
+    """exp(x0) is observed as 1 with a sigma of 0.5: ends are at log(1 +- 0.5 z)."""
     x = X.symbol
     found = profile_of(cs.vertcat(2 * (cs.exp(x[0] + 0 * x[1]) - 1), x[1] - x[0]), (0.1, 0.1))
     z = 1.6448536
@@ -103,7 +103,7 @@ def test_profile_may_be_open_on_one_side() -> None:
     assert "on the other side nothing bounds it up to" in str(found)
 
 
-def test_profile_of_an_undetermined_entry_is_unbounded() -> None:
+def test_of_an_undetermined_entry_is_unbounded() -> None:
     x = X.symbol
     found = profile_of(cs.vertcat(x[0] - x[1], 2 * (x[0] - x[1])), (1.0, 1.0))
     assert found.sd == np.inf
@@ -112,7 +112,7 @@ def test_profile_of_an_undetermined_entry_is_unbounded() -> None:
 
 
 def test_profile_reports_a_lower_minimum() -> None:
-    """Minima at -1 and 1 profile_of a tilted double well; the fit is in the worse one."""
+    """Minima at -1 and 1 of a tilted double well; the fit is in the worse one."""
     x = X.symbol
     r = cs.vertcat(x[0] ** 2 - 1, 0.3 * (x[0] + 2), x[1] - x[0])
     found = profile_of(r, (1.0, 1.0))
@@ -141,6 +141,6 @@ def test_command_draws_profiles(tmp_path: Path) -> None:
     folder = tmp_path / "nist-misra1a-diagnosis"
     assert "PROFILES\nb[b1] is between" in (folder / "diagnosis.txt").read_text()
     page = (folder / "index.html").read_text()
-    assert "Every point is a fit profile_of all other unknowns" in page
+    assert "Every point is a fit of all other unknowns" in page
     refused = CliRunner().invoke(app, [*arguments, "--at-start"])
     assert "give it without them" in str(refused.exception) + refused.output

@@ -171,7 +171,7 @@ def test_video_mean_skips_frames_of_few_keypoints() -> None:
 
 
 def correlated(rho: float, frames: int, series: int, seed: int = 0) -> np.ndarray:
-    """AR(1) noise of unit variance, (FRAMES, series)."""
+    """AR(1) noise of unit variance, (frames, series)."""
     rng = np.random.default_rng(seed)
     x = rng.standard_normal((frames, series))
     for t in range(1, frames):
@@ -192,7 +192,7 @@ def test_ar1_noise_has_the_known_worth(rho: float) -> None:
 
 
 def test_bias_limits_the_effective_frames() -> None:
-    """A constant of variance b beside white noise of variance 1 - b: FRAMES / (1 + b (FRAMES - 1))."""
+    """A constant of variance b beside white noise of variance 1 - b: T / (1 + b (T - 1)) of T frames."""
     rng, b, FRAMES = np.random.default_rng(1), 0.3, 100
     x = np.sqrt(b) * rng.standard_normal(5000) + np.sqrt(1 - b) * correlated(0.0, FRAMES, 5000)
     assert effective_frames(x) == pytest.approx(FRAMES / (1 + b * (FRAMES - 1)), rel=0.05)

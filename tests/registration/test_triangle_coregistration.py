@@ -58,7 +58,7 @@ def away(state: TriangleState) -> float:
     return float(np.linalg.norm(state.vertices - made()[2], axis=2).mean())
 
 
-def test_edges_before_stitching_are_those_of_the_deformations() -> None:
+def test_edges_before_stitching_follow_deformations() -> None:
     rng, b = np.random.default_rng(0), start()
     pose, betas = 0.3 * rng.standard_normal((b.n_joints, 3)), rng.standard_normal(b.n_betas)
     symbols = [block.symbol for block in b.blocks()[:2]]
@@ -68,7 +68,8 @@ def test_edges_before_stitching_are_those_of_the_deformations() -> None:
     assert_allclose(np.asarray(found).T, wanted, atol=1e-14)
 
 
-def test_no_block_raises_the_joint_cost() -> None:
+@pytest.mark.thorough
+def test_triangle_cost_is_monotone_over_blocks() -> None:
     log = run(PLAN).log
     assert [entry.block for entry in log] == ["persons", "bends", "registrations"] * 2
     for entry in log:
@@ -77,10 +78,12 @@ def test_no_block_raises_the_joint_cost() -> None:
         assert sum(before.after.values()) == pytest.approx(sum(after.before.values()))
 
 
-def test_registrations_come_nearer_to_the_truth_than_with_the_model_held() -> None:
+@pytest.mark.thorough
+def test_learned_triangles_improve_registrations() -> None:
     assert away(run(PLAN)) < 0.9 * away(run(replace(PLAN, blocks=())))
 
 
+@pytest.mark.thorough
 def test_bends_are_learned_before_stitching() -> None:
     skinned, rng, ratio = body(), np.random.default_rng(4), 0.02
     poses = 0.25 * rng.standard_normal((12, skinned.n_joints, 3))  # those of `start`
@@ -117,8 +120,9 @@ def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", [0, 1])
-def test_what_an_unknown_does_to_edges_has_its_adjoint_and_its_blocks(which: int) -> None:
+def test_unknowns_of_edges_have_their_adjoint(which: int) -> None:
     state, rng = run(PLAN), np.random.default_rng(1)
     unknown, _ = unknowns(state.body, state.poses)[which]
     n, rows = unknown.prior.shape[0], 2 * state.body.n_faces
@@ -130,8 +134,9 @@ def test_what_an_unknown_does_to_edges_has_its_adjoint_and_its_blocks(which: int
     assert_allclose(faces.ravel(), unknown.back(1, forth), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", [0, 1])
-def test_the_joint_step_solves_the_normal_equations(which: int) -> None:
+def test_joint_step_solves_the_normal_equations(which: int) -> None:
     state, rng = run(PLAN), np.random.default_rng(1)
     unknown, own = unknowns(state.body, state.poses)[which]
     N, s = state.body.n_vertices, 0.01
@@ -154,7 +159,8 @@ def test_the_joint_step_solves_the_normal_equations(which: int) -> None:
     assert np.abs(slope).max() < 1e-7 * np.abs(began).max()
 
 
-def test_both_forms_are_the_same_at_a_weight_of_one_and_differ_elsewhere() -> None:
+@pytest.mark.thorough
+def test_symmetric_form_weighs_priors() -> None:
     scans, _, _, _ = made()
     state = run(PLAN)
 
@@ -175,20 +181,11 @@ def start_of(scans: ScansInMemory) -> TriangleBody:
     return TriangleCoregistration(start(), scans, PLAN).first(fits, apart()).body
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
+def test_bad_triangle_plans_are_refused() -> None:
+    for change, told in [
         ({"rounds": 0}, "one round or more, not 0"),
         ({"bends": 0.0}, "bends is above zero, not 0"),
         ({"blocks": ("templates",)}, "no block is called 'templates'; give persons and bends"),
-    ],
-)
-def test_bad_plans_are_refused(change: dict[str, object], told: str) -> None:
-    with pytest.raises(BadArgument, match=told):
-        replace(PLAN, **change)  # type: ignore[arg-type]
-
-
-def test_subjects_are_numbered_without_gaps() -> None:
-    scans, _, _, _ = made()
-    with pytest.raises(BadArgument, match="numbered 0, 1, 2"):
-        TriangleCoregistration(start(), replace(scans, subject=2 * scans.subject), PLAN)
+    ]:
+        with pytest.raises(BadArgument, match=told):
+            replace(PLAN, **change)  # type: ignore[arg-type]

@@ -112,7 +112,7 @@ def cost_of_points(
 
 
 def rho_of(kernel: Kernel, s: np.ndarray) -> np.ndarray:
-    """rho_of(s) of numbers, by the factor that a kernel is."""
+    """rho(s) of numbers, by the factor that a kernel is."""
     x = cs.MX.sym("x", len(s))
     return np.asarray(cs.Function("rho_of", [x], [kernel(x) ** 2 * x])(s)).ravel()
 
