@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -19,14 +18,11 @@ from workbench.errors import (
 )
 
 
-@pytest.mark.parametrize(
-    ("shape", "inside"),
-    [((), (1, 1)), ((4,), (4, 1)), ((5, 3), (3, 5)), ((2, 5, 3), (3, 10))],
-)
-def test_symbol_has_the_axes_reversed(shape: tuple[int, ...], inside: tuple[int, int]) -> None:
-    block = Block("b", shape)
-    assert block.symbol.shape == inside
-    assert block.size == np.prod(shape, dtype=int)
+def test_symbol_has_the_axes_reversed() -> None:
+    for shape, inside in [((), (1, 1)), ((4,), (4, 1)), ((5, 3), (3, 5)), ((2, 5, 3), (3, 10))]:
+        block = Block("b", shape)
+        assert block.symbol.shape == inside
+        assert block.size == np.prod(shape, dtype=int)
 
 
 def test_array_and_symbol_share_their_memory_layout() -> None:
@@ -46,37 +42,37 @@ def test_entries_are_named_by_labels_and_axes() -> None:
     assert Block("observed", (4, 2), "px").entry(3) == "[1, 1]"
 
 
-@pytest.mark.parametrize(("symbol", "shape"), [((4, 1), (4,)), ((3, 5), (5, 3))])
-def test_block_is_made_of_a_symbol(symbol: tuple[int, int], shape: tuple[int, ...]) -> None:
-    bare = cs.MX.sym("bare", *symbol)
-    block = Block.of(bare)
-    assert (block.name, block.shape, block.symbol_shape) == ("bare", shape, symbol)
-    assert block.symbol is bare
+def test_block_is_made_of_a_symbol() -> None:
+    for symbol, shape in [((4, 1), (4,)), ((3, 5), (5, 3))]:
+        bare = cs.MX.sym("bare", *symbol)
+        block = Block.of(bare)
+        assert (block.name, block.shape, block.symbol_shape) == ("bare", shape, symbol)
+        assert block.symbol is bare
 
 
-@pytest.mark.parametrize(("given", "shape"), [(np.int64(3), (3,)), ([24, 3], (24, 3))])
-def test_shape_may_be_a_number_or_a_list(given: Any, shape: tuple[int, ...]) -> None:
-    block = Block("x", given)
-    assert block.shape == shape
-    assert all(type(length) is int for length in block.shape)
-    assert block.size == np.prod(shape)
+def test_shape_may_be_a_number_or_a_list() -> None:
+    for given, shape in [(np.int64(3), (3,)), ([24, 3], (24, 3))]:
+        block = Block("x", given)
+        assert block.shape == shape
+        assert all(type(length) is int for length in block.shape)
+        assert block.size == np.prod(shape)
 
 
-@pytest.mark.parametrize("shape", [(3, -1), 1.5, "3", None])
-def test_bad_shapes_are_refused(shape: Any) -> None:
-    with pytest.raises(BadBlock, match=r"'x'.*shape is whole numbers"):
-        Block("x", shape)
+def test_bad_shapes_are_refused() -> None:
+    for shape in [(3, -1), 1.5, "3", None]:
+        with pytest.raises(BadBlock, match=r"'x'.*shape is whole numbers"):
+            Block("x", shape)
 
 
-@pytest.mark.parametrize("travel", [copy.copy, lambda b: pickle.loads(pickle.dumps(b))])
-def test_copies_have_symbols_of_their_own(travel: Any) -> None:
-    block = Block("pose", (2, 3), "rad", ("pelvis", "right_ankle"))
-    _ = block.symbol
-    other = travel(block)
-    assert (other.name, other.shape, other.unit) == (block.name, block.shape, block.unit)
-    assert other.labels == block.labels
-    assert other.symbol.shape == block.symbol.shape
-    assert not cs.is_equal(other.symbol, block.symbol)
+def test_copies_have_symbols_of_their_own() -> None:
+    for travel in [copy.copy, lambda b: pickle.loads(pickle.dumps(b))]:
+        block = Block("pose", (2, 3), "rad", ("pelvis", "right_ankle"))
+        _ = block.symbol
+        other = travel(block)
+        assert (other.name, other.shape, other.unit) == (block.name, block.shape, block.unit)
+        assert other.labels == block.labels
+        assert other.symbol.shape == block.symbol.shape
+        assert not cs.is_equal(other.symbol, block.symbol)
 
 
 LAYOUT = Layout(
@@ -154,33 +150,32 @@ def test_wrong_shapes_are_refused() -> None:
         LAYOUT.pack(some_values() | {"pose": np.zeros(6)})
 
 
-@pytest.mark.parametrize("bad", [np.nan, -np.inf])
-def test_values_that_are_not_finite_are_refused(bad: float) -> None:
-    pose = np.zeros((2, 3))
-    pose[1] = bad
-    with pytest.raises(NonFiniteValue, match=rf"'pose' holds {bad} at \[right_ankle, x\]"):
-        LAYOUT.pack(some_values() | {"pose": pose})
-    with pytest.raises(NonFiniteValue, match="its only entry"):
-        LAYOUT.pack(some_values() | {"scale": np.array(bad)})
+def test_values_that_are_not_finite_are_refused() -> None:
+    for bad in [np.nan, -np.inf]:
+        pose = np.zeros((2, 3))
+        pose[1] = bad
+        with pytest.raises(NonFiniteValue, match=rf"'pose' holds {bad} at \[right_ankle, x\]"):
+            LAYOUT.pack(some_values() | {"pose": pose})
+        with pytest.raises(NonFiniteValue, match="its only entry"):
+            LAYOUT.pack(some_values() | {"scale": np.array(bad)})
 
 
-@pytest.mark.parametrize(
-    ("value", "found"),
-    [
+def test_values_that_are_no_numbers_are_refused() -> None:
+    for value, found in [
         ("abc", "text"),
         ([[0, 0, 0], [1, 1]], "rows of different lengths"),
         (None, "something of type NoneType"),
         (np.zeros((2, 3), complex), "complex numbers"),
         (LAYOUT["pose"].symbol, "a symbol; give its numbers"),
-    ],
-)
-def test_values_that_are_no_numbers_are_refused(value: object, found: str) -> None:
-    with pytest.raises(NotNumbers, match=f"block 'pose' must be an array of real .*, not {found}"):
-        LAYOUT.pack(some_values() | {"pose": value})  # type: ignore[dict-item]
+    ]:
+        with pytest.raises(
+            NotNumbers, match=f"block 'pose' must be an array of real .*, not {found}"
+        ):
+            LAYOUT.pack(some_values() | {"pose": value})  # type: ignore[dict-item]
 
 
-@pytest.mark.parametrize("dtype", [bool, np.longdouble])
-def test_numbers_of_any_precision_are_packed(dtype: type) -> None:
-    pose = np.arange(6).reshape(2, 3).astype(dtype)
-    flat = LAYOUT.pack(some_values() | {"pose": pose})
-    np.testing.assert_array_equal(flat[LAYOUT.slices["pose"]], pose.ravel())
+def test_numbers_of_any_precision_are_packed() -> None:
+    for dtype in [bool, np.longdouble]:
+        pose = np.arange(6).reshape(2, 3).astype(dtype)
+        flat = LAYOUT.pack(some_values() | {"pose": pose})
+        np.testing.assert_array_equal(flat[LAYOUT.slices["pose"]], pose.ravel())

@@ -3,12 +3,11 @@
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
 
 import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.tiers import few
-from workbench.blocks.framed_points import FramedPoints, on_the_diagonal
+from workbench.blocks.framed_points import FramedPoints
 from workbench.blocks.frames import FrameBlocks, framed
 from workbench.errors import BadBlock
 
@@ -181,12 +180,3 @@ def test_trees_of_frames_are_a_forest() -> None:
     assert tree.places[3:] == tuple(("pose", 27 + 3 * k) for k in range(3))
     one_pose = FramedPoints(POINTS.source, blocks(("pose", "betas")), (1, 3))
     assert one_pose.tree is own
-
-
-def test_matrices_of_frames_stand_on_the_diagonal() -> None:
-    full = RNG.uniform(size=(2, 2, 3))
-    each = [csc_array(one * (one > 0.4)) for one in full]
-    found = on_the_diagonal(each, (1, 3), 4).toarray()
-    expected = np.zeros((4, 12))
-    expected[:2, 3:6], expected[2:, 9:] = each[0].toarray(), each[1].toarray()
-    np.testing.assert_array_equal(found, expected)

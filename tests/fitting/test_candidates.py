@@ -21,7 +21,6 @@ from workbench.fitting.measurement_candidates import (
     without_hidden,
 )
 from workbench.fitting.observations import photograph
-from workbench.fitting.repeated_fits import repeated_fits
 from workbench.fitting.stature import stature
 from workbench.geometry.camera import Camera
 
@@ -193,25 +192,3 @@ def test_pose_candidates_equal_a_marker_fit(body: SkinnedBody) -> None:
         wb.design(problem.without("offset prior"), several, {"betas": at["betas"]})
     with pytest.raises(BadArgument, match="the poses are"):
         pose_candidates(body, worn, np.zeros((2, 5, 3)))
-
-
-@pytest.mark.thorough
-def test_designed_depth_spread_matches_repeated_fits(
-    body: SkinnedBody, problem: wb.Problem, at: wb.Values
-) -> None:
-    """40 fits of 85 unknowns: a standard deviation is known to 11 %; 3.5 of these are allowed."""
-    camera = Camera("candidate/")
-    centre = body.joints(**at)[0]
-    several = cameras_on_a_sphere(body, centre, around=(0, 60), up=(0,))
-    two = wb.diagnostics.with_candidates(problem, several, list(several))
-    R, t = looking_at(centre, 0, 0, 4.0)
-    K = np.array([[1200.0, 0, 500], [0, 1200, 500], [0, 0, 1]])
-    depth = depth_of(body, camera, camera.values(K=K, R=R, t=t))
-    found = wb.design(problem, several, at, choose=2, criterion=wb.sd_of(depth))
-    fits = repeated_fits(two, at, 40, seed=4)
-    assert fits.converged.all()
-    numbers = fits.numbers(depth, at)
-    assert numbers.shape == (40, 1)
-    assert numbers.mean() == pytest.approx(4.0, abs=5 * found.after.sd / np.sqrt(40))
-    ratio = fits.spread(wb.sd_of(depth), at) / found.after.sd
-    assert abs(ratio - 1) < 3.5 / np.sqrt(80)

@@ -10,7 +10,6 @@ import pytest
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
-from workbench.fitting.body_priors import pose_prior, tailed_pose_prior
 from workbench.fitting.file_jobs import FailedFile
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_jobs import (
@@ -27,9 +26,7 @@ from workbench.fitting.image_recipe import (
     Appearance,
     ByHeight,
     WithStature,
-    image_priors,
     smplify,
-    tailed_priors,
 )
 from workbench.fitting.image_starts import turned_about
 from workbench.fitting.keypoint_precision import MARKED, TYPICAL, alike, as_marked
@@ -38,7 +35,6 @@ from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.stature import stature, stature_prior
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.tailed_poses import shipped_student
 from workbench.problem.stages import in_stage
 from workbench.residuals.kernels import geman_mcclure, scaled
 from workbench.solvers import Staged, Starts
@@ -289,23 +285,6 @@ def test_interrupted_image_fit_ends_the_work(
 def test_files_of_the_same_name_are_refused() -> None:
     with pytest.raises(BadArgument, match="same name"):
         image_jobs([Path("a/one.json"), Path("b/One.json")])
-
-
-def test_student_prior_has_tails_for_moving_joints() -> None:
-    """The cost of moving joints grows as a logarithm, that of the others as before."""
-    tailed, usual = tailed_priors(BODY), image_priors(BODY)
-    assert [term.name for term in tailed] == [term.name for term in usual]
-    learned, names = shipped_student(), BODY.joint_names[1:]
-    moving = [names.index(name) for name in learned.joint_names]
-    pose = 0.3 * np.random.default_rng(0).normal(size=(24, 3))
-    m2 = learned.squares(pose[1:][moving].reshape(1, -1))[0]
-    still = np.delete(pose[1:], moving, axis=0)
-    expected = 0.5 * (learned.dof + 13) * np.log1p(m2 / learned.dof)
-    expected += 0.5 * np.sum(still**2) / (0.1**2 + 0.01**2)
-    r = Problem([tailed[0]], ("pose",)).residual(pose.ravel(), np.zeros(0))
-    assert 0.5 * r @ r == pytest.approx(expected, rel=1e-5)
-    hand = load_body("hand")
-    assert tailed_pose_prior(hand, 13).size == pose_prior(hand).size
 
 
 @pytest.mark.thorough

@@ -112,19 +112,6 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 
 @pytest.mark.thorough
-def test_notes_stand_in_terminal_page_and_summary(outcome: Outcome, tmp_path: Path) -> None:
-    console = Console(record=True, width=300, file=StringIO())
-    print_outcome(console, outcome)
-    page = write_report(outcome, tmp_path / "run")
-    summary = json.loads((page.parent / "summary.json").read_text(encoding="utf-8"))
-    (note,) = outcome.setup.notes
-    assert note.endswith("do not include the others: 21 of the left hand")
-    assert f"note: {note}" in console.export_text()
-    assert note.replace("'", "&#39;") in page.read_text(encoding="utf-8")
-    assert summary["notes"] == [note]
-
-
-@pytest.mark.thorough
 def test_synthetic_data_are_called_so(outcome: Outcome, tmp_path: Path) -> None:
     surface = outcome.surface
     assert surface is not None

@@ -192,7 +192,7 @@ def test_ar1_noise_has_the_known_worth(rho: float) -> None:
 
 
 def test_bias_limits_the_effective_frames() -> None:
-    """A constant of variance b beside white noise of variance 1 - b: T / (1 + b (T - 1)) of T frames."""
+    """A constant of variance b beside white noise of variance 1 - b: T / (1 + b (T - 1))."""
     rng, b, FRAMES = np.random.default_rng(1), 0.3, 100
     x = np.sqrt(b) * rng.standard_normal(5000) + np.sqrt(1 - b) * correlated(0.0, FRAMES, 5000)
     assert effective_frames(x) == pytest.approx(FRAMES / (1 + b * (FRAMES - 1)), rel=0.05)

@@ -124,24 +124,6 @@ def test_indefinite_matrices_have_no_factor(order: BandOrder) -> None:
         assert factor(N) is None
 
 
-@pytest.mark.thorough
-def test_order_of_unknowns_changes_nothing() -> None:
-    """The same matrix under other names of its unknowns has the same factor."""
-    sizes, border, reach = [3, 2, 3], 2, 5
-    one, other = (order_made_up(sizes, border, reach, seed) for seed in (0, 1))
-    _, A = banded(one)
-    place = np.concatenate([one.inner, one.border])
-    into = np.concatenate([other.inner, other.border])
-    P = np.zeros((one.size, one.size))
-    P[into, place] = 1.0
-    matrix = BandedMatrix.zeros(other)
-    matrix.add_sparse(csc_array(P @ A @ P.T))
-    factor = matrix.factorized()
-    assert factor is not None
-    b = np.random.default_rng(0).standard_normal(one.size)
-    np.testing.assert_allclose(P.T @ factor.solve(P @ b), np.linalg.solve(A, b), atol=1e-13)
-
-
 # Jacobians of sequences.
 
 

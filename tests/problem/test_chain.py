@@ -13,7 +13,6 @@ from tests.tiers import few
 from workbench import residuals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import arithmetic
-from workbench.problem.rooms import Rooms
 from workbench.residuals import geman_mcclure, huber
 
 
@@ -224,38 +223,8 @@ def test_chain_rule_of_one_symbol_in_two_roles() -> None:
     assert_same(problem, values)
 
 
-ROWS, COLUMNS = 400, 500  # 1.6 MB
-
-
 def place(array: np.ndarray) -> int:
     return int(array.__array_interface__["data"][0])
-
-
-@pytest.mark.thorough
-def test_buffer_is_reused_once_all_views_are_gone() -> None:
-    rooms = Rooms()
-    room, first = rooms.array(ROWS, COLUMNS)
-    room[:] = 7.0
-    del room
-    at, view = place(first), first.T[3:]
-    del first
-    room, second = rooms.array(ROWS, COLUMNS)
-    assert place(second) != at  # a view of the first is still there
-    room[:] = 1.0
-    assert (view == 7.0).all()
-    del view
-    room, third = rooms.array(ROWS, COLUMNS)
-    assert place(third) == at
-    assert (third == 7.0).all()  # what the last one left
-
-
-@pytest.mark.thorough
-def test_jacobians_in_buffers_are_read_only() -> None:
-    _, found = Rooms().array(ROWS, COLUMNS)
-    with pytest.raises(ValueError, match="read-only"):
-        found[0, 0] = 1.0
-    with pytest.raises(ValueError, match="WRITEABLE"):
-        found.flags.writeable = True
 
 
 @pytest.mark.thorough

@@ -24,20 +24,17 @@ def optimality(problem: Problem, *at: float) -> float:
     return problem.optimality(problem.split(values)[0], problem.linearize(values))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_bad_constraints_are_refused() -> None:
+    for arguments, message in [
         ((x.T, 0.0), r"must be a column \(k, 1\), not \(1, 2\); casadi.vec makes one"),
         ((x, 0.0, -1.0), r"c\[0\] has the lower limit 0 and the upper limit -1; no number"),
         ((x,), r"c\[0\] has no finite limit; give one, or drop it"),
         ((x, [0.0, 1, 2]), r"has 2 rows; give one lower limit or 2 of them, not .*\(3,\)"),
         ((X, 0.0), r"take its .symbol"),
         ((x, 0.0, 1.0, "m", (), 0.0), "a finite tolerance above zero in m, not 0.0"),
-    ],
-)
-def test_bad_constraints_are_refused(arguments, message: str) -> None:
-    with pytest.raises(BadConstraint, match=message):
-        Constraint("c", *arguments)
+    ]:
+        with pytest.raises(BadConstraint, match=message):
+            Constraint("c", *arguments)
 
 
 def test_limits_are_numbers() -> None:

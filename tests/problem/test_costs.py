@@ -10,7 +10,6 @@ from tests.tiers import THOROUGH
 from workbench.blocks.batched import Mapped
 from workbench.blocks.simd import simd_function
 from workbench.problem.batch import Evaluation, compiled, interpreted
-from workbench.problem.parted import parted
 from workbench.residuals import geman_mcclure, huber
 
 
@@ -128,38 +127,3 @@ def test_long_compiled_functions_are_cut_into_pieces() -> None:
     X = np.random.default_rng(0).standard_normal((9, 4))
     (fast,), (slow,) = simd_function(f, (False,))(X), Mapped(f, (False,))(X)
     np.testing.assert_allclose(fast, slow, rtol=1e-9)
-
-
-@pytest.mark.thorough
-def test_products_keep_the_columns_that_vary() -> None:
-    """Products keep the columns that z changes, and there are none where it changes none."""
-    problem, start = problems()["keypoints"]
-    x, fixed = problem.split(start)
-    graph = problem._batch.whole
-    assert graph is not None
-    elbow = [k for k in range(len(x)) if problem.free.label(k).startswith("pose[left_elbow")]
-    trans = [k for k in range(len(x)) if problem.free.label(k).startswith("trans")]
-    rng, columns = np.random.default_rng(2), {}
-    for name, some in {"all": range(len(x)), "elbow": elbow, "trans": trans}.items():
-        places = np.array(some)
-        parts = parted(graph, places, products=True)
-        plain = parted(graph, places, products=False)
-        assert parts is not None
-        assert plain is not None
-        assert plain.before is None
-        z = x[places] + 0.1 * rng.standard_normal(len(places))
-        numbers = parts.numbers(x, fixed)
-        given = [z, numbers]
-        if parts.before is not None:
-            u, w = (np.asarray(a).ravel() for a in parts.before.function(z, numbers))
-            given += [w, parts.before.matrix @ u]
-        moved = x.copy()
-        moved[places] = z
-        cost = 0.5 * np.sum(problem.residual(moved, fixed) ** 2)
-        assert float(parts.cost(*given)) == pytest.approx(cost, rel=1e-12)
-        assert float(plain.cost(z, plain.numbers(x, fixed))) == pytest.approx(cost, rel=1e-12)
-        assert parts.instructions <= plain.instructions
-        columns[name] = 0 if parts.before is None else parts.before.matrix.shape[1]
-    assert columns["trans"] == 0  # no constant matrix multiplies it
-    assert columns["elbow"] == 9  # the elements of one rotation
-    assert columns["all"] > 100

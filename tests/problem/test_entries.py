@@ -1,7 +1,5 @@
 """Entries of blocks are free by name, and all else stays as it was given."""
 
-from dataclasses import replace
-
 import casadi as cs
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from tests.tiers import few
 from workbench import SOLVERS, Staged, residuals
 from workbench.blocks import Layout
 from workbench.blocks.entries import entries
-from workbench.diagnostics import diagnose
 from workbench.errors import BadBounds, MissingValue, ShapeMismatch, UnknownName
 from workbench.problem import Constraint
 
@@ -93,20 +90,17 @@ def test_syntax_of_entries() -> None:
     assert entries(odd, "a[1]").tolist() == [1]
 
 
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
+def test_unknown_entries_are_refused_with_those_that_exist() -> None:
+    for name, sentence in [
         ("pose[knee]", r"no entry is called 'pose\[knee\]'; there are .*pose\[left_hip\]"),
         ("betas[2:9]", r"no entry is called 'betas\[2:9\]'; there are betas\[0\], betas\[1\]"),
         ("poze[pelvis]", "no block is called 'poze.*'; there are .*pose"),
         ("pose[", r"no entry is called 'pose\['; there are"),
-    ],
-)
-def test_unknown_entries_are_refused_with_those_that_exist(name: str, sentence: str) -> None:
-    with pytest.raises(UnknownName, match=sentence):
-        problem((name,))
-    with pytest.raises(UnknownName, match=sentence):
-        problem(("trans",)).freeing("trans", name)
+    ]:
+        with pytest.raises(UnknownName, match=sentence):
+            problem((name,))
+        with pytest.raises(UnknownName, match=sentence):
+            problem(("trans",)).freeing("trans", name)
 
 
 @EACH
@@ -263,82 +257,3 @@ def test_stages_take_entries() -> None:
     np.testing.assert_allclose(solution.cost, wb.solve(whole, values).cost, rtol=1e-6)
     with pytest.raises(UnknownName, match=r"no entry is called 'pose\[tail\]'; there are"):
         wb.solve(whole, values, solver=Staged((("pose[tail]",),)))
-
-
-@pytest.mark.thorough
-def test_stage_frees_nothing_that_is_held() -> None:
-    part, values = problem(("trans", "pose[pelvis]", "pose[spine1]")), start()
-    solution = wb.solve(part, values, solver=Staged((("pose",),)))
-    moved = np.flatnonzero((solution.values["pose"] != values["pose"]).any(axis=1))
-    assert moved.tolist() == [0, 3]
-    with pytest.raises(UnknownName, match=r"no entry is called 'pose\[head\]'"):
-        wb.solve(part, values, solver=Staged((("pose[head]",),)))
-
-
-# Diagnosis and sampling.
-
-
-def diagnosed(free: tuple[str, ...]) -> tuple[wb.Problem, wb.Diagnosis]:
-    joints = BODY.joint_points(POSE, BETAS, TRANS)
-    part = wb.Problem([residuals.landmarks(joints, BODY.joints(), sigma=0.01)], free)
-    return part, diagnose(part, start())
-
-
-@pytest.mark.thorough
-def test_diagnosis_names_free_entries() -> None:
-    part, found = diagnosed(("trans", "pose[left_shoulder]", "pose[left_hand]", "betas[0:3]"))
-    assert found.rank_law is None  # it is of trees all of whose joints turn
-    names = {direction.name for direction in found.null_directions}
-    assert names == {f"pose[left_hand, {axis}]" for axis in "xyz"}  # a leaf moves no joint
-    assert all(set(d.joints) == {"left_hand"} for d in found.null_directions)
-    text = str(found)
-    assert "all of pose" not in text
-    assert "left_hand" in text
-    for suggestion in found.suggestions:  # each was carried out, and frees nothing else
-        assert set(suggestion.problem.free.names) <= {"trans", "pose", "betas"}
-        assert suggestion.problem.free.size <= part.free.size
-
-
-@pytest.mark.thorough
-def test_sampling_moves_free_entries_alone() -> None:
-    part = wb.Problem([mesh(), *priors()], ("trans", "pose[pelvis]", "betas[0:2]"))
-    best = wb.solve(part, start())
-    at = start() | best.values
-    gaussian = wb.laplace(part, at, names=("pose[pelvis]", "betas[1]"))
-    assert gaussian.labels == ("pose[pelvis, x]", "pose[pelvis, y]", "pose[pelvis, z]", "betas[1]")
-    for values in gaussian.values(3):
-        assert values["pose"].shape == (24, 3)
-        np.testing.assert_array_equal(values["pose"][1:], at["pose"][1:])
-        assert (values["pose"][0] != at["pose"][0]).any()
-        np.testing.assert_array_equal(values["betas"][2:], at["betas"][2:])
-    with pytest.raises(UnknownName):
-        wb.laplace(part, at, names="pose[left_hip]")
-
-
-# A layout, alone.
-
-
-def test_layout_of_parts() -> None:
-    block = wb.Block("p", (3, 3), "m", ("a", "b", "c"))
-    row = replace(block, name="q", labels=None)
-    layout = Layout((wb.Block.part(block, (3, 4, 5)), wb.Block.part(row, (8, 0))))
-    assert [layout.label(i) for i in range(5)] == [
-        "p[b, x]",
-        "p[b, y]",
-        "p[b, z]",
-        "q[0, x]",
-        "q[2, z]",
-    ]
-    assert layout.spelled() == ("p[b]", "q[0, x]", "q[2, z]")
-    values = {"p": np.arange(9.0).reshape(3, 3), "q": -np.arange(9.0).reshape(3, 3)}
-    assert layout.pack(values).tolist() == [3, 4, 5, 0, -8]
-    assert layout.place("p", 4) == 1
-    assert layout.place("p", 0) is None
-    zero = layout.placed(np.ones(5))
-    assert zero["p"].sum() == 3
-    assert zero["q"].sum() == 2
-    some = layout.chosen([1, 4])
-    assert some.spelled() == ("p[b, y]", "q[2, z]")
-    assert wb.Block.part(wb.Block("s", (4,)), (2, 3)).entry(0) == "[2]"
-    of_whole = cs.jacobian(cs.vec(layout["p"].symbol), block.symbol)  # the whole block's entries
-    np.testing.assert_array_equal(np.asarray(cs.evalf(of_whole)), np.eye(9)[3:6])

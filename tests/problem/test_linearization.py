@@ -6,8 +6,9 @@ import pytest
 
 from tests.bodies_made_up import random_body
 from tests.compilers import NEEDS_A_COMPILER
+from tests.tiers import few
 from workbench import Block, Linearization, Problem, Residual, residuals
-from workbench.problem import gram, steps
+from workbench.problem import steps
 from workbench.problem.gram import normal_equations
 from workbench.problem.rounding import Rounding
 
@@ -31,12 +32,12 @@ def test_cost_gradient_and_predictions_match_formulas() -> None:
 # Steps.
 
 
-@pytest.mark.parametrize("damping", [0.0, 10.0])
-def test_steps_solve_the_normal_equations(damping: float) -> None:
-    scaling = np.array([0.1, 1.0, 2.0, 30.0])
-    p = Linearization(B, A).step(damping, scaling)
-    D = np.diag(scaling)
-    np.testing.assert_allclose((A.T @ A + damping * D @ D) @ p, -A.T @ B, atol=1e-12)
+def test_steps_solve_the_normal_equations() -> None:
+    for damping in [0.0, 10.0]:
+        scaling = np.array([0.1, 1.0, 2.0, 30.0])
+        p = Linearization(B, A).step(damping, scaling)
+        D = np.diag(scaling)
+        np.testing.assert_allclose((A.T @ A + damping * D @ D) @ p, -A.T @ B, atol=1e-12)
 
 
 def test_damping_goes_from_gauss_newton_to_gradient() -> None:
@@ -47,25 +48,21 @@ def test_damping_goes_from_gauss_newton_to_gradient() -> None:
     assert (np.diff(lengths) < 0).all()
 
 
-@pytest.mark.parametrize(
-    "J",
-    [
+def test_step_without_full_rank_is_the_shortest() -> None:
+    for J in [
         np.column_stack([A, A[:, 0] + A[:, 1]]),  # one direction too many
         np.column_stack([A, np.zeros(10)]),  # an entry that nothing reads
         A[:3],  # fewer rows than columns
         np.zeros((10, 3)),
-    ],
-    ids=["dependent", "unseen", "wide", "zero"],
-)
-def test_step_without_full_rank_is_the_shortest(J: np.ndarray) -> None:
-    r = B[: len(J)]
-    here = Linearization(r, J)
-    p = here.step()
-    np.testing.assert_allclose(p, np.linalg.lstsq(J, -r)[0], atol=1e-12)
-    # damping picks the same one in the limit; Cholesky may lose eps (1e6)^2 of it on the way
-    for damping in (1e-8, 1e-10, 1e-12, 1e-15, 1e-20):
-        off = np.linalg.norm(here.step(damping) - p)
-        assert off <= 1e-3 * np.linalg.norm(p)
+    ]:
+        r = B[: len(J)]
+        here = Linearization(r, J)
+        p = here.step()
+        np.testing.assert_allclose(p, np.linalg.lstsq(J, -r)[0], atol=1e-12)
+        # damping picks the same one in the limit; Cholesky may lose eps (1e6)^2 of it on the way
+        for damping in (1e-8, 1e-10, 1e-12, 1e-15, 1e-20):
+            off = np.linalg.norm(here.step(damping) - p)
+            assert off <= 1e-3 * np.linalg.norm(p)
 
 
 def test_scaled_step_is_one_in_other_units() -> None:
@@ -77,18 +74,6 @@ def test_scaled_step_is_one_in_other_units() -> None:
     expected = np.linalg.lstsq(stacked, np.concatenate([-B, np.zeros(4)]), rcond=1e-30)[0]
     np.testing.assert_allclose(p, expected, rtol=1e-5)  # 1e9 eps, and a little
     assert np.isfinite(Linearization(B, 1e-200 * A).step()).all()  # whose squares are zero
-
-
-def test_ill_conditioned_step_keeps_its_digits() -> None:
-    """With condition c they lose eps c^2 of the step, an orthogonal factorisation eps c."""
-    U, _ = np.linalg.qr(RNG.normal(size=(10, 4)))
-    V, _ = np.linalg.qr(RNG.normal(size=(4, 4)))
-    J = U @ np.diag([1, 1e-3, 1e-6, 1e-9]) @ V.T
-    truth = RNG.normal(size=4)
-    p = Linearization(-J @ truth, J).step()
-    np.testing.assert_allclose(p, truth, atol=1e-5)  # 1e9 eps, and a little
-    by_normal = np.linalg.solve(J.T @ J + 0 * np.eye(4), J.T @ J @ truth)
-    assert np.linalg.norm(by_normal - truth) > 100 * np.linalg.norm(p - truth)
 
 
 def test_rank_is_scale_invariant() -> None:
@@ -122,17 +107,17 @@ def test_undetermined_unknowns_have_infinite_variance() -> None:
     np.testing.assert_allclose(C[seen], without, rtol=1e-12)
 
 
-@pytest.mark.parametrize("units", [1e-12, 1e9])
-def test_covariance_is_equivariant_under_units(units: float) -> None:
+def test_covariance_is_equivariant_under_units() -> None:
     """A parameter of size 1e-12 is no unseen one: columns count by their angles alone."""
-    D = np.array([units, 1.0, 1.0 / units, 1.0])
-    found = Linearization(B, A * D).covariance
-    np.testing.assert_allclose(found, np.linalg.inv(A.T @ A) / np.outer(D, D), rtol=1e-10)
-    dependent = np.column_stack([A * D, A[:, 0] + A[:, 1]])
-    C = Linearization(B, dependent).covariance
-    assert (np.diag(C)[[0, 1, 4]] == np.inf).all()
-    without = np.linalg.inv(A.T @ A)[2:, 2:] / np.outer(D, D)[2:, 2:]
-    np.testing.assert_allclose(C[2:4, 2:4], without, rtol=1e-10)
+    for units in [1e-12, 1e9]:
+        D = np.array([units, 1.0, 1.0 / units, 1.0])
+        found = Linearization(B, A * D).covariance
+        np.testing.assert_allclose(found, np.linalg.inv(A.T @ A) / np.outer(D, D), rtol=1e-10)
+        dependent = np.column_stack([A * D, A[:, 0] + A[:, 1]])
+        C = Linearization(B, dependent).covariance
+        assert (np.diag(C)[[0, 1, 4]] == np.inf).all()
+        without = np.linalg.inv(A.T @ A)[2:, 2:] / np.outer(D, D)[2:, 2:]
+        np.testing.assert_allclose(C[2:4, 2:4], without, rtol=1e-10)
 
 
 # What converged means.
@@ -171,11 +156,11 @@ def test_optimality_is_zero_at_minima_and_at_most_one() -> None:
     assert optimality(single, {"s": 0.0}) == 0
 
 
-@pytest.mark.parametrize(("scale", "sigma"), [(1e-6, 0.1), (1e6, 1e-6)])
-def test_optimality_is_invariant_under_units(scale: float, sigma: float) -> None:
-    here = optimality(curve(), {"x": np.array([0.3, -0.2])})
-    there = optimality(curve(scale, sigma), {"x": scale * np.array([0.3, -0.2])})
-    assert there == pytest.approx(here, rel=1e-12)
+def test_optimality_is_invariant_under_units() -> None:
+    for scale, sigma in [(1e-6, 0.1), (1e6, 1e-6)]:
+        here = optimality(curve(), {"x": np.array([0.3, -0.2])})
+        there = optimality(curve(scale, sigma), {"x": scale * np.array([0.3, -0.2])})
+        assert there == pytest.approx(here, rel=1e-12)
 
 
 def test_entry_held_by_a_bound_is_stationary() -> None:
@@ -200,16 +185,7 @@ def test_optimality_ignores_what_nothing_reads() -> None:
     assert optimality(problem, {"x": [1.0, 2.0, 7.0]}) == pytest.approx(1.0)
 
 
-def test_optimality_ignores_columns_that_underflow() -> None:
-    z = Block("z", (2,)).symbol
-    noticed = 1 + cs.exp(-(z[1] ** 2))  # at 20, its slope is 1e-172: squared, that is zero
-    problem = Problem((Residual("fit", cs.vertcat(z[0] - 1, noticed), 1.0),), ("z",))
-    assert optimality(problem, {"z": [1.0, 20.0]}) < 1e-15
-    # the second row is no part of the cosine: z[0] cannot change it
-    assert optimality(problem, {"z": [2.0, 20.0]}) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", few(range(2), 1))
 def test_rounding_explains_noiseless_residuals_alone(seed: int) -> None:
     body = random_body(seed, n_vertices=50)
     symbols = [block.symbol for block in body.blocks()]
@@ -258,7 +234,7 @@ def exact(here: Linearization, damping: float, D: np.ndarray) -> np.ndarray:
     return -np.linalg.lstsq(A, b, rcond=None)[0]
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
+@pytest.mark.parametrize("damping", [1e-3])
 @pytest.mark.parametrize("factorize", [steps.cholesky, steps.qr, steps.svd, steps.automatic])
 def test_factorizations_agree_when_well_conditioned(factorize, damping: float) -> None:
     here, D = conditioned(10.0), np.array([1.0, 2, 3, 4, 5, 6])
@@ -300,24 +276,24 @@ def test_automatic_choice_is_reported() -> None:
         assert steps.automatic(conditioned(condition), 0.0, np.ones(6)).by == by
 
 
-@pytest.mark.parametrize("damping", [1e-14, 1e-2])
-def test_equal_columns_share_their_step(damping: float) -> None:
+def test_equal_columns_share_their_step() -> None:
     """Two equal columns share their step equally, at any damping."""
-    rng = np.random.default_rng(1)
-    A = rng.normal(size=(30, 3))
-    here = Linearization(rng.normal(size=30), np.column_stack([A, A[:, 2]]))
-    p = steps.automatic(here, damping, np.ones(4)).p
-    assert p[2] == pytest.approx(p[3], rel=1e-6)
+    for damping in [1e-14, 1e-2]:
+        rng = np.random.default_rng(1)
+        A = rng.normal(size=(30, 3))
+        here = Linearization(rng.normal(size=30), np.column_stack([A, A[:, 2]]))
+        p = steps.automatic(here, damping, np.ones(4)).p
+        assert p[2] == pytest.approx(p[3], rel=1e-6)
 
 
-@pytest.mark.parametrize("shape", [(40, 6), (3, 6)])
-def test_triangle_keeps_normal_matrix_and_gradient(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(2)
-    here = Linearization(rng.normal(size=shape[0]), rng.normal(size=shape))
-    d, R, b = here.triangle
-    assert R.shape == (min(shape), shape[1])
-    np.testing.assert_allclose(R.T @ R * np.outer(d, d), here.normal, atol=1e-12)
-    np.testing.assert_allclose(d * (R.T @ b), here.gradient, atol=1e-12)
+def test_triangle_keeps_normal_matrix_and_gradient() -> None:
+    for shape in [(40, 6), (3, 6)]:
+        rng = np.random.default_rng(2)
+        here = Linearization(rng.normal(size=shape[0]), rng.normal(size=shape))
+        d, R, b = here.triangle
+        assert R.shape == (min(shape), shape[1])
+        np.testing.assert_allclose(R.T @ R * np.outer(d, d), here.normal, atol=1e-12)
+        np.testing.assert_allclose(d * (R.T @ b), here.gradient, atol=1e-12)
 
 
 def test_linearization_without_held_entries() -> None:
@@ -344,19 +320,19 @@ def random_jacobian(m: int = ROWS, n: int = COLUMNS) -> np.ndarray:
 
 
 @NEEDS_A_COMPILER
-@pytest.mark.parametrize(("m", "n"), [(ROWS, COLUMNS), (1000, 169)])
-def test_compiled_normal_equations_match_blas(m: int, n: int) -> None:
-    J, r = random_jacobian(m, n), np.random.default_rng(1).standard_normal(m)
-    found = normal_equations(J, r)
-    assert found is not None
-    lengths = np.linalg.norm(J, axis=0)
-    error = np.abs(found[0] - J.T @ J) / np.maximum(np.outer(lengths, lengths), 1e-300)
-    assert error.max() < 1e-14
-    np.testing.assert_array_equal(found[0], found[0].T)
-    assert (np.abs(found[1] - J.T @ r) <= 1e-14 * lengths * np.linalg.norm(r)).all()
-    again = normal_equations(J, r)
-    assert again is not None
-    np.testing.assert_array_equal(again[0], found[0])  # memory that is used again was cleared
+def test_compiled_normal_equations_match_blas() -> None:
+    for m, n in [(ROWS, COLUMNS), (1000, 169)]:
+        J, r = random_jacobian(m, n), np.random.default_rng(1).standard_normal(m)
+        found = normal_equations(J, r)
+        assert found is not None
+        lengths = np.linalg.norm(J, axis=0)
+        error = np.abs(found[0] - J.T @ J) / np.maximum(np.outer(lengths, lengths), 1e-300)
+        assert error.max() < 1e-14
+        np.testing.assert_array_equal(found[0], found[0].T)
+        assert (np.abs(found[1] - J.T @ r) <= 1e-14 * lengths * np.linalg.norm(r)).all()
+        again = normal_equations(J, r)
+        assert again is not None
+        np.testing.assert_array_equal(again[0], found[0])  # memory that is used again was cleared
 
 
 @NEEDS_A_COMPILER
@@ -370,18 +346,3 @@ def test_compiled_normal_equations_keep_nonfinite_numbers() -> None:
     assert np.isnan(found[1][5])  # beside a residual of zero
     assert found[0][4, 4] == np.inf
     assert np.isfinite(found[0][7, 7])
-
-
-@NEEDS_A_COMPILER
-def test_step_is_the_same_without_compiled_products(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    J = random_jacobian()
-    J[5, 3] = 1.0  # no column without a number
-    r = np.random.default_rng(2).standard_normal(ROWS)
-    compiled = Linearization(r, J)
-    p = compiled.step(0.1)
-    assert "gradient" in vars(compiled)  # from the same pass
-    monkeypatch.setattr(gram, "compiled", lambda: None)
-    plain = Linearization(r, J)
-    np.testing.assert_allclose(p, plain.step(0.1), rtol=0, atol=1e-13 * np.abs(p).max())

@@ -97,17 +97,17 @@ def test_undetermined_column_does_not_excuse_coupled_unknown() -> None:
     assert problem.optimality(at, here, rounding(problem, **values)) > 0.1
 
 
-@pytest.mark.parametrize("constant", [1.0, 1e12])
-def test_constant_rows_do_not_change_optimality(constant: float) -> None:
-    x = Block("x").symbol
-    alone = Problem((Residual("fit", x - 1, 1.0),), "x")
-    beside = Problem((Residual("fit", x - 1, 1.0), Residual("c", cs.MX(constant), 1.0)), "x")
-    for value in (0.0, 0.5, 1.0):
-        both = [
-            p.optimality(p.split({"x": value})[0], p.linearize({"x": value}))
-            for p in (alone, beside)
-        ]
-        assert both[0] == both[1] == (value != 1.0)
+def test_constant_rows_do_not_change_optimality() -> None:
+    for constant in [1.0, 1e12]:
+        x = Block("x").symbol
+        alone = Problem((Residual("fit", x - 1, 1.0),), "x")
+        beside = Problem((Residual("fit", x - 1, 1.0), Residual("c", cs.MX(constant), 1.0)), "x")
+        for value in (0.0, 0.5, 1.0):
+            both = [
+                p.optimality(p.split({"x": value})[0], p.linearize({"x": value}))
+                for p in (alone, beside)
+            ]
+            assert both[0] == both[1] == (value != 1.0)
 
 
 def test_large_residuals_of_others_do_not_hide_a_miss() -> None:

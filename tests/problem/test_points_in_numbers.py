@@ -1,7 +1,6 @@
 """Joints, landmarks and constraints by arithmetic: what the whole graph says, and differences."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -13,11 +12,10 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from tests.problem.test_chain import assert_same, pose_at
 from tests.tiers import few
 from workbench import residuals
-from workbench.blocks import Block, NumericPoints, PointsAt, Tree
+from workbench.blocks import NumericPoints
 from workbench.blocks.points_of_each import FrameByFrame, points_of_each
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.bodies.forward.posed_each import PosedEach
-from workbench.errors import NotSupported
 from workbench.problem import Constraint
 
 FREE = [("trans", "pose", "betas"), ("betas", "trans")]
@@ -180,90 +178,3 @@ def test_constraints_of_points_match_the_graph(made: str) -> None:
     np.testing.assert_allclose(here.values, expected.ravel(), atol=1e-12)
     np.testing.assert_allclose(here.jacobian, slopes, atol=1e-11)
     np.testing.assert_allclose(there.values(x, fixed), expected.ravel(), atol=1e-12)
-
-
-# A source that is arithmetic alone.
-
-
-@dataclass(frozen=True, eq=False)
-class Nearest:
-    """The corner of a set that is nearest to `place` (3,), moved along with it."""
-
-    block: Block
-    corners: np.ndarray
-
-    count = 1
-    expression = None
-    tree: Tree | None = None
-    labels = ("nearest",)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        return (self.block,)
-
-    @cached_property
-    def numeric(self) -> NumericPoints:
-        return NearestNumbers(self)
-
-
-@dataclass(frozen=True, eq=False)
-class NearestNumbers:
-    of: Nearest
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        return (self.of.block.name,)
-
-    def evaluate(self, values: wb.Values) -> PointsAt:
-        return NearestAt(self.of, values[self.of.block.name])
-
-    def evaluate_batch(self, values: wb.Values) -> np.ndarray:
-        return np.array([NearestAt(self.of, one).points for one in values[self.of.block.name]])
-
-
-@dataclass(frozen=True, eq=False)
-class NearestAt:
-    of: Nearest
-    place: np.ndarray
-
-    @property
-    def points(self) -> np.ndarray:
-        corners = self.of.corners
-        chosen = corners[np.argmin(((corners - self.place) ** 2).sum(axis=1))]
-        return np.asarray(chosen + 0.5 * self.place)[None]
-
-    def tangent(self, into: wb.Values, scale: np.ndarray | None) -> None:
-        into[self.of.block.name][...] = 0.5 * np.eye(3) * (1.0 if scale is None else scale)
-
-    def adjoint(self, pull: np.ndarray) -> wb.Values:
-        return {self.of.block.name: 0.5 * pull}
-
-
-def nearest_problem() -> wb.Problem:
-    corners = np.random.default_rng(0).normal(size=(20, 3))
-    points = wb.Points.of(Nearest(wb.Block("place", (3,), "m"), corners), "nearest")
-    term = residuals.landmarks(points, np.array([[0.2, 0.1, -0.3]]), sigma=0.1)
-    return wb.Problem([term], "place")
-
-
-def test_points_without_a_graph_are_fitted() -> None:
-    problem = nearest_problem()
-    assert not problem.has_graph
-    start = {"place": np.array([0.5, -0.2, 0.3])}
-    x, fixed = problem.split(start)
-    here = problem.linearize(start)
-    np.testing.assert_allclose(here.jacobian, 5 * np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(problem.cost_and_gradient(x, fixed)[1], here.gradient, atol=1e-12)
-    z = x + np.random.default_rng(1).normal(size=(7, 3))
-    np.testing.assert_allclose(
-        problem.costs(x, fixed)(z), [problem.cost_and_gradient(one, fixed)[0] for one in z]
-    )
-    _, gradient = problem.slopes(x, fixed)(z)
-    np.testing.assert_allclose(gradient[3], problem.cost_and_gradient(z[3], fixed)[1])
-    assert wb.solve(problem, start, wb.LevenbergMarquardt()).cost < here.cost
-
-
-@pytest.mark.parametrize("graph", ["function", "hessian"])
-def test_graph_of_points_without_one_is_refused(graph: str) -> None:
-    with pytest.raises(NotSupported, match="no graph"):
-        getattr(nearest_problem(), graph)

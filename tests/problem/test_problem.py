@@ -8,7 +8,7 @@ import workbench as wb
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.differences import assert_hessian, assert_jacobian, differences
 from tests.tiers import few
-from workbench import Block, Camera, Problem, Residual, residuals
+from workbench import Block, Problem, Residual, residuals
 from workbench.errors import (
     BadBounds,
     BadResidual,
@@ -139,9 +139,8 @@ def test_two_residuals_may_not_share_a_name() -> None:
         Problem((residuals.gaussian(w), residuals.gaussian(w, mean=1.0)), ("w",))
 
 
-@pytest.mark.parametrize(
-    ("bounds", "error", "text"),
-    [
+def test_bad_bounds_are_refused() -> None:
+    for bounds, error, text in [
         ({"y": (0, 1)}, BadBounds, "'y' has bounds but is fixed; free it or drop them"),
         ({"w": (2, 1)}, BadBounds, r"w\[0\] has the lower bound 2 and the upper bound 1"),
         ({"w": (np.nan, 1)}, BadBounds, r"w\[0\] has the lower bound nan"),
@@ -152,11 +151,9 @@ def test_two_residuals_may_not_share_a_name() -> None:
         ),
         ({"w": ("a", "b")}, NotNumbers, "a bound of 'w' must be .*, not text"),
         ({"w": ([0, 0], 1)}, ShapeMismatch, r"'bounds of w' has shape \(3,\), but was given \(2,"),
-    ],
-)
-def test_bad_bounds_are_refused(bounds: dict, error: type, text: str) -> None:
-    with pytest.raises(error, match=text):
-        Problem(polynomial().residuals, ("w",), bounds)
+    ]:
+        with pytest.raises(error, match=text):
+            Problem(polynomial().residuals, ("w",), bounds)
 
 
 def test_bounds_are_numbers_or_arrays() -> None:
@@ -228,36 +225,16 @@ def plane(row: cs.MX, scalar: cs.MX) -> cs.MX:
     return cs.vertcat(row.T * scalar, row.T + scalar)
 
 
-@pytest.mark.parametrize("combine", [row_plus_scalar, plane])
-def test_more_unknowns_than_rows_keep_derivatives(combine) -> None:
+def test_more_unknowns_than_rows_keep_derivatives() -> None:
     """CasADi would go backwards here, and its backwards mode drops broadcast scalars."""
-    row, scalar, more = Block("row", (3,)), Block("scalar"), Block("more", (20,))
-    expression = cs.vec(combine(row.symbol + cs.sum1(more.symbol), scalar.symbol))
-    problem = Problem((Residual("r", expression, 1.0),), ("row", "scalar", "more"))
-    assert problem.size < problem.free.size
-    x = np.random.default_rng(0).normal(size=problem.free.size)
-    assert_jacobian(problem, x, np.zeros(0), 1e-10)
-    assert_hessian(problem, x, np.zeros(0), 1e-10)
-
-
-def test_free_cameras_keep_derivatives() -> None:
-    """Few keypoints, many unknowns: every block of the camera is free."""
-    camera, points = Camera(), Block("points", (3, 3), "m")
-    observed, confidence = Block("seen", (3, 2), "px"), Block("confidence", (3,))
-    residual = residuals.keypoints(
-        points.symbol, camera, observed.symbol, confidence.symbol, sigma=10.0
-    )
-    problem = Problem((residual,), [block.name for block in camera.blocks])
-    values = camera.values(
-        K=[[900, 0, 640], [0, 950, 360], [0, 0, 1]],
-        t=(0.1, 0.0, 4.0),
-        distortion=(-0.2, 0.05, 0.003, -0.002, 0.01),
-    )
-    rng = np.random.default_rng(0)
-    values |= {"points": rng.normal(size=(3, 3)), "confidence": np.ones(3)}
-    x, fixed = problem.split(values | {"seen": np.full((3, 2), 500.0)})
-    assert problem.size < problem.free.size
-    assert_jacobian(problem, x, fixed, 1e-9)
+    for combine in [row_plus_scalar, plane]:
+        row, scalar, more = Block("row", (3,)), Block("scalar"), Block("more", (20,))
+        expression = cs.vec(combine(row.symbol + cs.sum1(more.symbol), scalar.symbol))
+        problem = Problem((Residual("r", expression, 1.0),), ("row", "scalar", "more"))
+        assert problem.size < problem.free.size
+        x = np.random.default_rng(0).normal(size=problem.free.size)
+        assert_jacobian(problem, x, np.zeros(0), 1e-10)
+        assert_hessian(problem, x, np.zeros(0), 1e-10)
 
 
 def test_pattern_covers_the_jacobian() -> None:
@@ -295,19 +272,17 @@ def mine(expression: cs.MX) -> wb.Residual:
     return wb.Residual("mine", cs.vec(expression), sigma=0.01, unit="m", points=(JOINTS,))
 
 
-@pytest.mark.parametrize(
-    "residual",
-    [
+def test_metres_minus_millimetres_are_refused() -> None:
+    for residual in [
         wb.residuals.landmarks(JOINTS, SEEN_MM.symbol, sigma=0.01),
         mine(JOINTS.symbol - SEEN_MM.symbol),
         mine(2.0 * JOINTS.symbol[:, :3] - (1.0 + SEEN_MM.symbol[:, 3:6] - JOINTS.symbol[:, 1:4])),
         mine(cs.repmat(TRANS, 1, 24) - SEEN_MM.symbol + 0.0 * JOINTS.symbol),
-    ],
-    ids=["landmarks", "own", "in a sum", "a block"],
-)
-def test_metres_minus_millimetres_are_refused(residual: wb.Residual) -> None:
-    with pytest.raises(BadResidual, match=r"in m?m, and '.*', in m?m; .* observed.symbol / 1000"):
-        wb.Problem([residual], free=["pose"], blocks=[SEEN_MM])
+    ]:
+        with pytest.raises(
+            BadResidual, match=r"in m?m, and '.*', in m?m; .* observed.symbol / 1000"
+        ):
+            wb.Problem([residual], free=["pose"], blocks=[SEEN_MM])
 
 
 def test_pixels_minus_metres_are_refused() -> None:
@@ -317,18 +292,14 @@ def test_pixels_minus_metres_are_refused() -> None:
         wb.Problem([residual], free=["pose"], blocks=[seen])
 
 
-@pytest.mark.parametrize(
-    ("expression", "block"),
-    [
+def test_converted_units_are_accepted() -> None:
+    for expression, block in [
         (JOINTS.symbol - SEEN.symbol, SEEN),
         (JOINTS.symbol - SEEN_MM.symbol / 1000, SEEN_MM),
         (JOINTS.symbol - cs.diag(cs.DM([1e-3] * 3)) @ SEEN_MM.symbol, SEEN_MM),
         (cs.vertcat(JOINTS.symbol, SEEN_MM.symbol) - 1.0, SEEN_MM),
-    ],
-    ids=["alike", "divided", "a matrix", "stacked"],
-)
-def test_converted_units_are_accepted(expression: cs.MX, block: wb.Block) -> None:
-    assert wb.Problem([mine(expression)], free=["pose"], blocks=[block]).size
+    ]:
+        assert wb.Problem([mine(expression)], free=["pose"], blocks=[block]).size
 
 
 def test_units_of_constraints_are_checked() -> None:
@@ -383,22 +354,19 @@ def test_transposed_symbols_are_named() -> None:
         wb.residuals.landmarks(JOINTS, SEEN.symbol.T, sigma=0.01)
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "refused"),
-    [
+def test_composed_units_are_compared() -> None:
+    for first, second, refused in [
         ("m/s", "mm/s", True),
         ("m/s", "m", False),  # times one second
         ("m/s", "m s^-1", False),  # two spellings
-    ],
-)
-def test_composed_units_are_compared(first: str, second: str, refused: bool) -> None:
-    a, b = wb.Block("a", (3,), first), wb.Block("b", (3,), second)
-    residual = wb.Residual("r", a.symbol - b.symbol, sigma=1.0)
-    if refused:
-        with pytest.raises(BadResidual, match=r"adds or subtracts 'a', in .*, and 'b', in"):
-            wb.Problem([residual], ["a"], blocks=[a, b])
-    else:
-        assert wb.Problem([residual], ["a"], blocks=[a, b]).size == 3
+    ]:
+        a, b = wb.Block("a", (3,), first), wb.Block("b", (3,), second)
+        residual = wb.Residual("r", a.symbol - b.symbol, sigma=1.0)
+        if refused:
+            with pytest.raises(BadResidual, match=r"adds or subtracts 'a', in .*, and 'b', in"):
+                wb.Problem([residual], ["a"], blocks=[a, b])
+        else:
+            assert wb.Problem([residual], ["a"], blocks=[a, b]).size == 3
 
 
 def test_speed_times_one_second_is_accepted() -> None:

@@ -279,28 +279,6 @@ def test_sequence_of_frames_free_in_part(storage: str) -> None:
     assert_numbers(whole, values(3))
 
 
-@pytest.mark.thorough
-def test_order_of_free_blocks_changes_nothing(storage: str) -> None:
-    given = values(3)
-    found = []
-    for free in (
-        ("trans", "pose", "betas"),
-        ("betas", "trans", "pose"),
-        ("pose", "betas", "trans"),
-    ):
-        whole = wb.sequence([frame().freeing(*free)] * 3, shared=SHARED, between=SMOOTH)
-        assert whole.free.names == free
-        here = whole.linearize(given)
-        step = whole.free.unpack(here.step(1e-3))
-        found.append((here.cost, step, wb.solve(whole, given)))
-    for cost, step, solution in found[1:]:
-        assert cost == pytest.approx(found[0][0], rel=1e-13)
-        assert solution.cost == pytest.approx(found[0][2].cost, rel=1e-12)
-        for name in FREE:
-            np.testing.assert_allclose(step[name], found[0][1][name], atol=1e-9)
-            np.testing.assert_allclose(solution.values[name], found[0][2].values[name], atol=1e-6)
-
-
 # Bounds and constraints.
 
 

@@ -131,18 +131,7 @@ def two_sources() -> list[wb.Residual]:
     ]
 
 
-def differences() -> list[wb.Residual]:
-    """Neighbours of one source, from one point to the next; and two sources of one block."""
-    one, other = web(3, A, B), web(4, A, B)
-    steps = cs.vec(one.symbol[:, 1:] - one.symbol[:, :-1])
-    both = cs.vec(one.symbol + 2 * other.symbol)
-    return [
-        wb.Residual("steps", steps, 0.2, "m", points=(one,)),
-        wb.Residual("both", both, 0.3, "m", points=(one, other)),
-    ]
-
-
-TERMS = pytest.mark.parametrize("terms", [alone, two_sources, differences])
+TERMS = pytest.mark.parametrize("terms", [alone, two_sources])
 FREE = pytest.mark.parametrize(
     "free", few([("b", "a[2:7]"), ("a", "b"), ("a",), ("a[0]", "a[11]"), ("b",)], 1), ids=str
 )

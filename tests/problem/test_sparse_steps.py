@@ -3,8 +3,7 @@
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_array, diags_array, random_array
-from scipy.sparse.linalg import cg
+from scipy.sparse import csc_array, random_array
 
 import workbench as wb
 from tests.tiers import few
@@ -34,82 +33,82 @@ def both(A: np.ndarray, seed: int = 0) -> tuple[Linearization, Linearization]:
 # How they are put together.
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_sum_of_sparse_parts_is_the_dense_sum(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    m, n = 40, 12
-    single = random_array((m, n), density=0.2, rng=rng, format="csc")
-    single.sort_indices()
-    pattern = Pattern(cs.Sparsity(m, n, single.indptr.tolist(), single.indices.tolist()))
-    expected = single.toarray()
-    parts, numbers = [], []
-    for columns in (slice(0, 4), slice(3, 9), slice(9, 12), slice(5, 5)):
-        rows = np.sort(rng.permutation(m)[: int(rng.integers(1, m))])
-        entries = rng.standard_normal((columns.stop - columns.start, len(rows)))
-        expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
-        parts.append(Part(rows, columns))
-        numbers.append(entries)
-    assembly = Assembly(pattern, parts)
-    found = assembly.zeros()
-    for k, entries in enumerate(numbers):
-        assembly.add_part(k, entries, found)
-    assembly.add(single.data, found)
-    np.testing.assert_allclose(assembly.matrix(found).toarray(), expected, atol=1e-15)
-    there = merged(pattern, parts)
-    np.testing.assert_array_equal(there.toarray(), assembly.matrix(found + 1e9).toarray() != 0)
+def test_sum_of_sparse_parts_is_the_dense_sum() -> None:
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        m, n = 40, 12
+        single = random_array((m, n), density=0.2, rng=rng, format="csc")
+        single.sort_indices()
+        pattern = Pattern(cs.Sparsity(m, n, single.indptr.tolist(), single.indices.tolist()))
+        expected = single.toarray()
+        parts, numbers = [], []
+        for columns in (slice(0, 4), slice(3, 9), slice(9, 12), slice(5, 5)):
+            rows = np.sort(rng.permutation(m)[: int(rng.integers(1, m))])
+            entries = rng.standard_normal((columns.stop - columns.start, len(rows)))
+            expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
+            parts.append(Part(rows, columns))
+            numbers.append(entries)
+        assembly = Assembly(pattern, parts)
+        found = assembly.zeros()
+        for k, entries in enumerate(numbers):
+            assembly.add_part(k, entries, found)
+        assembly.add(single.data, found)
+        np.testing.assert_allclose(assembly.matrix(found).toarray(), expected, atol=1e-15)
+        there = merged(pattern, parts)
+        np.testing.assert_array_equal(there.toarray(), assembly.matrix(found + 1e9).toarray() != 0)
 
 
-@pytest.mark.parametrize("crowded", [0, 5])
-def test_sparse_gram_matrix_is_the_dense_one(crowded: int) -> None:
-    A = sparse_matrix(1, crowded=crowded)
-    assert storage.crowded(csc_array(A)).sum() >= crowded
-    found = storage.gram(csc_array(A))
-    np.testing.assert_allclose(storage.dense(found), A.T @ A, atol=1e-13)
-    assert found.has_sorted_indices
+def test_sparse_gram_matrix_is_the_dense_one() -> None:
+    for crowded in [0, 5]:
+        A = sparse_matrix(1, crowded=crowded)
+        assert storage.crowded(csc_array(A)).sum() >= crowded
+        found = storage.gram(csc_array(A))
+        np.testing.assert_allclose(storage.dense(found), A.T @ A, atol=1e-13)
+        assert found.has_sorted_indices
 
 
 # Steps.
 
 
-@pytest.mark.parametrize(("crowded", "damping"), [(0, 1e-3), (1, 0.0), (5, 0.0), (25, 10.0)])
-def test_sparse_step_is_the_dense_one(crowded: int, damping: float) -> None:
-    dense, sparse = both(sparse_matrix(2, crowded=crowded))
-    D = np.linspace(0.5, 3, 25)
-    step = steps.automatic(sparse, damping, D)
-    assert step.by == "sparse cholesky"
-    np.testing.assert_allclose(step.p, dense.step(damping, D), rtol=0, atol=1e-11)
+def test_sparse_step_is_the_dense_one() -> None:
+    for crowded, damping in [(0, 1e-3), (1, 0.0), (5, 0.0), (25, 10.0)]:
+        dense, sparse = both(sparse_matrix(2, crowded=crowded))
+        D = np.linspace(0.5, 3, 25)
+        step = steps.automatic(sparse, damping, D)
+        assert step.by == "sparse cholesky"
+        np.testing.assert_allclose(step.p, dense.step(damping, D), rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("crowded", [0, 3])
-def test_sparse_factors_solve_and_refuse_indefinite_matrices(crowded: int) -> None:
-    A = sparse_matrix(3, crowded=crowded)
-    factor = factorized(csc_array(A.T @ A))
-    assert factor is not None
-    B = np.random.default_rng(0).standard_normal((25, 4))
-    np.testing.assert_allclose(factor.solve(B), np.linalg.solve(A.T @ A, B), atol=1e-11)
-    np.testing.assert_allclose(factor.solve(B[:, 0]), factor.solve(B)[:, 0], atol=1e-14)
-    for spoiled in (2, 7, 24):
-        N = A.T @ A
-        N[:, spoiled] = N[spoiled] = 0.0
-        assert factorized(csc_array(N)) is None
-    C = A.copy()
-    C[:, 4] = C[:, 9]  # dependent columns
-    assert factorized(csc_array(C.T @ C)) is None
-    assert factorized(csc_array(A.T @ A - 1e3 * np.eye(25))) is None
-    assert factorized(csc_array(np.where(np.eye(25) > 0, np.nan, A.T @ A))) is None
+def test_sparse_factors_solve_and_refuse_indefinite_matrices() -> None:
+    for crowded in [0, 3]:
+        A = sparse_matrix(3, crowded=crowded)
+        factor = factorized(csc_array(A.T @ A))
+        assert factor is not None
+        B = np.random.default_rng(0).standard_normal((25, 4))
+        np.testing.assert_allclose(factor.solve(B), np.linalg.solve(A.T @ A, B), atol=1e-11)
+        np.testing.assert_allclose(factor.solve(B[:, 0]), factor.solve(B)[:, 0], atol=1e-14)
+        for spoiled in (2, 7, 24):
+            N = A.T @ A
+            N[:, spoiled] = N[spoiled] = 0.0
+            assert factorized(csc_array(N)) is None
+        C = A.copy()
+        C[:, 4] = C[:, 9]  # dependent columns
+        assert factorized(csc_array(C.T @ C)) is None
+        assert factorized(csc_array(A.T @ A - 1e3 * np.eye(25))) is None
+        assert factorized(csc_array(np.where(np.eye(25) > 0, np.nan, A.T @ A))) is None
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-6])
-def test_sparse_step_of_dependent_columns_is_the_shortest(damping: float) -> None:
-    A = sparse_matrix(4)
-    A[:, 4] = A[:, 9]
-    A[:, 11] = 0.0
-    dense, sparse = both(A)
-    step = steps.automatic(sparse, damping, np.ones(25))
-    assert step.by == ("lsmr" if damping == 0 else step.by)
-    expected = dense.step(damping)
-    assert step.p[11] == 0
-    np.testing.assert_allclose(step.p, expected, atol=1e-6 * np.linalg.norm(expected))
+def test_sparse_step_of_dependent_columns_is_the_shortest() -> None:
+    for damping in [0.0, 1e-6]:
+        A = sparse_matrix(4)
+        A[:, 4] = A[:, 9]
+        A[:, 11] = 0.0
+        dense, sparse = both(A)
+        step = steps.automatic(sparse, damping, np.ones(25))
+        assert step.by == ("lsmr" if damping == 0 else step.by)
+        expected = dense.step(damping)
+        assert step.p[11] == 0
+        np.testing.assert_allclose(step.p, expected, atol=1e-6 * np.linalg.norm(expected))
 
 
 def test_sparse_step_between_bounds_is_the_dense_one() -> None:
@@ -150,17 +149,6 @@ def test_sparse_linearization_answers_as_the_dense_one() -> None:
     ):
         np.testing.assert_allclose(one.dense, other.dense, atol=1e-15)
         np.testing.assert_array_equal(one.residual, other.residual)
-
-
-@pytest.mark.parametrize("m", [3, 20_000])
-def test_tall_triangle_is_that_of_the_whole(m: int) -> None:
-    rng = np.random.default_rng(0)
-    J, r = rng.standard_normal((m, 5)), rng.standard_normal(m)
-    here = Linearization(r, J)
-    d, R, b = here.triangle
-    np.testing.assert_allclose((R * d).T @ (R * d), J.T @ J, rtol=1e-11)
-    np.testing.assert_allclose((R * d).T @ b, J.T @ r, rtol=1e-9, atol=1e-9)
-    assert R.shape == (min(m, 5), 5)
 
 
 # A mesh whose vertices are free, tied to a body.
@@ -227,14 +215,14 @@ def test_dependent_sparse_columns_are_damped_slightly() -> None:
     np.testing.assert_allclose(found.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
-def test_sparing_step_is_the_automatic_one_elsewhere(damping: float) -> None:
-    D = np.ones(25)
-    healthy, (dense, _) = both(sparse_matrix(7)), dependent()
-    for here in (*healthy, dense):
-        found, expected = (by(here, damping, D) for by in (steps.sparing, steps.automatic))
-        assert found.by == expected.by
-        np.testing.assert_array_equal(found.p, expected.p)
+def test_sparing_step_is_the_automatic_one_elsewhere() -> None:
+    for damping in [0.0, 1e-3]:
+        D = np.ones(25)
+        healthy, (dense, _) = both(sparse_matrix(7)), dependent()
+        for here in (*healthy, dense):
+            found, expected = (by(here, damping, D) for by in (steps.sparing, steps.automatic))
+            assert found.by == expected.by
+            np.testing.assert_array_equal(found.p, expected.p)
 
 
 EXACT = ConjugateGradients(tolerance=1e-13)
@@ -252,17 +240,13 @@ def model(n: int = UNKNOWNS, seed: int = 0, dense_columns: int = 0) -> Lineariza
     return Linearization(rng.standard_normal(2 * n), csc_array(J))
 
 
-@pytest.mark.parametrize(
-    ("block", "damping", "dense_columns"), [(1, 0.0, 0), (3, 3.0, 5), (7, 0.0, 5)]
-)
-def test_conjugate_gradients_take_the_cholesky_step(
-    block: int, damping: float, dense_columns: int
-) -> None:
-    here, D = model(dense_columns=dense_columns), np.linspace(0.5, 2, UNKNOWNS)
-    expected = cholesky(here, damping, D)
-    assert expected is not None
-    found = ConjugateGradients(block, 1e-13)(here, damping, D)
-    np.testing.assert_allclose(found.p, expected.p, rtol=0, atol=1e-10)
+def test_conjugate_gradients_take_the_cholesky_step() -> None:
+    for block, damping, dense_columns in [(1, 0.0, 0), (3, 3.0, 5), (7, 0.0, 5)]:
+        here, D = model(dense_columns=dense_columns), np.linspace(0.5, 2, UNKNOWNS)
+        expected = cholesky(here, damping, D)
+        assert expected is not None
+        found = ConjugateGradients(block, 1e-13)(here, damping, D)
+        np.testing.assert_allclose(found.p, expected.p, rtol=0, atol=1e-10)
 
 
 def test_early_conjugate_gradient_steps_still_decrease() -> None:
@@ -281,19 +265,3 @@ def test_conjugate_gradients_leave_undetermined_unknowns() -> None:
     assert (found[30:33] == 0).all()
     expected = -np.linalg.lstsq(J, here.residual)[0]
     np.testing.assert_allclose(found, expected, atol=1e-10)
-
-
-@pytest.mark.thorough
-def test_border_is_preconditioned_as_one_block() -> None:
-    """Twenty columns without zeros, more and more alike: as one block they need few products."""
-    b, rng = 20, np.random.default_rng(1)
-    here = model(dense_columns=b)
-    J = here.jacobian.toarray()
-    J[:, 1:b] = J[:, :1] + np.geomspace(1e-3, 1, b - 1) * rng.standard_normal((2 * UNKNOWNS, b - 1))
-    alike = Linearization(here.residual, csc_array(J))
-    least = alike.predicted_decrease(-np.linalg.lstsq(J, here.residual)[0])
-    single = diags_array(1 / alike.normal.diagonal())
-    apart, _ = cg(alike.normal, -alike.gradient, rtol=1e-15, maxiter=20, M=single)
-    found = ConjugateGradients(1, 1e-14, products=20)(alike, 0.0, np.ones(UNKNOWNS)).p
-    assert alike.predicted_decrease(found) == pytest.approx(least, rel=1e-7)
-    assert alike.predicted_decrease(apart) < 0.98 * least

@@ -24,7 +24,6 @@ from workbench.registration import (
     point_to_plane,
     point_to_point,
 )
-from workbench.registration.icp_losses import Loss
 from workbench.registration.icp_steps import Step, part_of
 
 STEPS_RNG = np.random.default_rng(3)
@@ -106,10 +105,9 @@ def test_steps_are_equivariant_under_frames(step: Step) -> None:
 
 
 @EACH
-@pytest.mark.parametrize("count", [2])
-def test_steps_of_few_points_are_short(step: Step, count: int) -> None:
-    """One, two or three distances leave motions open, and the step takes none of these."""
-    few = Contacts(*(x[:count] for x in (POINTS, contacts().closest, contacts().normals, WEIGHTS)))
+def test_steps_of_few_points_are_short(step: Step) -> None:
+    """Two distances leave motions open, and the step takes none of these."""
+    few = Contacts(*(x[:2] for x in (POINTS, contacts().closest, contacts().normals, WEIGHTS)))
     motion = step(few)
     assert np.isfinite(motion.R).all()
     moved = np.linalg.norm(motion(few.points) - few.points, axis=1).max()
@@ -142,25 +140,25 @@ def test_half_a_motion_twice_is_the_motion() -> None:
 DISTANCES = np.array([0.0, 1e-3, 0.01, 0.03, 0.2, 4.0])
 
 
-@pytest.mark.parametrize("loss", [LeastSquares(), GemanMcClure(0.02)], ids=str)
-def test_loss_weights_are_slopes_of_the_cost(loss: Loss) -> None:
-    h = 1e-7
-    slope = (loss.costs(DISTANCES[1:] + h) - loss.costs(DISTANCES[1:] - h)) / (2 * h)
-    np.testing.assert_allclose(
-        loss.weights(DISTANCES)[1:] * DISTANCES[1:], slope, atol=1e-9, rtol=1e-6
-    )
-    assert loss.weights(DISTANCES)[0] == 1
+def test_loss_weights_are_slopes_of_the_cost() -> None:
+    for loss in [LeastSquares(), GemanMcClure(0.02)]:
+        h = 1e-7
+        slope = (loss.costs(DISTANCES[1:] + h) - loss.costs(DISTANCES[1:] - h)) / (2 * h)
+        np.testing.assert_allclose(
+            loss.weights(DISTANCES)[1:] * DISTANCES[1:], slope, atol=1e-9, rtol=1e-6
+        )
+        assert loss.weights(DISTANCES)[0] == 1
 
 
-@pytest.mark.parametrize("loss", [LeastSquares(), GemanMcClure(0.02), Trimmed(0.5)], ids=str)
-def test_weighted_squares_majorize_the_loss(loss: Loss) -> None:
+def test_weighted_squares_majorize_the_loss() -> None:
     """Why a step that lowers the weighted squares lowers the loss."""
-    rng = np.random.default_rng(0)
-    here = rng.exponential(0.05, 50)
-    weights, cost = loss.weights(here), loss.costs(here).sum()
-    for _ in range(200):
-        there = here * rng.exponential(1.0, 50)
-        assert loss.costs(there).sum() <= cost + weights @ (there**2 - here**2) / 2 + 1e-15
+    for loss in [LeastSquares(), GemanMcClure(0.02), Trimmed(0.5)]:
+        rng = np.random.default_rng(0)
+        here = rng.exponential(0.05, 50)
+        weights, cost = loss.weights(here), loss.costs(here).sum()
+        for _ in range(200):
+            there = here * rng.exponential(1.0, 50)
+            assert loss.costs(there).sum() <= cost + weights @ (there**2 - here**2) / 2 + 1e-15
 
 
 def test_losses_have_known_values() -> None:

@@ -15,7 +15,6 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
-from workbench.registration.coregistration import ScansInMemory
 from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import (
     Bends,
@@ -122,20 +121,6 @@ def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("which", [0, 1])
-def test_unknowns_of_edges_have_their_adjoint(which: int) -> None:
-    state, rng = run(PLAN), np.random.default_rng(1)
-    unknown, _ = unknowns(state.body, state.poses)[which]
-    n, rows = unknown.prior.shape[0], 2 * state.body.n_faces
-    x, pull = rng.standard_normal(n), rng.standard_normal((rows, 3))
-    forth = unknown.forth(1, x)
-    assert unknown.back(1, pull) @ x == pytest.approx((pull * forth).sum(), rel=1e-12)
-    grams = unknown.grams(1)
-    faces = grams @ x.reshape(len(grams), -1, 1)
-    assert_allclose(faces.ravel(), unknown.back(1, forth), rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("which", [0, 1])
 def test_joint_step_solves_the_normal_equations(which: int) -> None:
     state, rng = run(PLAN), np.random.default_rng(1)
     unknown, own = unknowns(state.body, state.poses)[which]
@@ -157,28 +142,6 @@ def test_joint_step_solves_the_normal_equations(which: int) -> None:
         assert np.abs(on_vertices).max() < 1e-7 * np.abs(scan.slope).max()
     began = unknown.prior_slope - sum(unknown.back(j, g / s**2) for j, g in enumerate(gaps))
     assert np.abs(slope).max() < 1e-7 * np.abs(began).max()
-
-
-@pytest.mark.thorough
-def test_symmetric_form_weighs_priors() -> None:
-    scans, _, _, _ = made()
-    state = run(PLAN)
-
-    def costs(plan: TrianglePlan) -> dict[str, float]:
-        return TriangleCoregistration(start(), scans, plan).costs(state, start_of(scans))
-
-    alone, all_of_them = replace(PLAN, symmetric=False), PLAN
-    assert costs(alone) == costs(all_of_them)
-    four, priors = (costs(replace(plan, weight=4.0)) for plan in (alone, all_of_them))
-    one = costs(PLAN)
-    for term in one:
-        assert four[term] == pytest.approx(one[term] * (4 if term == "E_C" else 1))
-        assert priors[term] == pytest.approx(one[term] * (1 if term == "E_S" else 4))
-
-
-def start_of(scans: ScansInMemory) -> TriangleBody:
-    _, fits, _, _ = made()
-    return TriangleCoregistration(start(), scans, PLAN).first(fits, apart()).body
 
 
 def test_bad_triangle_plans_are_refused() -> None:

@@ -213,18 +213,13 @@ def test_derivatives_of_norm_kernels_match_differences(
 
 
 @EACH_CASE
-def test_residual_vanishes_at_truth(build: Callable[[], Case]) -> None:
+def test_residual_vanishes_at_truth_and_sigma_whitens(build: Callable[[], Case]) -> None:
     case = build()
-    r = case.problem(quadratic).linearize(case.null).residual
+    problem = case.problem(quadratic)
+    r = problem.linearize(case.null).residual
     assert r.shape == (case.residual.size,)
     # points are made of numbers of order 4 m, pixels of 1e3 px: some eps of these, in sigmas
     np.testing.assert_allclose(r, 0, atol=1e-13)
-
-
-@EACH_CASE
-def test_sigma_whitens_and_rows_have_names(build: Callable[[], Case]) -> None:
-    case = build()
-    problem = case.problem(quadratic)
     x = near(case, problem, 0)
     wider = replace(case.residual, sigma=2 * np.asarray(case.residual.sigma))
     half = Problem((wider,), wider.reads).residual(x, np.zeros(0))

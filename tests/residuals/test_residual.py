@@ -1,5 +1,6 @@
 """Names, labels, priors, and residuals that cannot be."""
 
+from functools import partial
 from typing import Any
 
 import casadi as cs
@@ -59,22 +60,22 @@ def test_keypoint_of_confidence_zero_is_ignored() -> None:
 # Gaussians.
 
 
-@pytest.mark.parametrize(
-    "covariance",
-    [0.3, np.array([0.1, 2.0, 0.5]), np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]])],
-    ids=["variance", "variances", "matrix"],
-)
-def test_gaussian_cost_is_minus_log_density(covariance: np.ndarray) -> None:
-    mean = np.array([0.5, -1.0, 2.0])
-    problem = Problem((gaussian(X.symbol, mean=mean, covariance=covariance),), ("x",))
-    C = np.asarray(covariance)
-    density = scipy.stats.multivariate_normal(mean, C if C.ndim == 2 else C * np.eye(3))
-    for x in np.random.default_rng(0).normal(size=(5, 3)):
-        cost = problem.linearize({"x": x}).cost
-        constant = density.logpdf(mean)
-        assert cost == pytest.approx(constant - density.logpdf(x), rel=1e-12)
-        full = np.linalg.inv(C if C.ndim == 2 else C * np.eye(3))
-        assert 2 * cost == pytest.approx((x - mean) @ full @ (x - mean), rel=1e-12)
+def test_gaussian_cost_is_minus_log_density() -> None:
+    for covariance in [
+        0.3,
+        np.array([0.1, 2.0, 0.5]),
+        np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]]),
+    ]:
+        mean = np.array([0.5, -1.0, 2.0])
+        problem = Problem((gaussian(X.symbol, mean=mean, covariance=covariance),), ("x",))
+        C = np.asarray(covariance)
+        density = scipy.stats.multivariate_normal(mean, C if C.ndim == 2 else C * np.eye(3))
+        for x in np.random.default_rng(0).normal(size=(5, 3)):
+            cost = problem.linearize({"x": x}).cost
+            constant = density.logpdf(mean)
+            assert cost == pytest.approx(constant - density.logpdf(x), rel=1e-12)
+            full = np.linalg.inv(C if C.ndim == 2 else C * np.eye(3))
+            assert 2 * cost == pytest.approx((x - mean) @ full @ (x - mean), rel=1e-12)
 
 
 def test_gaussian_covariance_comes_back_from_linearization() -> None:
@@ -83,7 +84,7 @@ def test_gaussian_covariance_comes_back_from_linearization() -> None:
     np.testing.assert_allclose(here.covariance, C, rtol=1e-13, atol=1e-14)
 
 
-def test_a_mean_is_read_in_the_order_of_the_array() -> None:
+def test_mean_is_read_in_the_order_of_arrays() -> None:
     pose = Block("pose", (4, 3))
     mean = np.random.default_rng(0).normal(size=(4, 3))
     for given in (mean, mean.ravel()):
@@ -91,39 +92,36 @@ def test_a_mean_is_read_in_the_order_of_the_array() -> None:
         assert not problem.linearize({"pose": mean}).residual.any()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
+def test_bad_gaussians_are_refused() -> None:
+    for arguments, text in [
         ({"mean": np.zeros(2)}, r"mean of \(2,\)"),
         ({"covariance": np.ones(2)}, r"covariance of \(2,\)"),
         ({"covariance": 0.0}, "variances above zero, not 0.0"),
         ({"covariance": np.diag([1.0, -2.0, 1.0])}, "smallest eigenvalue"),
         ({"covariance": np.triu(np.ones((3, 3)))}, "finite and symmetric"),
         ({"mean": np.array([0.0, np.nan, 1.0])}, "finite mean"),
-    ],
-)
-def test_bad_gaussians_are_refused(arguments: dict, text: str) -> None:
-    with pytest.raises((BadResidual, NotNumbers), match=rf"'gaussian\(x\)'.*{text}"):
-        gaussian(X.symbol, **arguments)
+    ]:
+        with pytest.raises((BadResidual, NotNumbers), match=rf"'gaussian\(x\)'.*{text}"):
+            gaussian(X.symbol, **arguments)
 
 
 # Residuals that cannot be.
 
 
-@pytest.mark.parametrize("sigma", [-1.0, np.inf, np.ones(2), np.array([1.0, 0.0, 1.0])])
-def test_a_sigma_must_be_above_zero_and_fit(sigma: float) -> None:
-    with pytest.raises(BadResidual, match="above zero, in m"):
-        Residual("x", X.symbol, sigma, "m")
+def test_bad_sigmas_are_refused() -> None:
+    for sigma in [-1.0, np.inf, np.ones(2), np.array([1.0, 0.0, 1.0])]:
+        with pytest.raises(BadResidual, match="above zero, in m"):
+            Residual("x", X.symbol, sigma, "m")
 
 
-def test_a_residual_is_a_column() -> None:
+def test_residual_must_be_a_column() -> None:
     with pytest.raises(BadResidual, match=r"must be a column \(m, 1\), not \(3, 4\); casadi.vec"):
         Residual("x", cs.MX.sym("x", 3, 4), 1.0)
     with pytest.raises(BadResidual, match="has 3 rows but 1 labels"):
         Residual("x", X.symbol, 1.0, labels=("a",))
 
 
-def test_points_and_observations_must_be_as_many() -> None:
+def test_points_and_observations_must_match() -> None:
     body = random_body()
     symbols = [block.symbol for block in body.blocks()]
     points = body.joint_points(*symbols)
@@ -136,23 +134,20 @@ def test_points_and_observations_must_be_as_many() -> None:
         keypoints(points, Camera(), Block("o", (5, 2)).symbol, Block("c", (4,)).symbol, sigma=1.0)
 
 
-@pytest.mark.parametrize(
-    ("expression", "kind"),
-    [
+def test_expressions_of_other_types_are_refused() -> None:
+    for expression, kind in [
         (np.zeros(3), "ndarray"),
         (cs.SX.sym("x", 3), "SX"),
         (X, "Block"),
-    ],
-)
-def test_expressions_of_other_types_are_refused(expression: Any, kind: str) -> None:
-    for make in (
-        lambda: Residual("x", expression, 1.0),
-        lambda: gaussian(expression),
-        lambda: landmarks(expression, np.zeros((1, 3)), sigma=1.0),
-    ):
-        hint = "; take its .symbol" if kind == "Block" else "$"
-        with pytest.raises(BadResidual, match=rf"must be a CasADi .* of type {kind}{hint}"):
-            make()
+    ]:
+        for make in (
+            partial(Residual, "x", expression, 1.0),
+            partial(gaussian, expression),
+            partial(landmarks, expression, np.zeros((1, 3)), sigma=1.0),
+        ):
+            hint = "; take its .symbol" if kind == "Block" else "$"
+            with pytest.raises(BadResidual, match=rf"must be a CasADi .* of type {kind}{hint}"):
+                make()
 
 
 # Numbers instead of symbols.
@@ -202,9 +197,8 @@ def holed(shape: tuple[int, ...]) -> np.ndarray:
     return array
 
 
-@pytest.mark.parametrize(
-    ("observed", "confidence", "text"),
-    [
+def test_observations_that_do_not_fit_are_refused() -> None:
+    for observed, confidence, text in [
         (
             np.zeros((2, 5)),
             np.ones(5),
@@ -214,23 +208,21 @@ def holed(shape: tuple[int, ...]) -> np.ndarray:
         (holed((5, 2)), np.ones(5), r"row 2 of what was observed is \[nan nan\], and 2 of 5 rows"),
         (np.zeros((5, 2)), holed((5,)), r"row 2 of the confidence is nan, and 2 of 5 rows"),
         (Block("o", (5, 2)), np.ones(5), "what was observed must be a CasADi .*; take its .symbol"),
-    ],
-)
-def test_observations_that_do_not_fit_are_refused(
-    observed: Any, confidence: Any, text: str
-) -> None:
-    points = Block("p", (5, 3)).symbol
-    with pytest.raises((BadResidual, NotNumbers), match=rf"residual 'keypoints\((p|o)?\)'.*{text}"):
-        keypoints(points, Camera(), observed, confidence, sigma=1.0)
+    ]:
+        points = Block("p", (5, 3)).symbol
+        with pytest.raises(
+            (BadResidual, NotNumbers), match=rf"residual 'keypoints\((p|o)?\)'.*{text}"
+        ):
+            keypoints(points, Camera(), observed, confidence, sigma=1.0)
 
 
 # Kernels that are none.
 
 
-@pytest.mark.parametrize("threshold", [0, np.inf, "far"])
-def test_huber_needs_a_positive_threshold(threshold: Any) -> None:
-    with pytest.raises(BadResidual, match="huber takes a threshold above zero"):
-        residuals.huber(threshold)
+def test_huber_needs_a_positive_threshold() -> None:
+    for threshold in [0, np.inf, "far"]:
+        with pytest.raises(BadResidual, match="huber takes a threshold above zero"):
+            residuals.huber(threshold)
 
 
 def test_kernel_must_be_a_function() -> None:
