@@ -69,6 +69,9 @@ def test_another_mesh_follows_within_millimetres() -> None:
     copied = conversion_errors(motion.named(SMALL), SMALL, motion, DEFAULT, kept)
     assert found.mean() < 3e-3
     assert found.mean() < 0.3 * np.nanmean(copied)
+    beside = [not name.endswith(("_hand", "_fingers")) for name in found.parts]
+    assert found.mean(hands=False) == pytest.approx(np.nanmean(found.errors[:, beside]))
+    assert found.mean(hands=False) != found.mean()
     places = kept.of(motion.vertices(DEFAULT))
     off = np.linalg.norm(found.motion.vertices(SMALL) - places, axis=2)
     np.testing.assert_allclose(found.errors[:, kept.matched], off[:, kept.matched], atol=1e-12)

@@ -378,6 +378,11 @@ def test_alphapose_bodies_and_single_hands_are_read(tmp_path: Path) -> None:
 
 # Some numbers and names as the detectors' documents give them.
 KNOWN = (
+    (COCO, {0: "nose", 1: "left_eye", 4: "right_ear", 5: "left_shoulder", 16: "right_ankle"}),
+    (COCO, {9: "left_wrist", 10: "right_wrist", 11: "left_hip", 14: "right_knee"}),
+    (OPENPOSE_25, {0: "nose", 1: "neck", 2: "right_shoulder", 7: "left_wrist", 8: "mid_hip"}),
+    (OPENPOSE_25, {9: "right_hip", 14: "left_ankle", 15: "right_eye", 18: "left_ear"}),
+    (OPENPOSE_25, {19: "left_big_toe", 20: "left_small_toe", 21: "left_heel", 24: "right_heel"}),
     (HALPE_26, {0: "nose", 17: "head_top", 18: "neck", 19: "mid_hip", 20: "left_big_toe"}),
     (HALPE_26, {21: "right_big_toe", 22: "left_small_toe", 25: "right_heel"}),
     (HALPE_136, {26: "face_0", 93: "face_67", 94: "left_hand_root", 115: "right_hand_root"}),

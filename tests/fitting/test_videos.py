@@ -78,6 +78,12 @@ def test_gaps_are_filled_by_smoothness() -> None:
     whole = balance_clip(range(40, 47), ["cam01"])
     setup = video_fit(gapped(whole, [3]), BODY, "?", smoothness=Smoothness(5, 2))
     assert any("In 1 of 7 frames no keypoint" in note for note in setup.notes)
+    # an acceleration of 6 m/s^2 is three sigmas of 2 m/s^2, whatever the rate of frames
+    thrown = 3.0 * (np.arange(7) / whole.fps)[:, None] ** 2 * np.array([0.0, 1.0, 0.0])
+    r = setup.problem.residual(*setup.problem.split(setup.start | {"trans": thrown}))
+    weight = float(setup.start["evidence"][0])
+    expected = np.tile([0.0, 3.0 * np.sqrt(weight), 0.0], 5)
+    np.testing.assert_allclose(r[setup.problem.rows["smooth place"]], expected, atol=1e-9)
     found = TrustRegion().solve(setup.problem, setup.start).values
     between = (found["trans"][2] + found["trans"][4]) / 2
     assert np.linalg.norm(found["trans"][3] - between) < 0.01

@@ -165,7 +165,7 @@ def test_optimality_is_invariant_under_units() -> None:
 
 def test_entry_held_by_a_bound_is_stationary() -> None:
     x = Block("x", (2,)).symbol
-    residual = residuals.gaussian(x, mean=[3.0, 0.5])
+    residual = residuals.gaussian(x, mean=[3.0, 0.5], covariance=0.1**2)
     problem = Problem((residual,), ("x",), {"x": (0.0, 1.0)})
     assert optimality(problem, {"x": [1.0, 0.5]}) == 0
     assert optimality(problem, {"x": [1.0, 0.6]}) > 0.04

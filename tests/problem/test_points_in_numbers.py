@@ -67,7 +67,7 @@ def values_at(body: SkinnedBody, where: str = "anywhere", seed: int = 0) -> wb.V
 
 @EACH_BODY
 @EACH_KIND
-@pytest.mark.parametrize("where", few(("anywhere", "near zero", "pi", "zero"), 2))
+@pytest.mark.parametrize("where", few(("near zero", "anywhere", "pi", "zero"), 1))
 @pytest.mark.parametrize("free", few(FREE, 1), ids=str)
 def test_joints_and_landmarks_match_the_graph(
     body: SkinnedBody, kind: str, where: str, free: tuple[str, ...]

@@ -82,7 +82,6 @@ def test_cost_of_alternation_never_rises(loss: Loss, gate: float) -> None:
         assert np.all(np.diff(costs) <= 1e-14)
 
 
-@pytest.mark.thorough
 def test_trace_has_costs_and_moves() -> None:
     seen: list[IcpIterate] = []
     found = Icp(point_to_point, max_iterations=5).align(SCAN, SURFACE, TRUTH, callback=seen.append)
