@@ -5,16 +5,12 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.blocks.operations import every_operation
 from tests.compilers import NEEDS_A_COMPILER
+from tests.tiers import THOROUGH
 from workbench.blocks.batched import Mapped
-from workbench.blocks.columns import MANY
-from workbench.blocks.simd import C_OF, simd_function
+from workbench.blocks.simd import simd_function
 from workbench.problem.batch import Evaluation, compiled, interpreted
-from workbench.problem.parted import parted
 from workbench.residuals import geman_mcclure, huber
-
-WAYS = [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)]
 
 
 def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
@@ -66,10 +62,18 @@ def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
     }
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("name", ["joints", "keypoints", "vertices"])
-@pytest.mark.parametrize("only", [None, "betas"])
-def test_costs_are_those_of_each(name: str, only: str | None, way: Evaluation) -> None:
+@pytest.mark.parametrize(
+    ("name", "only", "way"),
+    [
+        ("joints", None, interpreted),
+        ("keypoints", "betas", interpreted),
+        pytest.param("joints", None, compiled, marks=NEEDS_A_COMPILER),
+        pytest.param("keypoints", None, compiled, marks=(NEEDS_A_COMPILER, THOROUGH)),
+        pytest.param("vertices", "betas", compiled, marks=(NEEDS_A_COMPILER, THOROUGH)),
+        pytest.param("vertices", None, interpreted, marks=THOROUGH),
+    ],
+)
+def test_costs_of_many_points_match_each(name: str, only: str | None, way: Evaluation) -> None:
     problem, start = problems()[name]
     x, fixed = problem.split(start)
     at = problem.free.slices[only] if only else slice(None)
@@ -84,9 +88,10 @@ def test_costs_are_those_of_each(name: str, only: str | None, way: Evaluation) -
 
 
 @pytest.mark.parametrize(
-    ("name", "only"), [("joints", None), ("keypoints", "betas"), ("vertices", "betas")]
+    ("name", "only"),
+    [("keypoints", "betas"), pytest.param("joints", None, marks=THOROUGH)],
 )
-def test_slopes_are_those_of_each(name: str, only: str | None) -> None:
+def test_gradients_of_many_points_match_each(name: str, only: str | None) -> None:
     problem, start = problems()[name]
     x, fixed = problem.split(start)
     places = np.arange(problem.free.size)[problem.free.slices[only] if only else slice(None)]
@@ -99,7 +104,7 @@ def test_slopes_are_those_of_each(name: str, only: str | None) -> None:
         np.testing.assert_allclose(gradient, slope[places], rtol=1e-8, atol=1e-8 * abs(slope).max())
 
 
-def test_a_body_whose_points_are_a_graph_alone() -> None:
+def test_costs_of_points_by_a_graph_alone() -> None:
     """Dual quaternions and free arrays know no arithmetic."""
     body = wb.load_body("small").freed("J_regressor")
     pose, betas, trans = (block.symbol for block in body.blocks())
@@ -111,21 +116,9 @@ def test_a_body_whose_points_are_a_graph_alone() -> None:
     np.testing.assert_allclose(problem.costs(x, fixed)(X), each, rtol=1e-10)
 
 
+@pytest.mark.thorough
 @NEEDS_A_COMPILER
-def test_every_instruction_is_casadis() -> None:
-    f = every_operation()
-    used = {f.instruction_id(i) for i in range(f.n_instructions())}
-    assert len(used & set(C_OF)) >= 38
-    rng = np.random.default_rng(1)
-    X, Y = rng.standard_normal((21, 3)), rng.standard_normal(2)
-    for fast, slow in zip(
-        simd_function(f, (False, True))(X, Y), Mapped(f, (False, True))(X, Y), strict=True
-    ):
-        np.testing.assert_allclose(fast, slow, rtol=1e-13, atol=1e-15)
-
-
-@NEEDS_A_COMPILER
-def test_long_functions_are_cut_into_pieces() -> None:
+def test_long_compiled_functions_are_cut_into_pieces() -> None:
     x = cs.SX.sym("x", 4)
     value, early = x[0], x[1] * 1.5
     for i in range(3000):
@@ -134,56 +127,3 @@ def test_long_functions_are_cut_into_pieces() -> None:
     X = np.random.default_rng(0).standard_normal((9, 4))
     (fast,), (slow,) = simd_function(f, (False,))(X), Mapped(f, (False,))(X)
     np.testing.assert_allclose(fast, slow, rtol=1e-9)
-
-
-def test_without_a_compiler_it_is_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("WORKBENCH_COMPILE", "0")
-    problem, start = problems()["joints"]
-    x, fixed = problem.split(start)
-    costs = problem.costs(x, fixed, None, compiled)
-    assert costs(x[None])[0] == pytest.approx(0.5 * np.sum(problem.residual(x, fixed) ** 2))
-
-
-def test_only_what_varies_is_multiplied() -> None:
-    """Products keep the columns that z changes, and there are none where it changes none."""
-    problem, start = problems()["keypoints"]
-    x, fixed = problem.split(start)
-    graph = problem._batch.whole
-    assert graph is not None
-    elbow = [k for k in range(len(x)) if problem.free.label(k).startswith("pose[left_elbow")]
-    trans = [k for k in range(len(x)) if problem.free.label(k).startswith("trans")]
-    rng, columns = np.random.default_rng(2), {}
-    for name, some in {"all": range(len(x)), "elbow": elbow, "trans": trans}.items():
-        places = np.array(some)
-        parts = parted(graph, places, products=True)
-        plain = parted(graph, places, products=False)
-        assert parts is not None
-        assert plain is not None
-        assert plain.before is None
-        z = x[places] + 0.1 * rng.standard_normal(len(places))
-        numbers = parts.numbers(x, fixed)
-        given = [z, numbers]
-        if parts.before is not None:
-            u, w = (np.asarray(a).ravel() for a in parts.before.function(z, numbers))
-            given += [w, parts.before.matrix @ u]
-        moved = x.copy()
-        moved[places] = z
-        cost = 0.5 * np.sum(problem.residual(moved, fixed) ** 2)
-        assert float(parts.cost(*given)) == pytest.approx(cost, rel=1e-12)
-        assert float(plain.cost(z, plain.numbers(x, fixed))) == pytest.approx(cost, rel=1e-12)
-        assert parts.instructions <= plain.instructions
-        columns[name] = 0 if parts.before is None else parts.before.matrix.shape[1]
-    assert columns["trans"] == 0  # no constant matrix multiplies it
-    assert columns["elbow"] == 9  # the elements of one rotation
-    assert columns["all"] > 100
-
-
-def test_what_only_many_rows_need_is_made_for_many_rows() -> None:
-    problem, start = problems()["keypoints"]
-    x, fixed = problem.split(start)
-    made = problem._batch.made
-    costs = problem.costs(x, fixed, None, interpreted)
-    costs(np.repeat(x[None], MANY - 1, axis=0))
-    assert "columns" not in {what for what, _ in made}
-    costs(np.repeat(x[None], MANY, axis=0))
-    assert "columns" in {what for what, _ in made}
