@@ -97,8 +97,6 @@ def test_damaged_keypoint_files_are_refused(tmp_path: Path) -> None:
         ({"annotations": [{"keypoints": [[1], [2, 3]]}]}, "keypoints must be numbers"),
         ({"annotations": [{"keypoints": [10**400] * 51}]}, "keypoints must be numbers"),
         ({"annotations": [{"keypoints": [1, 2]}]}, "but 2 numbers are not a multiple of three"),
-        ({"annotations": [{"keypoints": person(17, confidence=-1)}]}, "0 has confidence -1"),
-        ({"annotations": [{"keypoints": person(17, at=float("nan"))}]}, r"nose at \[nan, nan\]"),
         ({"annotations": [{"keypoints": person(17, at=1e300)}]}, r"has nose at \[1e\+300"),
         ({"images": [3], "annotations": [{"keypoints": person(17)}]}, r"images\[0\] must be an"),
         (
