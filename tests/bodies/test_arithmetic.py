@@ -1,6 +1,5 @@
 """Arithmetic of surfaces and joints, in C and in NumPy: the numbers of the whole graph."""
 
-import ctypes
 import shutil
 import subprocess
 import sys
@@ -16,18 +15,15 @@ import pytest
 from scipy.sparse import csr_array
 
 import workbench as wb
-from tests.bodies.laws import some_arguments
 from tests.bodies_made_up import SMPL_PARENTS, random_body, tube_body
 from tests.tiers import few
 from workbench import compiling
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.c_code import write_c
 from workbench.bodies.forward import arithmetic, packed_vertices, surface
 from workbench.bodies.forward import kernels as compiled_kernels
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.exact_storage import MOST, Stored, storages, whole_step
 from workbench.bodies.forward.joint_kernels import CompiledJoints, joint_kernels
-from workbench.bodies.forward.kernel_code import kernel
 from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
@@ -36,7 +32,6 @@ from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.bodies.triangles.means import StitchedMeans
 from workbench.bodies.triangles.sources import FEW, NumericMeans
-from workbench.errors import BadArgument, NotSupported, UnknownName
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
@@ -502,59 +497,6 @@ def test_packing_needs_little_memory_beside_its_result() -> None:
     kept = packed.vertices.nbytes + packed.size
     assert packed.bends.nbytes > 0.85 * kept
     assert peak < 1.4 * kept
-
-
-def test_operations_without_c_are_refused_by_name() -> None:
-    x = cs.SX.sym("x")
-    with pytest.raises(NotSupported, match="'sine' has no C here"):
-        kernel(cs.Function("sine", [x], [cs.sin(x)]))
-
-
-# C code that is written for others.
-
-DOUBLES = ctypes.POINTER(ctypes.c_double)
-
-
-@NEEDS_COMPILER
-@pytest.mark.parametrize(
-    ("name", "points"),
-    [("small", "joints"), pytest.param("hand", "tips", marks=pytest.mark.thorough)],
-)
-def test_written_c_code_gives_points_of_the_body(tmp_path: Path, name: str, points: str) -> None:
-    body, path, library = wb.load_body(name), tmp_path / "code.c", tmp_path / "code.so"
-    write_c(path, body, points)
-    command = [str(COMPILER), "-shared", "-fPIC", "-O0", str(path), "-o", str(library), "-lm"]
-    subprocess.run(command, check=True, timeout=600)
-    code = ctypes.CDLL(str(library))
-    sizes = [ctypes.c_longlong() for _ in range(4)]
-    getattr(code, f"{points}_work")(*(ctypes.byref(size) for size in sizes))
-    given = some_arguments(body, scale=0.3)
-    found = np.empty((len(body.landmark_names(points)), 3))
-    integers, reals = (np.zeros(max(1, size.value)) for size in sizes[2:])
-    arg = (DOUBLES * max(3, sizes[0].value))(*(a.ctypes.data_as(DOUBLES) for a in given))
-    res = (DOUBLES * max(1, sizes[1].value))(found.ctypes.data_as(DOUBLES))
-    done = getattr(code, points)(
-        arg, res, integers.ctypes.data_as(ctypes.c_void_p), reals.ctypes.data_as(DOUBLES), 0
-    )
-    assert done == 0
-    np.testing.assert_allclose(found, body.landmark(points, *given), atol=1e-12)
-
-
-def test_written_c_code_says_its_arguments(tmp_path: Path) -> None:
-    body = wb.load_body("small")
-    write_c(tmp_path / "code.c", body, "coco")
-    for name in ("code.c", "code.h"):
-        text = (tmp_path / name).read_text()
-        for words in ("pose, 24 x 3, rad", "trans, 3, m", "the points, 23 x 3, m"):
-            assert words in text
-        about = " ".join(text.split("*/")[0].split())
-        assert all(joint in about for joint in (*body.joint_names, "left_big_toe"))
-    assert "int coco(const" in (tmp_path / "code.h").read_text()
-    with pytest.raises(UnknownName, match="'face'"):
-        write_c(tmp_path / "other.c", body, "face")
-    with pytest.raises(BadArgument, match=r"\.c"):
-        write_c(tmp_path / "other.h", body)
-    assert len(list(tmp_path.iterdir())) == 2
 
 
 # Means of a stitched surface, as sums over its parts.
