@@ -1,5 +1,8 @@
 """What every kind of body must keep, and what its arithmetic shares with its graph."""
 
+from collections.abc import Callable
+from typing import Any
+
 import casadi as cs
 import numpy as np
 
@@ -62,3 +65,12 @@ def assert_chain_rule_is_graph(problem: wb.Problem, values: wb.Values) -> None:
     cost, gradient = problem.cost_and_gradient(x, fixed)
     np.testing.assert_allclose(cost, here.cost, rtol=1e-12)
     np.testing.assert_allclose(gradient, J.T @ r.ravel(), rtol=0, atol=1e-11 * abs(gradient).max())
+
+
+def said(error: type[Exception], call: Callable[..., Any], *given: Any, **named: Any) -> str:
+    """What a call says that is refused by an error of this kind; if it is not, that."""
+    try:
+        call(*given, **named)
+    except error as refused:
+        return str(refused)
+    return "nothing was refused"

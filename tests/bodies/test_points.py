@@ -1,6 +1,8 @@
 """Points of a body: which vertices, of what symbols, and without building what nobody asks for."""
 
+import re
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -10,6 +12,7 @@ import pytest
 from scipy.sparse import csr_array
 
 import workbench as wb
+from tests.bodies.laws import said
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench.bodies.forward import arithmetic, surface
 from workbench.errors import BadBody, UnknownName
@@ -48,37 +51,33 @@ def test_vertices_are_chosen_by_number_or_mask(chosen: Any, expected: list[int])
     np.testing.assert_array_equal(seen(points), seen(BODY.points(*SYMBOLS))[expected])
 
 
-@pytest.mark.parametrize(
-    ("chosen", "words"),
-    [
-        ([0, -1], "no vertex -1"),
-        ([2, 30, 31], "no vertex 30; .* 0 to 29"),
-        ([1.0, 2.0], "whole numbers"),
-        (np.ones(29, dtype=bool), r"shape \(29,\)"),
-        (3, r"shape \(\)"),
-        (["nose"], "text"),
-        (slice(3), "type slice"),
-    ],
-)
-def test_vertices_that_are_not_there_are_refused(chosen: Any, words: str) -> None:
-    with pytest.raises(BadBody, match=words):
-        BODY.points(*SYMBOLS, vertices=chosen)
+NOT_THERE: list[tuple[Any, str]] = [
+    ([0, -1], "no vertex -1"),
+    ([2, 30, 31], "no vertex 30; .* 0 to 29"),
+    ([1.0, 2.0], "whole numbers"),
+    (np.ones(29, dtype=bool), r"shape \(29,\)"),
+    (3, r"shape \(\)"),
+    (["nose"], "text"),
+    (slice(3), "type slice"),
+]
+
+
+def test_vertices_that_are_not_there_are_refused() -> None:
+    for chosen, words in NOT_THERE:
+        found = said(BadBody, BODY.points, *SYMBOLS, vertices=chosen)
+        assert re.search(words, found), found
 
 
 # Of what symbols.
 
 
-@pytest.mark.parametrize("made", ["points", "joint_points", "landmark_points"])
-def test_symbols_of_wrong_shapes_are_named(made: str) -> None:
-    arguments = ("face",) if made == "landmark_points" else ()
-    for which, needed in enumerate([r"\(3, 5\) for pose", r"\(3, 1\) for betas", "for trans"]):
-        symbols = list(SYMBOLS)
-        symbols[which] = cs.MX.sym("wrong", 7, 2)
-        with pytest.raises(BadBody, match=needed):
-            getattr(BODY, made)(*arguments, *symbols)
-        symbols[which] = np.zeros((5, 3))  # type: ignore[call-overload]
-        with pytest.raises(BadBody, match="not something of type ndarray"):
-            getattr(BODY, made)(*arguments, *symbols)
+def test_symbols_of_wrong_shapes_are_named() -> None:
+    for made in (BODY.points, BODY.joint_points, partial(BODY.landmark_points, "face")):
+        for which, needed in enumerate([r"\(3, 5\) for pose", r"\(3, 1\) for betas", "for trans"]):
+            for wrong, words in ((cs.MX.sym("wrong", 7, 2), needed), (np.zeros(3), "ndarray")):
+                symbols = [*SYMBOLS[:which], wrong, *SYMBOLS[which + 1 :]]
+                found = said(BadBody, made, *symbols)
+                assert re.search(words, found), found
 
 
 def all_points(body: wb.SkinnedBody) -> tuple[wb.Points, ...]:
@@ -210,18 +209,18 @@ def test_freed_arrays_come_back_as_they_were() -> None:
     np.testing.assert_array_equal(back.vertices(), BODY.vertices())
 
 
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({}, "given no value"),
-        ({"weights": np.ones((30, 4))}, r"shape \(30, 5\)"),
-        ({"weights": np.full((30, 5), np.nan)}, "nan"),
-        ({"weights": np.ones((30, 5))}, "vertex 0 sum to 5"),
-    ],
-)
-def test_values_that_make_no_body_are_refused(values: dict[str, Any], words: str) -> None:
-    with pytest.raises(wb.WorkbenchError, match=words):
-        BODY.freed("weights").with_values(values)
+NO_BODY: list[tuple[Any, str]] = [
+    ({}, "given no value"),
+    ({"weights": np.ones((30, 4))}, r"shape \(30, 5\)"),
+    ({"weights": np.full((30, 5), np.nan)}, "nan"),
+    ({"weights": np.ones((30, 5))}, "vertex 0 sum to 5"),
+]
+
+
+def test_values_that_make_no_body_are_refused() -> None:
+    for values, words in NO_BODY:
+        found = said(wb.WorkbenchError, BODY.freed("weights").with_values, values)
+        assert re.search(words, found), found
 
 
 # Shape directions, and joints that go with them.
