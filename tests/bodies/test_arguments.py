@@ -313,13 +313,14 @@ CASES = {
     "all but joints": (PLAIN, ALL_BUT_JOINTS),
     "joints": (PLAIN, JOINTS),
     "drawn bent": (BENT, ALL_BUT_JOINTS),
+    "limbs, weights": (LIMBS, ("template", "weights")),
     "limbs, regressor": (LIMBS, ("posedirs", "J_regressor")),
     "joints given": (GIVEN, ("template", "shapedirs", "weights")),
     "limbs, where joints are": (LIMBS, ("joints", "shapedirs")),
     "template alone": (PLAIN, ("template",)),
     "drawn bent, joints": (BENT, JOINTS),
 }
-EACH_CASE = pytest.mark.parametrize("case", few(CASES, 5))
+EACH_CASE = pytest.mark.parametrize("case", few(CASES, 6))
 
 
 def values_at(body: wb.SkinnedBody, free: tuple[str, ...]) -> wb.Values:
@@ -351,25 +352,6 @@ def test_free_arrays_keep_the_chain_rule(case: str) -> None:
     assert_costs_of_many(problem, some_values(problem))
     at_zero = some_values(problem) | {"a/pose": 0 * some_values(problem)["a/pose"]}
     assert_chain_rule_is_graph(problem, at_zero)
-
-
-@EACH_CASE
-def test_derivatives_by_free_arrays_are_those_of_differences(case: str) -> None:
-    body, free = CASES[case]
-    values, h, chosen = values_at(body, free), 1e-6, np.array([4, 2, 3])
-    surface = FreedSurface(body, body.kinematics, chosen, {name: name for name in values})
-    here = surface.evaluate(values)
-    for name, value in values.items():
-        slope = here.jacobian(name).toarray()
-        for i in range(0, value.size, 5):
-            step = np.zeros(value.size)
-            step[i] = h
-            step = step.reshape(value.shape)
-            ends = [surface.evaluate(values | {name: value + s * step}).points for s in (1, -1)]
-            # a central difference loses 1e-16 / h of metres to rounding, and h^2 to curvature
-            np.testing.assert_allclose(
-                slope[:, i], (ends[0] - ends[1]).ravel() / (2 * h), atol=1e-7
-            )
 
 
 @EACH_CASE

@@ -93,12 +93,6 @@ def test_lost_volume_converges_to_the_integral(bent: bool) -> None:
         assert found[-1] < 0.03 * law(area(), 0.1, np.pi)
 
 
-def test_bending_loses_ever_more_volume() -> None:
-    volumes = Limb(TUBE, "joint").volumes(Z, EVERY_10_DEGREES)
-    assert (np.diff(volumes) < 0).all()
-    assert volumes[0] == pytest.approx(area() * 0.6, rel=1e-12)
-
-
 @pytest.mark.parametrize("angle", few(BENDS, 2))
 def test_edges_at_the_joint_stretch_as_the_derivative(angle: float) -> None:
     errors: dict[wb.bodies.Skinning, list[float]] = {}
@@ -118,15 +112,6 @@ def test_edges_at_the_joint_stretch_as_the_derivative(angle: float) -> None:
     coarse, fine = errors[wb.dual_quaternion_blend]
     assert fine < 0.01
     assert np.log2(coarse / fine) == pytest.approx(2, abs=0.1)
-
-
-def test_limbs_say_their_least_and_greatest_stretch() -> None:
-    least, most = Limb(TUBE, "joint").stretches(Z, [0.0, 1.0])
-    assert (least[0], most[0]) == (1, 1)
-    pairs = mesh_edges(TUBE.faces)
-    (posed,) = Limb(TUBE, "joint").posed(Z, [1.0])
-    ratio = lengths(posed, pairs) / lengths(TUBE.template, pairs)
-    assert (least[1], most[1]) == (ratio.min(), ratio.max())
 
 
 # Dual quaternions.

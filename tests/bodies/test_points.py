@@ -99,19 +99,6 @@ def test_counts_and_blocks_are_known_without_the_graph() -> None:
             assert expression.shape == points.symbol.shape == (3, points.count)
 
 
-def test_pieces_of_a_block_keep_their_places_in_the_tree() -> None:
-    whole = wb.Block("both", (4, 3), "rad")
-    pose = cs.horzcat(whole.symbol, cs.MX.zeros(3, 1))
-    source = BODY.points(pose, *SYMBOLS[1:]).source
-    assert [block.name for block in source.blocks] == ["both", "betas", "trans"]
-    assert source.numeric is not None
-    assert source.tree is not None
-    assert source.tree.places == (("both", 0), ("both", 3), ("both", 6), ("both", 9), None)
-    bent = BODY.points(cs.sin(pose), *SYMBOLS[1:]).source
-    assert bent.tree is None
-    assert bent.numeric is None
-
-
 def tiled(N: int) -> wb.SkinnedBody:
     """A body of N vertices, the small one's again and again."""
     small = wb.load_body("small")
@@ -236,18 +223,6 @@ def test_shape_directions_are_orthogonal_and_longest_first() -> None:
     assert (np.diff(variances(body)) < 0).all()
     wider = replace(body, shapedirs=2 * body.shapedirs)
     np.testing.assert_allclose(variances(wider), 4 * variances(body))
-
-
-def test_people_of_the_shape_space_are_reconstructed() -> None:
-    errors = import_module("examples.24_shape_directions").reconstruction_errors
-    body, rng = wb.load_body("small"), np.random.default_rng(0)
-    people = body.vertices(betas=rng.normal(size=(5, 10))) + rng.normal(size=(5, 1, 3))
-    left = errors(body, people)  # wherever they stand
-    assert left.shape == (11, 5)
-    assert (np.diff(left, axis=0) <= 1e-15).all()
-    assert left[-1].max() < 1e-12
-    only_two = errors(body, body.vertices(betas=[[1.0, -2.0]]))
-    assert only_two[2].max() < 1e-12 < only_two[1].min()
 
 
 def test_joints_go_with_the_shape_and_can_be_held() -> None:
