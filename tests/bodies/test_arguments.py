@@ -9,6 +9,7 @@ from dataclasses import replace
 import casadi as cs
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies.laws import assert_chain_rule_is_graph, in_symbols, some_arguments, some_values
@@ -306,7 +307,9 @@ def test_bare_pieces_are_named_by_their_joints() -> None:
 PLAIN = random_body(4, n_vertices=5, n_joints=4, n_betas=2)
 BENT = replace(PLAIN, bound_in=np.random.default_rng(1).normal(scale=0.4, size=(4, 3)))
 GIVEN = replace(PLAIN, rest_joints=np.random.default_rng(2).normal(size=(4, 3)))
-LIMBS = random_body(5, n_vertices=5, n_joints=7, n_betas=2)  # no vertex hangs at all joints
+LIMBS = replace(  # no vertex hangs at all joints, and each joint is at one vertex
+    random_body(5, n_vertices=8, n_joints=7, n_betas=2), J_regressor=csr_array(np.eye(7, 8))
+)
 ALL_BUT_JOINTS = ("template", "shapedirs", "posedirs", "J_regressor", "weights")
 JOINTS = ("template", "posedirs", "weights", "joints")
 CASES = {
