@@ -12,15 +12,18 @@ from tests.bodies.model_files import mano, smplh, written
 from tests.bodies.model_files import smplx as smplx_file
 from tests.bodies.random_bodies import Entries, decorated, entries
 from workbench.bodies import mirrored, pose_space, shape_space
-from workbench.bodies.catalogue import load_body, load_skinned
+from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.skinned import SkinnedBody
 
+pytestmark = pytest.mark.thorough
 REASON = "smplx and torch are needed to compare with smplx: pip install '.[bench]'"
 smplx = pytest.importorskip("smplx", reason=REASON)
 torch = pytest.importorskip("torch", reason=REASON)
 BATCH = 4
+TRANS = np.tile([0.1, 0.2, 0.3], (BATCH, 1))  # m
+THEIR_WARNINGS = pytest.mark.filterwarnings("default")  # of smplx and torch
 TOLERANCE = 2e-6  # m: smplx computes in single precision; 4e-7 was seen
 
 
@@ -28,35 +31,6 @@ def random(N: int) -> SkinnedBody:
     """A body of random numbers over every vertex and joint, about as large as a person."""
     body = decorated(body_from(entries(N=N), "random", "random"))
     return replace(body, template=body.template * 0.3)
-
-
-@pytest.mark.filterwarnings("default")  # smplx and torch have warnings of their own
-@pytest.mark.parametrize("which", ["small", "default", "full", 40, 7000])
-def test_smplx_computes_the_same(tmp_path: Path, which: str | int) -> None:
-    body = load_body(which) if isinstance(which, str) else random(which)
-    (tmp_path / "smpl").mkdir()
-    save_body(body, tmp_path / "smpl" / "SMPL_NEUTRAL.pkl")
-    ids = json.loads((tmp_path / "smpl" / "SMPL_NEUTRAL_vertex_ids.json").read_text())
-    theirs = smplx.create(str(tmp_path), model_type="smpl", vertex_ids=ids, batch_size=BATCH)
-    rng = np.random.default_rng(0)
-    pose = rng.normal(size=(BATCH, 24, 3)) * 0.5
-    pose[0] = 0
-    betas, trans = rng.normal(size=(BATCH, 10)), rng.normal(size=(BATCH, 3))
-    with torch.no_grad():
-        out = theirs(
-            betas=torch.tensor(betas, dtype=torch.float32),
-            global_orient=torch.tensor(pose[:, 0], dtype=torch.float32),
-            body_pose=torch.tensor(pose[:, 1:].reshape(BATCH, 69), dtype=torch.float32),
-            transl=torch.tensor(trans, dtype=torch.float32),
-        )
-    vertices, joints = body.vertices(pose, betas, trans), body.joints(pose, betas, trans)
-    away = abs(out.vertices.numpy() - vertices).max()
-    away_joints = abs(out.joints.numpy()[:, :24] - joints).max()
-    print(f"{body.name}: vertices {away:.1e} m, joints {away_joints:.1e} m")
-    assert away < TOLERANCE
-    assert away_joints < TOLERANCE
-    assert out.joints.shape == (BATCH, 45, 3)
-    np.testing.assert_allclose(out.joints.numpy()[:, 24], vertices[:, ids["nose"]], atol=TOLERANCE)
 
 
 def given(**arrays: np.ndarray) -> dict[str, Any]:
@@ -72,17 +46,43 @@ def as_body(raw: Entries, name: str, folder: Path) -> SkinnedBody:
 
 
 def agree(out: Any, body: SkinnedBody, pose: np.ndarray, betas: np.ndarray) -> None:
-    trans = np.broadcast_to([0.1, 0.2, 0.3], (BATCH, 3))
-    vertices, joints = body.vertices(pose, betas, trans), body.joints(pose, betas, trans)
+    vertices, joints = body.vertices(pose, betas, TRANS), body.joints(pose, betas, TRANS)
     away = abs(out.vertices.detach().numpy() - vertices).max()
     away_joints = abs(out.joints.detach().numpy()[:, : body.n_joints] - joints).max()
     print(f"{body.name}: vertices {away:.1e} m, joints {away_joints:.1e} m")
     assert max(away, away_joints) < TOLERANCE
 
 
-@pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("which", ["mano", "left of mano", "hand"])
-@pytest.mark.parametrize("count", [6, 45])
+@THEIR_WARNINGS
+@pytest.mark.parametrize("which", ["small", "full", 7000])
+def test_smpl_is_what_smplx_computes(tmp_path: Path, which: str | int) -> None:
+    body = load_skinned(which) if isinstance(which, str) else random(which)
+    (tmp_path / "smpl").mkdir()
+    save_body(body, tmp_path / "smpl" / "SMPL_NEUTRAL.pkl")
+    ids = json.loads((tmp_path / "smpl" / "SMPL_NEUTRAL_vertex_ids.json").read_text())
+    theirs = smplx.create(str(tmp_path), model_type="smpl", vertex_ids=ids, batch_size=BATCH)
+    rng = np.random.default_rng(0)
+    pose, betas = rng.normal(size=(BATCH, 24, 3)) * 0.5, rng.normal(size=(BATCH, 10))
+    pose[0] = 0
+    with torch.no_grad():
+        out = theirs(
+            **given(
+                betas=betas,
+                global_orient=pose[:, 0],
+                body_pose=pose[:, 1:].reshape(BATCH, 69),
+                transl=TRANS,
+            )
+        )
+    agree(out, body, pose, betas)
+    assert out.joints.shape == (BATCH, 45, 3)
+    nose = body.vertices(pose, betas, TRANS)[:, ids["nose"]]
+    np.testing.assert_allclose(out.joints.numpy()[:, 24], nose, atol=TOLERANCE)
+
+
+@THEIR_WARNINGS
+@pytest.mark.parametrize(
+    ("which", "count"), [("mano", 6), ("left of mano", 6), ("hand", 6), ("left of mano", 45)]
+)
 def test_mano_by_the_coefficients_of_its_pose_space(tmp_path: Path, which: str, count: int) -> None:
     """The mean pose is added once: by smplx to what it is given, and here by the pose space."""
     body = load_skinned("hand") if which == "hand" else as_body(mano(), "hand", tmp_path)
@@ -104,12 +104,11 @@ def test_mano_by_the_coefficients_of_its_pose_space(tmp_path: Path, which: str, 
     pose[:, 0] = wrist
     # with all 45 components smplx takes rotation vectors, still without the mean
     hand = z if count < 45 else (pose[:, 1:] - space.mean).reshape(BATCH, 45)
-    trans = np.tile([0.1, 0.2, 0.3], (BATCH, 1))
-    out = theirs(**given(betas=betas, global_orient=wrist, hand_pose=hand, transl=trans))
+    out = theirs(**given(betas=betas, global_orient=wrist, hand_pose=hand, transl=TRANS))
     agree(out, body, pose, betas)
 
 
-@pytest.mark.filterwarnings("default")
+@THEIR_WARNINGS
 @pytest.mark.parametrize("with_space", [True, False])
 def test_smplh_of_52_joints(tmp_path: Path, with_space: bool) -> None:
     body = as_body(smplh(), "body", tmp_path)
@@ -137,13 +136,13 @@ def test_smplh_of_52_joints(tmp_path: Path, with_space: bool) -> None:
             body_pose=pose[:, 1:22].reshape(BATCH, 63),
             left_hand_pose=z[0],
             right_hand_pose=z[1],
-            transl=np.tile([0.1, 0.2, 0.3], (BATCH, 1)),
+            transl=TRANS,
         )
     )
     agree(out, body, pose, betas)
 
 
-@pytest.mark.filterwarnings("default")
+@THEIR_WARNINGS
 def test_smplx_of_55_joints_with_shape_and_expression(tmp_path: Path) -> None:
     raw = smplx_file(N=9930)  # smplx shows vertex 9,929
     raw["posedirs"][100:] = 0  # what is random takes long to write
@@ -160,6 +159,5 @@ def test_smplx_of_55_joints_with_shape_and_expression(tmp_path: Path) -> None:
     parts += ("left_hand_pose", "right_hand_pose")
     split = np.split(pose, [1, 22, 23, 24, 25, 40], axis=1)
     posed = {key: part.reshape(BATCH, -1) for key, part in zip(parts, split, strict=True)}
-    trans = np.tile([0.1, 0.2, 0.3], (BATCH, 1))
-    out = theirs(**given(betas=shape, expression=expression, transl=trans, **posed))
+    out = theirs(**given(betas=shape, expression=expression, transl=TRANS, **posed))
     agree(out, body, pose, shape_space(body).numbers(shape, expression))

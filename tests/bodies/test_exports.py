@@ -1,7 +1,9 @@
-"""Skinned glTF: read back and evaluated as a viewer would, it says what the body says."""
+"""Bodies for other programs: a glTF shows, and written C code computes, what the body says."""
 
+import ctypes
 import json
-from collections.abc import Callable
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,10 +14,14 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from tests.bodies.laws import some_arguments
+from tests.bodies_made_up import tube_body
+from tests.tiers import few
+from workbench.bodies.files.c_code import write_c
 from workbench.bodies.files.correctives import correctives_of
 from workbench.bodies.files.gltf import write_gltf
-from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.errors import BadArgument, BadBody
+from workbench.bodies.triangles import blend_scape, scape
+from workbench.errors import BadArgument, BadBody, UnknownName
 
 SMALL = wb.load_body("small")
 TYPES: dict[int, type[np.generic]] = {
@@ -25,9 +31,10 @@ TYPES: dict[int, type[np.generic]] = {
     5121: np.uint8,
 }
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+TRANS = np.array([[0.0, 1, 0], [0.1, 1, 0.5], [0.2, 1.1, 1.0]])
 
 
-def some() -> tuple[np.ndarray, np.ndarray]:
+def some_poses() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     return rng.normal(scale=0.4, size=(3, 24, 3)), rng.normal(size=10)
 
@@ -90,22 +97,26 @@ def skinned(document: dict[str, Any], array: Any, frame: int) -> np.ndarray:
     return np.asarray(moved[:, :3])
 
 
-def test_a_viewer_shows_the_body(tmp_path: Path) -> None:
-    poses, betas = some()
-    write_gltf(tmp_path / "a.glb", SMALL, poses, betas)
+# glTF.
+
+
+def test_viewers_of_gltf_show_the_body(tmp_path: Path) -> None:
+    poses, betas = some_poses()
+    write_gltf(tmp_path / "a.glb", SMALL, poses, betas, trans=TRANS)
     document, array = read(tmp_path / "a.glb")
-    for frame, pose in enumerate(poses):
+    for frame, (pose, place) in enumerate(zip(poses, TRANS, strict=True)):
         shown = skinned(document, array, frame)
-        np.testing.assert_allclose(shown, SMALL.vertices(pose, betas), atol=1e-6)
-    bare = SMALL.vertices(0 * poses[0], betas)
-    assert abs(bare - SMALL.vertices(poses[0], betas)).max() > 0.1
+        np.testing.assert_allclose(shown, SMALL.vertices(pose, betas, place), atol=1e-6)
     names = [node["name"] for node in document["nodes"]]
     assert names[:-1] == list(SMALL.joint_names)
+    (mesh,) = trimesh.load_scene(tmp_path / "a.glb", process=False).geometry.values()
+    np.testing.assert_allclose(mesh.vertices, SMALL.vertices(betas=betas), atol=1e-6)
+    np.testing.assert_array_equal(mesh.faces, SMALL.faces)
 
 
-@pytest.mark.parametrize("count", [0, 1, 2, None])
-def test_fewer_correctives_are_off_by_what_the_file_says(tmp_path: Path, count: int | None) -> None:
-    poses, betas = some()
+@pytest.mark.parametrize("count", few([1, None, 0, 2], 2))
+def test_error_of_few_correctives_is_said(tmp_path: Path, count: int | None) -> None:
+    poses, betas = some_poses()
     found = write_gltf(tmp_path / "a.glb", SMALL, poses, betas, correctives=count)
     document, array = read(tmp_path / "a.glb")
     off = np.array(
@@ -120,11 +131,10 @@ def test_fewer_correctives_are_off_by_what_the_file_says(tmp_path: Path, count: 
     extras = document["asset"]["extras"]
     assert extras["correctives"] == len(found.shapes) == (3 if count is None else count)
     assert (extras["mean_error_m"], extras["largest_error_m"]) == (found.mean, found.largest)
-    assert extras["betas"] == betas.tolist()
 
 
 def test_correctives_are_the_best_of_their_number() -> None:
-    """No other two directions leave less, in the sum of squares: Eckart and Young."""
+    """No others leave less, in the sum of squares: Eckart and Young."""
     poses, betas = np.random.default_rng(3).normal(scale=0.3, size=(6, 24, 3)), np.zeros(10)
     added = np.array([SMALL.posedirs @ SMALL.kinematics.motion(p, betas).features for p in poses])
     flat = added.reshape(6, -1)
@@ -136,8 +146,8 @@ def test_correctives_are_the_best_of_their_number() -> None:
         assert abs(found.shares).max() == pytest.approx(1.0)
 
 
-def test_shape_directions_and_normals_are_in_the_file(tmp_path: Path) -> None:
-    poses, betas = some()
+def test_gltf_holds_shape_directions_and_normals(tmp_path: Path) -> None:
+    poses, betas = some_poses()
     write_gltf(tmp_path / "a.glb", SMALL, poses, betas, shapes=2, correctives=1)
     document, array = read(tmp_path / "a.glb")
     mesh = document["meshes"][0]
@@ -150,26 +160,11 @@ def test_shape_directions_and_normals_are_in_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
     rest = trimesh.Trimesh(SMALL.vertices(betas=betas), SMALL.faces, process=False)
     assert np.median((normals * rest.vertex_normals).sum(axis=1)) > 0.95
-    with pytest.raises(BadArgument, match="10 shape directions; as morph targets, give 0 to"):
-        write_gltf(tmp_path / "b.glb", SMALL, poses, shapes=11)
-    with pytest.raises(BadArgument, match="number of correctives is a whole number from 0"):
-        write_gltf(tmp_path / "b.glb", SMALL, poses, correctives=-1)
-
-
-def test_the_root_travels(tmp_path: Path) -> None:
-    poses, betas = some()
-    trans = np.array([[0.0, 1, 0], [0.1, 1, 0.5], [0.2, 1.1, 1.0]])
-    write_gltf(tmp_path / "a.glb", SMALL, poses, betas, trans=trans)
-    document, array = read(tmp_path / "a.glb")
-    for frame, (pose, place) in enumerate(zip(poses, trans, strict=True)):
-        shown = skinned(document, array, frame)
-        np.testing.assert_allclose(shown, SMALL.vertices(pose, betas, place), atol=1e-6)
 
 
 def test_quaternions_of_neighbouring_frames_are_on_one_side(tmp_path: Path) -> None:
     """A full turn in ten frames: rotation vectors of at most pi jump to the other side."""
-    poses = np.zeros((11, 24, 3))
-    turn = np.linspace(0, 2 * np.pi, 11)
+    poses, turn = np.zeros((11, 24, 3)), np.linspace(0, 2 * np.pi, 11)
     poses[:, 3, 1] = np.where(turn > np.pi, turn - 2 * np.pi, turn)
     write_gltf(tmp_path / "a.glb", SMALL, poses)
     document, array = read(tmp_path / "a.glb")
@@ -179,40 +174,77 @@ def test_quaternions_of_neighbouring_frames_are_on_one_side(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("make", [scape, blend_scape])
-def test_bones_and_correctives_show_a_triangle_body(
-    tmp_path: Path, make: Callable[[wb.SkinnedBody], TriangleBody]
-) -> None:
-    """Also where a twist by half a turn flattens what linear blending makes of a forearm."""
-    assert isinstance(SMALL, wb.SkinnedBody)
-    body, (poses, betas) = make(SMALL), some()
-    poses[1, body.joint_names.index("left_wrist")] = [np.pi, 0, 0]
-    trans = np.array([[0.0, 1, 0], [0.1, 1, 0.5], [0.2, 1.1, 1.0]])
-    found = write_gltf(tmp_path / "a.glb", body, poses, betas, trans=trans, shapes=2)
-    assert len(found.shapes) == 3
+def test_viewers_of_gltf_show_a_triangle_body(tmp_path: Path, make: Any) -> None:
+    """Also where a twist by half a turn flattens what linear blending makes of a part."""
+    body, rng = make(tube_body()), np.random.default_rng(0)
+    poses, betas = rng.normal(scale=0.4, size=(3, 3, 3)), rng.normal(size=2)
+    poses[1, 2] = [0, np.pi, 0]
+    found = write_gltf(tmp_path / "a.glb", body, poses, betas, trans=TRANS, shapes=2)
     assert found.largest < 1e-7
     document, array = read(tmp_path / "a.glb")
-    for frame, (pose, place) in enumerate(zip(poses, trans, strict=True)):
+    for frame, (pose, place) in enumerate(zip(poses, TRANS, strict=True)):
         shown = skinned(document, array, frame)
         np.testing.assert_allclose(shown, body.vertices(pose, betas, place), atol=1e-6)
-    assert "WEIGHTS_1" not in document["meshes"][0]["primitives"][0]["attributes"]
     moved = array(document["meshes"][0]["primitives"][0]["targets"][1]["POSITION"])
-    direction = body.vertices(betas=np.eye(10)[1]) - body.vertices()
+    direction = body.vertices(betas=[0.0, 1.0]) - body.vertices()
     np.testing.assert_allclose(moved, direction, atol=1e-7)
-    few = write_gltf(tmp_path / "b.glb", body, poses, betas, correctives=1)
-    assert 1e-3 < few.mean < few.largest
 
 
-def test_trimesh_opens_it(tmp_path: Path) -> None:
-    poses, betas = some()
-    write_gltf(tmp_path / "a.glb", SMALL, poses, betas)
-    (mesh,) = trimesh.load_scene(tmp_path / "a.glb", process=False).geometry.values()
-    np.testing.assert_allclose(mesh.vertices, SMALL.vertices(betas=betas), atol=1e-6)
-    np.testing.assert_array_equal(mesh.faces, SMALL.faces)
-
-
-def test_what_no_gltf_can_say_is_refused_and_nothing_written(tmp_path: Path) -> None:
-    poses, _ = some()
+def test_gltf_refuses_what_it_cannot_show(tmp_path: Path) -> None:
+    poses, _ = some_poses()
     twisted = replace(SMALL, skinning=wb.dual_quaternion_blend)
-    with pytest.raises(BadBody, match="is not skinned as a glTF is"):
+    with pytest.raises(BadBody, match="not skinned as a glTF is"):
         write_gltf(tmp_path / "a.glb", twisted, poses)
+    with pytest.raises(BadArgument, match="10 shape directions"):
+        write_gltf(tmp_path / "b.glb", SMALL, poses, shapes=11)
+    with pytest.raises(BadArgument, match="correctives"):
+        write_gltf(tmp_path / "b.glb", SMALL, poses, correctives=-1)
     assert not list(tmp_path.iterdir())
+
+
+# C code.
+
+COMPILER = shutil.which("cc") or shutil.which("gcc")
+DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
+@pytest.mark.parametrize(
+    ("name", "points"),
+    [("small", "joints"), pytest.param("hand", "tips", marks=pytest.mark.thorough)],
+)
+def test_written_c_code_gives_points_of_the_body(tmp_path: Path, name: str, points: str) -> None:
+    body, path, library = wb.load_body(name), tmp_path / "code.c", tmp_path / "code.so"
+    write_c(path, body, points)
+    command = [str(COMPILER), "-shared", "-fPIC", "-O0", str(path), "-o", str(library), "-lm"]
+    subprocess.run(command, check=True, timeout=600)
+    code = ctypes.CDLL(str(library))
+    sizes = [ctypes.c_longlong() for _ in range(4)]
+    getattr(code, f"{points}_work")(*(ctypes.byref(size) for size in sizes))
+    given = some_arguments(body, scale=0.3)
+    found = np.empty((len(body.landmark_names(points)), 3))
+    integers, reals = (np.zeros(max(1, size.value)) for size in sizes[2:])
+    arg = (DOUBLES * max(3, sizes[0].value))(*(a.ctypes.data_as(DOUBLES) for a in given))
+    res = (DOUBLES * max(1, sizes[1].value))(found.ctypes.data_as(DOUBLES))
+    done = getattr(code, points)(
+        arg, res, integers.ctypes.data_as(ctypes.c_void_p), reals.ctypes.data_as(DOUBLES), 0
+    )
+    assert done == 0
+    np.testing.assert_allclose(found, body.landmark(points, *given), atol=1e-12)
+
+
+def test_written_c_code_says_its_arguments(tmp_path: Path) -> None:
+    body = wb.load_body("small")
+    write_c(tmp_path / "code.c", body, "coco")
+    for name in ("code.c", "code.h"):
+        text = (tmp_path / name).read_text()
+        for words in ("pose, 24 x 3, rad", "trans, 3, m", "the points, 23 x 3, m"):
+            assert words in text
+        about = " ".join(text.split("*/")[0].split())
+        assert all(joint in about for joint in (*body.joint_names, "left_big_toe"))
+    assert "int coco(const" in (tmp_path / "code.h").read_text()
+    with pytest.raises(UnknownName, match="'face'"):
+        write_c(tmp_path / "other.c", body, "face")
+    with pytest.raises(BadArgument, match=r"\.c"):
+        write_c(tmp_path / "other.h", body)
+    assert len(list(tmp_path.iterdir())) == 2

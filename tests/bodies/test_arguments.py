@@ -1,0 +1,393 @@
+"""Pose, betas, trans and arrays of a body may be blocks or affine maps of blocks.
+
+Whatever they are, the chain rule gives what the graph gives.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import workbench as wb
+from tests.bodies.laws import assert_chain_rule_is_graph, in_symbols, some_arguments, some_values
+from tests.bodies_made_up import random_body, smpl_like_body, tube_body
+from tests.tiers import few
+from workbench import residuals
+from workbench.blocks.affine import Affine
+from workbench.bodies.forward import arithmetic
+from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
+from workbench.bodies.triangles.recipes import blend_scape
+from workbench.solvers.wrapping import rewrapped
+
+RNG = np.random.default_rng(0)
+BODY = random_body(2, n_vertices=12, n_joints=5, n_betas=3)
+K = BODY.n_joints
+COMPONENTS, MEAN = RNG.normal(size=(3 * K, 4)), RNG.normal(scale=0.1, size=(3, K))
+Given = tuple[cs.MX, cs.MX, cs.MX]
+
+
+def symbols(**shapes: tuple[int, ...]) -> dict[str, cs.MX]:
+    return {name: wb.Block(name, shape).symbol for name, shape in shapes.items()}
+
+
+def plain() -> Given:
+    s = symbols(pose=(K, 3), betas=(3,), trans=(3,))
+    return s["pose"], s["betas"], s["trans"]
+
+
+def pieces() -> Given:
+    s = symbols(root=(1, 3), rest=(K - 1, 3))
+    return cs.horzcat(s["root"], s["rest"]), *plain()[1:]
+
+
+def pieces_that_cross() -> Given:
+    s = symbols(arms=(2, 3), legs=(3, 3))
+    arms, legs = cs.horzsplit(s["arms"]), cs.horzsplit(s["legs"])
+    return cs.horzcat(legs[0], arms[1], legs[2], arms[0], legs[1]), *plain()[1:]
+
+
+def components() -> Given:
+    c = symbols(coefficients=(4,))["coefficients"]
+    return cs.MX(MEAN) + cs.reshape(cs.DM(COMPONENTS) @ c, 3, K), *plain()[1:]
+
+
+def half_components() -> Given:
+    s = symbols(front=(2, 3), coefficients=(4,))
+    hand = cs.reshape(cs.DM(COMPONENTS[6:]) @ s["coefficients"], 3, K - 2)
+    return cs.horzcat(s["front"], hand), *plain()[1:]
+
+
+def shifted() -> Given:
+    pose, betas, trans = plain()
+    return pose + cs.DM(MEAN), betas + 0.5, trans - cs.DM([0.0, 1.0, 2.0])
+
+
+def two_roles() -> Given:
+    pose, _, trans = plain()
+    return pose, trans, trans  # a block that is the shape as well as the place
+
+
+def mirrored() -> Given:
+    a, b, c = cs.horzsplit(symbols(half=(3, 3))["half"])
+    return cs.horzcat(a, b, -b, c, cs.DM([1.0, -1.0, -1.0]) * c), *plain()[1:]
+
+
+def held() -> Given:
+    pose, _, trans = plain()
+    return pose, cs.MX(cs.DM([0.3, -0.2, 0.1])), trans
+
+
+def flat() -> Given:
+    return cs.reshape(symbols(theta=(3 * K,))["theta"], 3, K), *plain()[1:]
+
+
+def larger() -> Given:
+    """A block of which the pose is a part: what is left of it moves nothing."""
+    everything = symbols(everything=(K + 2, 3))["everything"]
+    return everything[:, 1 : K + 1], *plain()[1:]
+
+
+ALL = (plain, pieces, pieces_that_cross, components, half_components, shifted, two_roles)
+ALL += (mirrored, held, flat, larger)
+
+
+def terms(body: wb.SkinnedBody | wb.TriangleBody, given: Given) -> list[wb.Residual]:
+    observed = np.random.default_rng(5).normal(size=(body.n_vertices, 3))
+    points, some = body.points(*given), body.points(*given, vertices=[3, 1])
+    joints = body.joint_points(*given)
+    return [
+        residuals.vertices(points, observed, sigma=0.01),
+        residuals.vertices(some, observed[:2], sigma=0.02, name="some"),
+        residuals.landmarks(joints, np.zeros((joints.count, 3)), sigma=0.1),
+    ]
+
+
+def names_of(given: Given) -> list[str]:
+    return [symbol.name() for symbol in cs.symvar(cs.veccat(*given))]
+
+
+def assert_costs_of_many(problem: wb.Problem, values: wb.Values) -> None:
+    x, fixed = problem.split(values)
+    many = np.array([x, x + 0.1])
+    expected = [problem.linearize_at(z, fixed).cost for z in many]
+    np.testing.assert_allclose(problem.costs(x, fixed)(many), expected, rtol=1e-10)
+
+
+# Affine maps of blocks.
+
+
+@pytest.mark.parametrize("compiled", few([False, True], 1), ids=["NumPy", "compiled"])
+@pytest.mark.parametrize(
+    "given", few(ALL, [f for f in ALL if f not in (plain, held, flat)]), ids=lambda f: f.__name__
+)
+def test_affine_arguments_keep_the_chain_rule(
+    given: Callable[[], Given], compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 1 if compiled else 10**9)
+    arguments = given()
+    names, (of_mesh, *others) = names_of(arguments), terms(BODY, arguments)
+    # alone, the mesh writes into the Jacobian itself; among others, it does so by parts
+    for stacked, free in (([of_mesh], names[::-1]), ([of_mesh, *others], names[:1])):
+        problem = wb.Problem(stacked, free)
+        assert all(p.source.numeric is not None for r in problem.residuals for p in r.points)
+        assert_chain_rule_is_graph(problem, some_values(problem))
+    problem = wb.Problem(terms(BODY, arguments), names)
+    assert_chain_rule_is_graph(problem, some_values(problem))
+    assert_costs_of_many(problem, some_values(problem))
+    source = BODY.joint_points(*arguments).source
+    values = [some_values(problem, seed) for seed in range(2)]
+    many = source.numeric.evaluate_batch({n: np.array([v[n] for v in values]) for n in values[0]})
+    for found, one in zip(many, values, strict=True):
+        expected = in_symbols(BODY.joint_points(*arguments), one)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_triangle_bodies_take_affine_arguments() -> None:
+    body = blend_scape(tube_body())
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    s = symbols(root=(1, 3), rest=(body.n_joints - 1, 3))
+    for made in (
+        cs.horzcat(s["root"], s["rest"]),
+        pose + 0.1,
+        pose + cs.repmat(trans, 1, body.n_joints),
+    ):
+        arguments = made, betas, trans
+        problem = wb.Problem(terms(body, arguments), names_of(arguments))
+        assert all(p.source.numeric is not None for r in problem.residuals for p in r.points)
+        assert_chain_rule_is_graph(problem, some_values(problem))
+
+
+def test_arguments_that_are_not_affine_go_by_the_graph() -> None:
+    pose, betas, trans = plain()
+    for bent in (cs.sin(betas), betas * cs.sum1(betas), cs.fmax(betas, 0)):
+        assert Affine.of(bent, (3,)) is None
+        source = BODY.points(pose, bent, trans).source
+        assert source.numeric is None
+        assert source.tree is None
+        problem = wb.Problem(terms(BODY, (pose, bent, trans)), ("pose", "betas"))
+        assert_chain_rule_is_graph(problem, some_values(problem))
+
+
+MAPS: dict[str, Callable[[cs.MX, cs.MX], cs.MX]] = {
+    "one frame of many": lambda x, y: x[:, 7],
+    "rows in another order": lambda x, y: cs.vertcat(x[2:, :], cs.DM.ones(2, 20), x[:2, :]),
+    "coefficients": lambda x, y: cs.DM(np.arange(24).reshape(4, 6)) @ x + 3,
+    "sums": lambda x, y: cs.cumsum(x.T).T,
+    "a scalar added to a matrix": lambda x, y: 2 * x[:, :3] - y,
+    "fewer rows than columns": lambda x, y: cs.sum2(x)[:2] + y,
+    "nothing left of one": lambda x, y: x - x + y,
+    "the same twice": lambda x, y: (x + x) / 2,
+}
+
+
+def test_affine_maps_are_offset_and_matrices() -> None:
+    s = symbols(x=(20, 6), y=())
+    values = {"x": RNG.normal(size=(20, 6)), "y": RNG.normal(size=())}
+    for name, made in MAPS.items():
+        expression = made(s["x"], s["y"])
+        found = Affine.of(expression, expression.shape[::-1])
+        assert found is not None, name
+        by_values = cs.Function("f", [s["x"], s["y"]], [expression])
+        expected = np.asarray(by_values(values["x"].T, values["y"])).T
+        np.testing.assert_allclose(found.value(values), expected, rtol=0, atol=1e-13)
+        many = found.value_batch({n: np.array([v, v]) for n, v in values.items()})
+        np.testing.assert_allclose(many, [expected, expected], rtol=0, atol=1e-13)
+        pull = RNG.normal(size=expected.size)
+        for block, matrix in found.terms.items():
+            assert (matrix.data != 0).all()
+            pulled = matrix.toarray().T @ pull
+            np.testing.assert_allclose(found.pulled(pull)[block], pulled, atol=1e-12)
+
+
+def test_one_block_moves_two_bodies() -> None:
+    """Their poses share all but the root; each body gives its part to the shared columns."""
+    rest = wb.Block("rest", (K - 1, 3), "rad", BODY.joint_names[1:])
+    stacked, others = [], []
+    for who in ("a/", "b/"):
+        root = wb.Block(who + "root", (1, 3), "rad", BODY.joint_names[:1])
+        _, betas, trans = BODY.blocks(who)
+        pose = cs.horzcat(root.symbol, rest.symbol)
+        points = BODY.points(pose, betas.symbol, trans.symbol)
+        stacked.append(residuals.vertices(points, BODY.template, sigma=0.1, name=who))
+        others += [root, betas, trans]
+    problem = wb.Problem(stacked, [rest.name, *(b.name for b in others)], blocks=(rest, *others))
+    assert_chain_rule_is_graph(problem, some_values(problem))
+    assert len(problem.trees) == 2
+    turned = [problem.free.label(at.start) for at in problem.rotations]
+    assert turned[:2] == ["a/root[joint0, x]", "rest[joint1, x]"]
+    assert len(turned) == K + 1  # what is shared is counted once
+
+
+# The tree and its names.
+
+
+def whole_and_in_pieces() -> tuple[wb.Problem, wb.Problem, Callable[[wb.Values], wb.Values]]:
+    """A fit of joints with one pose block, and with a pose of two pieces."""
+    body = smpl_like_body()
+    pose, betas, trans = body.blocks()
+    root = wb.Block("root", (1, 3), "rad", body.joint_names[:1])
+    rest = wb.Block("rest", (23, 3), "rad", body.joint_names[1:])
+    both = []
+    for given, free in (
+        (pose.symbol, ("pose", "trans")),
+        (cs.horzcat(root.symbol, rest.symbol), ("root", "rest", "trans")),
+    ):
+        joints = body.joint_points(given, betas.symbol, trans.symbol)
+        term = residuals.landmarks(joints, body.joints(), sigma=0.01)
+        both.append(wb.Problem([term], free, blocks=(root, rest) if "root" in free else ()))
+
+    def cut(values: wb.Values) -> wb.Values:
+        left = {name: value for name, value in values.items() if name != "pose"}
+        return left | {"root": values["pose"][:1], "rest": values["pose"][1:]}
+
+    return both[0], both[1], cut
+
+
+def test_poses_in_pieces_are_diagnosed_and_wrapped_alike() -> None:
+    whole, cut, to_pieces = whole_and_in_pieces()
+    pose = 0.2 * np.random.default_rng(3).normal(size=(24, 3))
+    at = {"pose": pose, "betas": np.zeros(4), "trans": RNG.normal(size=3)}
+    one, other = wb.diagnose(whole, at), wb.diagnose(cut, to_pieces(at))
+    names = [direction.name for direction in other.null_directions]
+    assert any(name.startswith("a turn of rest[") for name in names)
+    same = [name.replace("root[", "pose[").replace("rest[", "pose[") for name in names]
+    assert same == [direction.name for direction in one.null_directions]
+    assert one.rank_law == other.rank_law is not None
+    pose[0], pose[16] = (4.0, 0.0, 0.5), (0.0, -7.0, 0.2)
+    x, y = whole.split(at)[0], cut.split(to_pieces(at))[0]
+    np.testing.assert_array_equal(x, y)  # the pieces are free in the order of the pose
+    wrapped = rewrapped(whole, x, lambda _: True)
+    np.testing.assert_array_equal(rewrapped(cut, y, lambda _: True), wrapped)
+    assert np.linalg.norm(wrapped[:3]) < np.pi
+    assert np.linalg.norm(wrapped[48:51]) < np.pi
+
+
+def test_coefficients_of_a_pose_space_have_no_joints() -> None:
+    front = wb.Block("front", (2, 3), "rad", BODY.joint_names[:2])
+    s = symbols(coefficients=(4,))
+    hands = cs.reshape(cs.DM(COMPONENTS[6:]) @ s["coefficients"], 3, K - 2)
+    arguments = cs.horzcat(front.symbol, hands), *plain()[1:]
+    term = residuals.landmarks(BODY.joint_points(*arguments), BODY.joints(), sigma=0.01)
+    problem = wb.Problem([term], ("front", "coefficients"), blocks=(front,))
+    (tree,) = problem.trees
+    assert tree.places == (("front", 0), ("front", 3), None, None, None)
+    assert len(problem.rotations) == 2
+    found = wb.diagnose(problem, some_values(problem))
+    assert found.rank_law is None  # it counts joints that turn by three numbers of their own
+    for direction in found.null_directions:
+        assert not set(direction.joints) & set(BODY.joint_names[2:])
+
+
+def test_negative_or_shifted_copies_are_no_rotation_vectors() -> None:
+    for given, turned in ((mirrored, 1), (shifted, 0), (two_roles, K), (flat, K), (larger, K)):
+        arguments = given()
+        problem = wb.Problem(terms(BODY, arguments), names_of(arguments))
+        assert len(problem.rotations) == turned, given.__name__
+
+
+def test_bare_pieces_are_named_by_their_joints() -> None:
+    _, betas, trans = BODY.blocks()
+    root, rest = cs.MX.sym("root", 3), cs.MX.sym("rest", 3, K - 1)
+    pose = cs.horzcat(root, rest)
+    data = terms(BODY, (pose, betas.symbol, trans.symbol))
+    problem = wb.Problem(data, ("root", "rest", "trans"))
+    labels = [problem.free.label(i) for i in (0, 2, 3, 5)]
+    assert labels == ["root[joint0, x]", "root[joint0, z]", "rest[joint1, x]", "rest[joint1, z]"]
+    assert problem.free.unit(3) == "rad"
+    mine = wb.Block.of(rest, "deg", ("a", "b", "c", "d"))  # whoever made it knows better
+    described = wb.Problem(data, ("rest",), blocks=(mine,))
+    assert (described.free.label(3), described.free.unit(3)) == ("rest[b, x]", "deg")
+
+
+# Free arrays.
+
+PLAIN = random_body(4, n_vertices=5, n_joints=4, n_betas=2)
+BENT = replace(PLAIN, bound_in=np.random.default_rng(1).normal(scale=0.4, size=(4, 3)))
+GIVEN = replace(PLAIN, rest_joints=np.random.default_rng(2).normal(size=(4, 3)))
+LIMBS = replace(  # no vertex hangs at all joints, and each joint is at one vertex
+    random_body(5, n_vertices=8, n_joints=7, n_betas=2), J_regressor=csr_array(np.eye(7, 8))
+)
+ALL_BUT_JOINTS = ("template", "shapedirs", "posedirs", "J_regressor", "weights")
+JOINTS = ("template", "posedirs", "weights", "joints")
+CASES = {
+    "all but joints": (PLAIN, ALL_BUT_JOINTS),
+    "joints": (PLAIN, JOINTS),
+    "drawn bent": (BENT, ALL_BUT_JOINTS),
+    "limbs, weights": (LIMBS, ("template", "weights")),
+    "limbs, regressor": (LIMBS, ("posedirs", "J_regressor")),
+    "joints given": (GIVEN, ("template", "shapedirs", "weights")),
+    "limbs, where joints are": (LIMBS, ("joints", "shapedirs")),
+    "template alone": (PLAIN, ("template",)),
+    "drawn bent, joints": (BENT, JOINTS),
+}
+EACH_CASE = pytest.mark.parametrize("case", few(CASES, 6))
+
+
+def values_at(body: wb.SkinnedBody, free: tuple[str, ...]) -> wb.Values:
+    rng = np.random.default_rng(0)
+    values = dict(zip(BLOCKS, some_arguments(body, scale=0.8), strict=True))
+    arrays = {name: np.asarray(body.array(name)) for name in free}
+    return values | {n: a + 0.1 * rng.normal(size=a.shape) for n, a in arrays.items()}
+
+
+def freed_problem(body: wb.SkinnedBody, free: tuple[str, ...]) -> wb.Problem:
+    """Two people of one body, each in a pose, and ridges on what is free."""
+    student, rng, stacked = body.freed(*free), np.random.default_rng(5), []
+    for person, chosen in (("a/", None), ("b/", [4, 2, 3, 2])):
+        points = student.points(*(b.symbol for b in student.blocks(person)), vertices=chosen)
+        assert isinstance(points.source.numeric, FreedSurface)
+        data = rng.normal(size=(points.count, 3))
+        stacked.append(residuals.vertices(points, data, sigma=0.1, name=person))
+    for name, block in student.free.items():
+        ridge = residuals.gaussian(block.symbol, covariance=4.0, name=f"ridge of {name}")
+        stacked.append(ridge)
+    names = (f"{person}{b.name}" for person in ("a/", "b/") for b in body.blocks())
+    return wb.Problem(stacked, (*names, *student.free))
+
+
+@EACH_CASE
+def test_free_arrays_keep_the_chain_rule(case: str) -> None:
+    problem = freed_problem(*CASES[case])
+    assert_chain_rule_is_graph(problem, some_values(problem))
+    assert_costs_of_many(problem, some_values(problem))
+    at_zero = some_values(problem) | {"a/pose": 0 * some_values(problem)["a/pose"]}
+    assert_chain_rule_is_graph(problem, at_zero)
+
+
+@EACH_CASE
+def test_patterns_are_where_derivatives_are_not_zero(case: str) -> None:
+    """No fewer entries, at any values; and no more, where all numbers are random."""
+    body, free = CASES[case]
+    student, rng = body.freed(*free), np.random.default_rng(9)
+    blocks = [*student.blocks(), *student.free.values()]
+    source = student.points(*(b.symbol for b in blocks[:3])).source.numeric
+    assert isinstance(source, FreedSurface)
+    values = values_at(body, free)
+    full = {name: v if name in BLOCKS else rng.normal(size=v.shape) for name, v in values.items()}
+    patterns = {b.name: p for b in blocks if (p := source.pattern(b.name)) is not None}
+    for name, pattern in patterns.items():
+        there = pattern.toarray() != 0
+        np.testing.assert_array_equal(source.evaluate(full).jacobian(name).toarray() != 0, there)
+        for at in (values, body.start() | {name: body.array(name) for name in free}):
+            assert there[source.evaluate(at).jacobian(name).toarray() != 0].all()
+    through_regressor = {"template", "shapedirs"} if "J_regressor" in free else set()
+    through_weights = {"J_regressor", "joints"} if "weights" in free else set()
+    assert set(patterns) == set(free) - through_weights - through_regressor
+
+
+def test_many_free_vertices_have_a_sparse_derivative() -> None:
+    body = random_body(8, n_vertices=700, n_joints=2, n_betas=1)
+    student = body.freed("template")
+    points = student.points(*(b.symbol for b in student.blocks()))
+    term = residuals.vertices(points, body.template + 0.1, sigma=0.1)
+    problem = wb.Problem([term], ("template", "pose"))
+    values = student.start() | {"pose": np.random.default_rng(0).normal(size=(2, 3))}
+    here = problem.linearize(values)
+    assert problem.sparse
+    assert here.jacobian.nnz < 0.02 * here.jacobian.shape[0] * here.jacobian.shape[1]
+    x, fixed = problem.split(values)
+    J = problem.derivative(x, fixed)[1].sparse()
+    assert abs(here.jacobian - J).max() < 1e-11 * abs(J).max()

@@ -1,0 +1,502 @@
+"""Arithmetic of surfaces and joints, in C and in NumPy: the numbers of the whole graph."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import workbench as wb
+from tests.bodies_made_up import SMPL_PARENTS, random_body, tube_body
+from tests.tiers import few
+from workbench import compiling
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward import arithmetic, packed_vertices, surface
+from workbench.bodies.forward import kernels as compiled_kernels
+from workbench.bodies.forward.arithmetic import arithmetic_of
+from workbench.bodies.forward.exact_storage import MOST, Stored, storages, whole_step
+from workbench.bodies.forward.joint_kernels import CompiledJoints, joint_kernels
+from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
+from workbench.bodies.forward.motion import Kinematics
+from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
+from workbench.bodies.forward.skeleton import Skeleton
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.bodies.triangles.means import StitchedMeans
+from workbench.bodies.triangles.sources import FEW, NumericMeans
+
+COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
+NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
+WAYS = {"C": CompiledArithmetic, "NumPy": ChunkedArithmetic}
+EACH_WAY = pytest.mark.parametrize(
+    "way", [pytest.param("C", marks=NEEDS_COMPILER), pytest.param("NumPy")]
+)
+KINDS = {"smpl": (24, 10, False), "one joint": (1, 0, False), "small": (4, 2, False)}
+KINDS |= {"bound": (4, 2, True), "no betas": (5, 0, False)}
+TREES = {24: SMPL_PARENTS, 5: (-1, 0, 1, 1, 0), 4: (-1, 0, 1, 0), 1: (-1,)}  # a library for each
+ANGLES = {"zero": 0.0, "near zero": 1e-7, "pi": np.pi, "anywhere": 0.7}
+ANGLES |= {"a full turn": 2 * np.pi * (1 + 1e-9)}
+NAMES = ("pose", "betas", "trans")
+
+
+@pytest.fixture(autouse=True)
+def afresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As in a new process, with everything worth compiling."""
+    monkeypatch.delenv("WORKBENCH_COMPILE", raising=False)
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 1)
+    forget_libraries()
+    yield
+    forget_libraries()
+
+
+def forget_libraries() -> None:
+    kernels.cache_clear()
+    joint_kernels.cache_clear()
+
+
+def choose(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if way == "NumPy":
+        monkeypatch.setenv("WORKBENCH_COMPILE", "0")
+
+
+@cache
+def body_of(kind: str, N: int) -> SkinnedBody:
+    K, B, bound = KINDS[kind]
+    return random_body(N, n_vertices=N, n_joints=K, n_betas=B, parents=TREES[K], bound=bound)
+
+
+def in_whole_steps(body: SkinnedBody, step: float = 1e-5) -> SkinnedBody:
+    """As the embedded bodies are stored."""
+    shapedirs, posedirs = (np.rint(a / step) * step for a in (body.shapedirs, body.posedirs))
+    return replace(body, shapedirs=shapedirs, posedirs=posedirs)
+
+
+def pose_at(where: str, K: int) -> np.ndarray:
+    axes = np.random.default_rng(5).standard_normal((K, 3))
+    return ANGLES[where] * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+@cache
+def graph_of(body: SkinnedBody) -> cs.Function:
+    """Points, and the Jacobian by pose, betas and trans, of the whole graph."""
+    symbols = [block.symbol for block in body.blocks()]
+    whole = cs.vec(body.points(*symbols).source.expression)
+    return cs.Function("J", symbols, [whole, *(cs.jacobian(whole, s) for s in symbols)])
+
+
+def assert_right(body: SkinnedBody, where: str = "anywhere", way: str = "C") -> None:
+    """Points, derivatives by rows and gradients, whichever of them is asked for first."""
+    K, B, N = body.n_joints, body.n_betas, body.n_vertices
+    rng = np.random.default_rng(6)
+    pose, betas = pose_at(where, K), rng.standard_normal(B)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    made = arithmetic_of(body, surface.ALL)
+    assert isinstance(made, WAYS[way])
+    points, *by = (np.asarray(a) for a in graph_of(body)(pose.T, betas, np.zeros(3)))
+    first, asked_last = made.evaluate(motion, betas), made.evaluate(motion, betas)
+    np.testing.assert_allclose(first.points, points.reshape(-1, 3), rtol=0, atol=1e-12)
+    scale = rng.standard_normal(3 * N)
+    for here in (first, asked_last):
+        into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
+        here.tangent(slopes, into, scale)
+        for name, expected in zip(NAMES, by, strict=True):
+            largest = np.abs(expected).max(initial=0.0)
+            wanted = (expected * scale[:, None]).T
+            np.testing.assert_allclose(into[name], wanted, rtol=1e-11, atol=1e-11 * largest)
+    np.testing.assert_allclose(asked_last.points, points.reshape(-1, 3), rtol=0, atol=1e-12)
+    pull = rng.standard_normal((N, 3))
+    in_numpy = ChunkedArithmetic(chunks_of(body, slice(None)), body.parents).evaluate(motion, betas)
+    for got, expected in zip(first.adjoint(pull), in_numpy.adjoint(pull), strict=True):
+        np.testing.assert_allclose(got, expected, atol=1e-12 * np.abs(expected).max(initial=1.0))
+
+
+# The numbers.
+
+
+@EACH_WAY
+@pytest.mark.parametrize("kind", few(KINDS, ["smpl", "one joint", "bound"]))
+def test_arithmetic_is_that_of_the_graph(
+    kind: str, way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    choose(way, monkeypatch)
+    for where in ("zero", "near zero", "pi", "anywhere"):
+        assert_right(body_of(kind, 21), where, way)
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("N", few([1, 8, 9, 7, 16, 1030], 3))
+def test_compiled_surfaces_have_any_number_of_vertices(N: int) -> None:
+    assert_right(body_of("bound", N))
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("kind", few([Stored.STEPS, Stored.SINGLE], 1))
+def test_directions_stored_small_are_the_same_numbers(
+    kind: Stored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The results are those of plain double precision, to 1e-13 of the size of the body."""
+    body = body_of("small", 13)
+    if kind is Stored.STEPS:
+        body = in_whole_steps(body)
+    else:
+        S, P = (a.astype(np.float32).astype(float) for a in (body.shapedirs, body.posedirs))
+        body = replace(body, shapedirs=S, posedirs=P)
+    monkeypatch.setattr(packed_vertices, "WORTH_NARROWING", 0)
+    narrow = arithmetic_of(body, surface.ALL)
+    for where in ANGLES:
+        assert_right(body, where)
+    monkeypatch.setattr(packed_vertices, "WORTH_NARROWING", np.inf)
+    plain = arithmetic_of(replace(body), surface.ALL)
+    assert isinstance(narrow, CompiledArithmetic)
+    assert isinstance(plain, CompiledArithmetic)
+    assert (narrow.packed.bends.dtype, plain.packed.bends.dtype) == (kind.dtype, np.float64)
+    motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
+    found = [one.evaluate(motion, np.ones(2)).points for one in (narrow, plain)]
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-13 * np.ptp(found[1]))
+
+
+def test_whole_steps_come_back_to_the_bit() -> None:
+    rng = np.random.default_rng(1)
+    for step in (2e-5, 1 / 3, np.pi * 1e-7):
+        array = rng.integers(-MOST, MOST + 1, (40, 3, 7)) * step
+        ratio = step / (whole_step(array) or np.nan)
+        assert abs(ratio - round(ratio)) < 1e-9  # the step, or a whole part of it
+        (storage,) = storages(array)
+        assert storage.kind is Stored.STEPS
+        np.testing.assert_array_equal(storage.stored(array) * np.float64(storage.step), array)
+        for spoilt in (np.nan, np.inf, 1e39, 5e-324, np.nextafter(array[0, 0, 0], np.inf)):
+            off = array.copy()
+            off[0, 0, 0] = spoilt
+            assert storages(off)[0].kind is Stored.DOUBLE
+    single = rng.standard_normal((30, 3)).astype(np.float32).astype(float)
+    assert storages(single)[0].kind is Stored.SINGLE
+
+
+@EACH_WAY
+def test_joints_that_leave_vertices_alone_change_no_number(
+    way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether all joints move every vertex, or some neither carry nor bend any."""
+    choose(way, monkeypatch)
+    body = body_of("smpl", 21)
+    everywhere = np.random.default_rng(0).dirichlet(np.ones(24), size=21)
+    assert_right(replace(body, weights=everywhere), way=way)
+    posedirs = body.posedirs.reshape(21, 3, 23, 9).copy()
+    posedirs[:, :, 5:] = posedirs[8:16, :, 3] = 0
+    weights = np.zeros((21, 24))
+    weights[:, 0] = weights[:7, 7] = weights[7:, 23] = 0.5
+    assert_right(replace(body, posedirs=posedirs.reshape(21, 3, 207), weights=weights), way=way)
+
+
+@NEEDS_COMPILER
+def test_residual_has_the_same_bits_with_its_jacobian() -> None:
+    body = in_whole_steps(body_of("small", 61))
+    points = body.points(*[block.symbol for block in body.blocks()])
+    observed = wb.Block("observed", (61, 3), "m")
+    terms = [wb.residuals.vertices(points, observed.symbol, sigma=0.01)]
+    problem = wb.Problem(terms, ("pose", "betas", "trans"))
+    x, fixed = problem.split(body.start() | {"observed": np.zeros((61, 3))})
+    for seed in range(4):
+        here = x + np.random.default_rng(seed).normal(0, 0.3, x.shape)
+        alone = problem.residual(here, fixed).copy()
+        for other in (1, 2, 3):  # so that nothing is kept of the first answer
+            problem.residual(here + other, fixed)
+        np.testing.assert_array_equal(problem.linearize_at(here, fixed).residual, alone)
+
+
+@NEEDS_COMPILER
+def test_threads_share_vertices_and_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled_kernels, "WORTH_SHARING", 0)
+    body = body_of("smpl", 61)  # no whole number of groups
+    pose, betas = pose_at("anywhere", 24), np.linspace(-1, 1, 10)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    found = []
+    for count in ("1", "3", "40"):
+        monkeypatch.setenv("WORKBENCH_THREADS", count)
+        made = arithmetic_of(body, surface.ALL)
+        assert isinstance(made, CompiledArithmetic)
+        here = made.evaluate(motion, betas)
+        into = {n: np.full((r, 3 * 61), np.nan) for n, r in zip(NAMES, (72, 10, 3), strict=True)}
+        here.tangent(slopes, into, np.linspace(1, 2, 3 * 61))
+        found.append(np.concatenate([*into.values(), here.points.reshape(1, -1)]))
+    assert np.isfinite(found[0]).all()
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+@NEEDS_COMPILER
+def test_compiled_vertices_are_chosen_in_any_order() -> None:
+    body, some = body_of("bound", 40), [31, 2, 2, 17]
+    motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
+    every, chosen = (
+        arithmetic_of(body, v).evaluate(motion, np.ones(2)).points for v in (surface.ALL, some)
+    )
+    np.testing.assert_array_equal(chosen, every[some])
+
+
+@NEEDS_COMPILER
+def test_derivatives_go_into_memory_of_any_layout() -> None:
+    body, betas, pose = body_of("bound", 13), np.ones(2), pose_at("anywhere", 4)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
+    made = arithmetic_of(body, surface.ALL).evaluate(motion, betas)
+    plain = {"pose": np.zeros((12, 39)), "trans": np.zeros((3, 39))}
+    made.tangent(slopes, plain, None)
+    whole = np.full((20, 50), 7.0)
+    rooms = {
+        "columns": np.full((39, 12), 7.0).T,
+        "rows of a larger one": whole[3:15, 5:44],
+        "float32": np.full((12, 39), 7.0, dtype=np.float32),
+        "every other": np.full((12, 78), 7.0)[:, ::2],
+    }
+    for layout, room in rooms.items():
+        made.tangent(slopes, {"pose": room}, np.broadcast_to(2.0, 39))
+        tolerance = 1e-6 if room.dtype == np.float32 else 0
+        np.testing.assert_allclose(room, 2 * plain["pose"], rtol=tolerance, err_msg=layout)
+    outside = np.ones(whole.shape, dtype=bool)
+    outside[3:15, 5:44] = False
+    assert (whole[outside] == 7).all()
+
+
+@NEEDS_COMPILER
+def test_compiled_code_is_given_arrays_of_its_sizes() -> None:
+    """It trusts its arguments, so that they are checked, and made numbers of one type, before."""
+    body = body_of("smpl", 9)
+    pose, betas = np.ones((24, 3)), np.ones(10)
+    expected = body.kinematics.motion(pose, betas)
+    for kind in (np.float32, np.int64):
+        found = body.kinematics.motion(pose.astype(kind), betas.astype(kind))
+        np.testing.assert_array_equal(found.G, expected.G)
+    with pytest.raises(ValueError, match="3 numbers"):
+        body.kinematics.motion(np.ones(3), betas)
+    with pytest.raises(ValueError, match="3 poses have 216 numbers and betas 20"):
+        body.kinematics.motions(np.ones((3, 24, 3)), np.ones((2, 10)))
+    made = arithmetic_of(body, surface.ALL)
+    for trans in (np.zeros(1), np.zeros((2, 3))):
+        with pytest.raises(ValueError, match="trans has"):
+            made.evaluate_translated(expected, betas, trans)
+    whole = np.arange(24.0).reshape(4, 6)
+    for array in (whole, np.frombuffer(whole.tobytes()), whole[:, ::2], whole[:0], whole[2:]):
+        assert compiling.address(array) == array.ctypes.data
+
+
+# Kinematics.
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("kind", few(["bound", "one joint", "small"], 2))
+def test_compiled_kinematics_are_those_of_casadi(kind: str) -> None:
+    body = body_of(kind, 5)
+    of = Skeleton.of(body), body.bind_pose, body.parents
+    compiled, usual = CompiledJoints.of(*of), Kinematics(*of)
+    assert compiled is not None
+    betas = np.random.default_rng(0).standard_normal(body.n_betas)
+    for size in (0.0, 1e-9, 0.4, 3.0, 40.0):
+        pose = size * np.random.default_rng(1).standard_normal((body.n_joints, 3))
+        motion, slopes = compiled.motion(pose, betas), compiled.slopes(pose, betas)
+        expected, sloping = usual.motion(pose, betas), usual.slopes(pose, betas)
+        for part in ("G", "features", "joints"):
+            np.testing.assert_allclose(getattr(motion, part), getattr(expected, part), atol=1e-13)
+        for part in ("turns", "d_features", "d_shift"):
+            np.testing.assert_allclose(getattr(slopes, part), getattr(sloping, part), atol=1e-13)
+
+
+@NEEDS_COMPILER
+def test_motions_of_many_poses_have_the_bits_of_each() -> None:
+    kinematics, rng = body_of("smpl", 9).kinematics, np.random.default_rng(3)
+    poses, betas = rng.standard_normal((3, 24, 3)), rng.standard_normal((3, 10))
+    motions, slopes = kinematics.motions(poses, betas), kinematics.slopes_batch(poses, betas)
+    for i in range(3):
+        apart = kinematics.motion(poses[i], betas[i]), kinematics.slopes(poses[i], betas[i])
+        together = kinematics.motion_and_slopes(poses[i], betas[i])
+        for many, one, other in zip((motions[i], slopes[i]), apart, together, strict=True):
+            for part, expected in vars(one).items():
+                np.testing.assert_array_equal(getattr(many, part), expected)
+                np.testing.assert_array_equal(getattr(other, part), expected)
+
+
+# Compilers that fail, and libraries that are not trusted.
+
+
+def compiler_that(tmp_path: Path, says: str) -> str:
+    script = tmp_path / "mycc"
+    script.write_text(f"#!/bin/sh\n{says}\n")
+    script.chmod(0o755)
+    return str(script)
+
+
+def spoiling(tmp_path: Path, name: str, right: str, wrong: str) -> str:
+    """A compiler of slightly other code."""
+    spoil = f"sed -i.bak 's/{right}/{wrong}/' {name}.c"
+    says = f'case "$*" in *-dM*) ;; *) {spoil};; esac; exec {COMPILER} "$@"'
+    return compiler_that(tmp_path, says)
+
+
+NO_LIBRARY = 'case "$*" in *-dM*) ;; *) echo rubbish > vertex-kernels.so;; esac'
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("WORKBENCH_COMPILE", "0", "switched off"),
+        ("PATH", "", "no C compiler"),
+        ("CC", "echo no licence >&2; exit 1", "exit code 1: no licence"),
+        ("CC", NO_LIBRARY, "does not load"),
+    ],
+    ids=["switched off", "no compiler", "fails", "makes no library"],
+)
+def test_numpy_computes_where_nothing_can_be_compiled(
+    name: str,
+    value: str,
+    reason: str,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv(name, compiler_that(tmp_path, value) if name == "CC" else value)
+    with caplog.at_level("INFO", logger="workbench"):
+        assert_right(body_of("small", 9), way="NumPy")
+    said = [r.getMessage() for r in caplog.records if "computed by NumPy" in r.getMessage()]
+    assert len(said) == 1
+    assert reason in said[0]
+    assert not list(tmp_path.glob("cache/*.so"))
+
+
+SPOILT = {"whole.i. .= factor": "whole[i] += factor", "translated.trans,": "translated(NULL,"}
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("right", few(SPOILT, 1))
+def test_library_of_wrong_surfaces_is_not_kept(
+    right: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    wrong = right.replace("whole.i. .=", "whole[i] +=").replace(
+        "translated.trans", "translated(NULL"
+    )
+    monkeypatch.setenv("CC", spoiling(tmp_path, NAME, right, wrong))
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
+    loaded, why = kernels((-1, 0), 1)
+    assert loaded is None
+    assert "numbers are wrong" in why
+    assert not list((tmp_path / "cache").glob("*.so"))
+
+
+@NEEDS_COMPILER
+def test_library_of_wrong_kinematics_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    code = spoiling(tmp_path, "joint-kernels", "= -axis.2.", "= axis[2]")
+    monkeypatch.setenv("CC", code)
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
+    assert joint_kernels((-1, 0), 1) is None
+    assert not list((tmp_path / "cache").glob("*.so"))
+
+
+@NEEDS_COMPILER
+@pytest.mark.thorough
+@pytest.mark.parametrize("damage", ["truncated", "another's", "empty"])
+def test_damaged_library_is_made_anew(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
+    damage: str,
+) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    assert_right(body_of("small", 9))
+    (kept,) = tmp_path.glob(f"{NAME}-*.so")
+    whole = kept.read_bytes()
+    kept.unlink()  # a loaded library must not change under the process
+    half = whole[: len(whole) // 2]
+    kept.write_bytes({"truncated": half, "another's": b"MZ" * 999}.get(damage, b""))
+    forget_libraries()
+    assert_right(body_of("small", 9))
+    assert "it is damaged" in caplog.text
+    assert [path.read_bytes() for path in tmp_path.glob(f"{NAME}-*.so")] == [whole]
+
+
+@NEEDS_COMPILER
+@pytest.mark.thorough
+def test_cache_that_cannot_be_written_is_no_obstacle(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "file" / "cache"))
+    monkeypatch.setenv("CC", f"env {COMPILER}")  # a compiler of several words
+    assert_right(body_of("small", 9))
+    assert "compiled for this process only" in caplog.text
+
+
+@NEEDS_COMPILER
+@pytest.mark.thorough
+def test_bodies_of_a_kind_are_compiled_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    with caplog.at_level("INFO", logger="workbench"):
+        for N in (9, 20, 33):
+            assert_right(random_body(N, n_vertices=N, parents=(-1, 0, 1), n_joints=3, n_betas=2))
+            forget_libraries()
+    for name in ("vertex-kernels", "joint-kernels"):
+        assert caplog.text.count(f"compiling the {name}") == 1
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@NEEDS_COMPILER
+@pytest.mark.thorough
+def test_two_processes_compile_at_once(tmp_path: Path) -> None:
+    code = (
+        "from workbench.bodies.forward.kernels import kernels\n"
+        "library, why = kernels((-1, 0, 0, 1), 3)\n"
+        "assert library is not None, why"
+    )
+    folder = str(Path(shutil.which(str(COMPILER)) or "").parent)
+    environment = {"WORKBENCH_CACHE": str(tmp_path), "PATH": folder}
+    runs = [
+        subprocess.Popen([sys.executable, "-c", code], env=environment, stderr=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    for run in runs:
+        _, error = run.communicate(timeout=600)
+        assert run.returncode == 0, error
+    left = [path.name for path in tmp_path.iterdir()]
+    assert len(left) in (1, 2)
+    assert all(name.startswith(NAME) for name in left)
+
+
+# Means of a stitched surface, as sums over its parts.
+
+
+def triangle_body(name: str) -> TriangleBody:
+    if name.startswith("small"):
+        return wb.load_body(name)
+    body = {"tube-scape": scape, "tube-blend-scape": blend_scape}[name](tube_body())
+    posedirs = 0.1 * np.random.default_rng(5).standard_normal(body.posedirs.shape)
+    return replace(body, posedirs=posedirs)
+
+
+@pytest.mark.parametrize(
+    "name",
+    few(["tube-scape", "tube-blend-scape", "small-blend-scape", "small-scape"], 3),
+)
+def test_means_of_parts_are_those_of_the_surface(name: str) -> None:
+    body, rng = triangle_body(name), np.random.default_rng(5)
+    N, shares = body.n_vertices, rng.random((5, body.n_vertices))
+    given = [rng.standard_normal((4, *s)) for s in [(body.n_joints, 3), (body.n_betas,), (3,)]]
+    surfaces = body.vertices(*given)
+    scattered = csr_array(shares / shares.sum(axis=1, keepdims=True))
+    of_any_sum = csr_array(rng.standard_normal((2, N)) / N)
+    for rows in (body.J_regressor, scattered, of_any_sum):
+        wanted = np.stack([rows @ surface for surface in surfaces])
+        found = StitchedMeans(body.arithmetic.packed, rows)(*given)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+    for count in (N // FEW, N // FEW + 1):  # without the surface, and with it
+        means = NumericMeans(body.arithmetic, csr_array(np.eye(N)[:count]))
+        found = means.evaluate_batch(*given)
+        np.testing.assert_allclose(found, surfaces[:, :count], rtol=0, atol=1e-13)

@@ -1,0 +1,264 @@
+"""Every way of skinning and every kind of features: the laws that all of them keep."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.bodies.laws import (
+    assert_bind_pose_leaves_template,
+    assert_root_turns_everything_about_pelvis,
+    some_arguments,
+)
+from tests.bodies.random_bodies import entries
+from tests.bodies_made_up import random_body, smpl_like_body
+from tests.differences import assert_hessian, assert_jacobian
+from tests.tiers import few
+from workbench import SkinnedBody
+from workbench.bodies.ablations import without_shape_blend_shapes
+from workbench.bodies.files.gltf import write_gltf
+from workbench.bodies.forward.features import (
+    Features,
+    Posture,
+    count_features,
+    no_features,
+    quaternion_elements,
+    rotation_elements,
+    rotation_vectors,
+    star_features,
+)
+from workbench.bodies.unposing import unpose
+from workbench.errors import BadBody, BadFile
+
+SKINNINGS = (wb.linear_blend, wb.dual_quaternion_blend)
+FEATURES: tuple[Features, ...] = (
+    rotation_elements,
+    rotation_vectors,
+    quaternion_elements,
+    star_features,
+    no_features,
+)
+WHERE = [
+    ("near zero", "pi", "anywhere"),
+    ("zero", "all but pi between two joints", "a full turn"),
+]
+QUATERNIONS_OF_STAR = "dual_quaternion_blend of star_features"
+
+
+def varied(body: SkinnedBody, features: Features, seed: int = 0) -> SkinnedBody:
+    """The body with other features, and random directions for them."""
+    F = count_features(features, body.n_joints, body.n_betas)
+    made = np.random.default_rng(seed).normal(scale=0.01, size=(body.n_vertices, 3, F))
+    return replace(body, features=features, posedirs=made)
+
+
+@cache
+def variants(n_vertices: int = 30, n_joints: int = 5, n_betas: int = 3) -> dict[str, SkinnedBody]:
+    """One body skinned in every way, with every kind of features, and bound in two poses."""
+    found = {}
+    for bound in (False, True):
+        body = random_body(
+            3, bound=bound, n_vertices=n_vertices, n_joints=n_joints, n_betas=n_betas
+        )
+        for features in FEATURES:
+            for skinning in SKINNINGS:
+                name = f"{skinning.__name__} of {features.__name__}{', bound' * bound}"
+                found[name] = replace(varied(body, features), skinning=skinning)
+    return found
+
+
+def pose_at(where: str, K: int) -> np.ndarray:
+    """At exactly pi between two joints blending dual quaternions jumps: both ways are as long."""
+    pose = np.random.default_rng(5).normal(size=(K, 3))
+    pose /= np.linalg.norm(pose, axis=1, keepdims=True)
+    match where:
+        case "zero":
+            return 0 * pose
+        case "near zero":
+            return 1e-7 * pose
+        case "pi" | "a full turn":
+            pose[1:] *= 0.7
+            pose[0] *= np.pi if where == "pi" else 2 * np.pi
+            return pose
+        case "all but pi between two joints":
+            return pose * (np.arange(K) == 1)[:, None] * (np.pi - 0.05)
+    return 0.7 * pose
+
+
+# Laws.
+
+
+@pytest.mark.parametrize("features", FEATURES)
+def test_variants_keep_the_laws_of_bodies(features: Features) -> None:
+    bodies = [body for body in variants().values() if body.features is features]
+    assert len(bodies) == 4  # skinned in two ways and bound in two poses
+    for body in bodies:
+        assert_bind_pose_leaves_template(body)
+        assert_root_turns_everything_about_pelvis(body)
+        pose, betas, trans = some_arguments(body)
+        shaped = body.template + body.shapedirs @ betas
+        if features is star_features:
+            shaped += betas[1] * body.posedirs[:, :, -1]
+        np.testing.assert_allclose(body.vertices(betas=betas), shaped, atol=1e-13)
+        part = np.arange(body.n_vertices) % body.n_joints  # rigid parts: skinning matters no more
+        rigid = replace(body, weights=np.eye(body.n_joints)[part])
+        linear = replace(rigid, skinning=wb.linear_blend)
+        expected = linear.vertices(pose, betas)
+        np.testing.assert_allclose(rigid.vertices(pose, betas), expected, rtol=0, atol=1e-12)
+        both = body.vertices(np.stack([pose, 0.3 * pose]), betas, trans)
+        for one, theta in zip(both, (pose, 0.3 * pose), strict=True):
+            np.testing.assert_allclose(one, body.vertices(theta, betas, trans), atol=1e-13)
+
+
+@cache
+def problem_of(body: SkinnedBody) -> wb.Problem:
+    symbols = [block.symbol for block in body.blocks()]
+    target = wb.Block("target", (body.n_vertices, 3), "m")
+    residual = wb.residuals.vertices(body.points(*symbols), target.symbol, sigma=0.5)
+    return wb.Problem([residual], free=["pose", "betas", "trans"], blocks=[target])
+
+
+@pytest.mark.parametrize("skinning", SKINNINGS)
+@pytest.mark.parametrize("features", FEATURES[:-1])
+@pytest.mark.parametrize("places", few(WHERE, 1), ids=", ".join)
+def test_derivatives_are_those_of_differences(
+    features: Features, skinning: wb.bodies.Skinning, places: tuple[str, ...]
+) -> None:
+    sizes = {"n_vertices": 4, "n_joints": 3, "n_betas": 2}
+    body = variants(**sizes)[f"{skinning.__name__} of {features.__name__}"]
+    problem = problem_of(body)
+    for where in places:
+        pose, (_, betas, trans) = pose_at(where, body.n_joints), some_arguments(body, 1)
+        values = {"pose": pose, "betas": betas, "trans": trans}
+        values["target"] = body.vertices(0.8 * pose)
+        x, fixed = problem.split(values)
+        points = problem.residual(x, fixed).reshape(-1, 3) * 0.5 + values["target"]
+        np.testing.assert_allclose(points, body.vertices(pose, betas, trans), atol=1e-12)
+        assert_jacobian(problem, x, fixed, 1e-8)
+        assert_hessian(problem, x, fixed, 1e-6)
+
+
+@pytest.mark.parametrize(
+    "name", ["dual_quaternion_blend of rotation_elements", QUATERNIONS_OF_STAR]
+)
+def test_variants_are_fitted_like_smpl(name: str) -> None:
+    body = variants()[name]
+    truth = dict(zip(("pose", "betas", "trans"), some_arguments(body, 3, scale=0.35), strict=True))
+    symbols = [block.symbol for block in body.blocks()]
+    seen = body.vertices(**truth)
+    problem = wb.Problem(
+        [wb.residuals.vertices(body.points(*symbols), seen, sigma=0.001)],
+        free=["pose", "betas", "trans"],
+    )
+    solution = wb.solve(problem, body.start())
+    assert solution.converged
+    for block, value in truth.items():
+        np.testing.assert_allclose(solution.values[block], value, atol=1e-7)
+    assert wb.diagnose(problem, body.start() | solution.values).rank == problem.free.size
+
+
+# How features differ.
+
+
+def test_only_rotation_elements_repeat_after_a_full_turn() -> None:
+    axis = np.array([1.0, 2.0, 2.0]) / 3
+    for angle in (1e-3, 1.0, 4.0):
+        moved, repeats = {}, {}
+        for features in FEATURES[:3]:
+            body, pose = varied(random_body(3), features), np.zeros((3, 5, 3))
+            pose[:, 2] = np.array([angle, angle - 2 * np.pi, angle + 4 * np.pi])[:, None] * axis
+            once, back, twice = body.vertices(pose)
+            moved[features] = np.abs(once - back).max()
+            repeats[features] = np.abs(once - twice).max()
+        assert moved[rotation_elements] < 1e-12
+        assert moved[rotation_vectors] > 1e-2  # 2 pi times a direction of 1 cm
+        assert moved[quaternion_elements] > 1e-3
+        assert repeats[quaternion_elements] < 1e-12  # after two turns
+
+
+def test_only_rotation_vectors_grow_without_bounds() -> None:
+    pose, moved = np.zeros((5, 3)), {}
+    pose[2, 0] = 1.0
+    for features in FEATURES[:3]:
+        body = varied(random_body(3), features)
+        body = replace(body, weights=np.eye(5)[np.zeros(30, dtype=int)])
+        far = [body.vertices(turns * 2 * np.pi * pose + pose) for turns in (0, 1, 100)]
+        moved[features] = [np.abs(v - body.template).max() for v in far]
+    grown = moved[rotation_vectors]
+    assert grown[-1] == pytest.approx(grown[0] * (1 + 200 * np.pi), rel=1e-9)
+    assert max(moved[rotation_elements]) < 0.2
+    assert max(moved[quaternion_elements]) < 0.2
+
+
+def test_posedirs_must_fit_the_features(tmp_path: Path) -> None:
+    body = smpl_like_body()
+    with pytest.raises(BadBody, match=r"posedirs has shape .* \(60, 3, 69\)"):
+        replace(body, features=rotation_vectors)
+    with pytest.raises(BadBody, match="its features cannot be made"):
+        replace(body, features=lambda at: at.nothing)  # type: ignore[attr-defined]
+    with pytest.raises(BadFile, match="neither by rotation_elements nor by star_features"):
+        wb.save_body(varied(random_body(), rotation_vectors), tmp_path / "body.npz")
+
+
+# STAR: half angles of the joints, and beta_2.
+
+STAR = varied(random_body(3), star_features, seed=1)
+POSE = 0.7 * np.random.default_rng(0).standard_normal((5, 3))
+BETAS = np.array([0.4, -1.3, 0.8])
+
+
+def test_star_features_are_half_angles_and_beta_2() -> None:
+    assert count_features(star_features, 24, 10) == 93
+    found = star_features(Posture.of(cs.MX(POSE.T), cs.MX(3, 5), cs.MX(BETAS)))
+    expected = []
+    for theta in POSE[1:]:
+        angle = np.linalg.norm(theta)
+        expected += [*(np.sin(angle / 2) * theta / angle), np.cos(angle / 2) - 1]
+    np.testing.assert_allclose(np.asarray(cs.evalf(found)).ravel(), [*expected, -1.3], atol=1e-14)
+
+
+def test_beta_2_of_star_adds_a_shape_and_moves_no_joint() -> None:
+    without = replace(STAR, features=quaternion_elements, posedirs=STAR.posedirs[:, :, :-1])
+    np.testing.assert_allclose(
+        STAR.vertices(POSE, [1.0, 0, -1]), without.vertices(POSE, [1.0, 0, -1]), atol=1e-14
+    )
+    moved = STAR.vertices(betas=BETAS) - without.vertices(betas=BETAS)
+    np.testing.assert_allclose(moved, -1.3 * STAR.posedirs[:, :, -1], atol=1e-14)
+    np.testing.assert_array_equal(STAR.joints(POSE, BETAS), without.joints(POSE, BETAS))
+    mean = without_shape_blend_shapes(STAR)
+    np.testing.assert_array_equal(mean.vertices(POSE, BETAS), mean.vertices(POSE))
+    several = np.array([[0, 0, 0], [0, 1, 0], [0, -2, 0.5]])
+    each = [STAR.vertices(POSE, betas) for betas in several]
+    np.testing.assert_array_equal(STAR.vertices(POSE, several), each)
+
+
+def test_files_of_star_are_told_from_smpls(tmp_path: Path) -> None:
+    raw = entries()
+    np.savez(tmp_path / "smpl.npz", **raw)
+    raw["posedirs"] = 0.01 * np.random.default_rng(0).standard_normal((40, 3, 93))
+    np.savez(tmp_path / "star.npz", **raw)
+    smpl, star = wb.load_body(tmp_path / "smpl.npz"), wb.load_body(tmp_path / "star.npz")
+    assert (smpl.features, star.features) == (rotation_elements, star_features)
+    assert (smpl.card["model"], star.card["model"]) == ("SMPL", "STAR")
+    expected = raw["v_template"] + raw["shapedirs"][:, :, 1] * 2 + raw["posedirs"][:, :, 92] * 2
+    np.testing.assert_allclose(star.vertices(betas=[0.0, 2.0]), expected, atol=1e-12)
+    wb.save_body(STAR, tmp_path / "ours.npz")
+    again = wb.load_body(tmp_path / "ours.npz")
+    assert again.features is star_features
+    np.testing.assert_array_equal(again.vertices(POSE, BETAS), STAR.vertices(POSE, BETAS))
+
+
+def test_star_features_are_refused_where_they_mean_nothing(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match="star_features, which the package smplx does not know"):
+        wb.save_body(STAR, tmp_path / "star.pkl")
+    with pytest.raises(BadBody, match="cannot be unposed"):
+        unpose(STAR, POSE, STAR.vertices(POSE))
+    with pytest.raises(BadBody, match="not skinned as a glTF is"):
+        write_gltf(tmp_path / "star.glb", STAR, POSE[None])
+    slim = random_body(3, n_betas=1)
+    with pytest.raises(BadBody, match="star_features need beta_2"):
+        replace(slim, features=star_features, posedirs=np.zeros((30, 3, 17)))
