@@ -4,16 +4,16 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from tests.tiers import few
 from workbench import Block, Problem, Residual, Values, diagnose, load_body, residuals
 from workbench.geometry.camera import Camera
-
-BODY = load_body("small")
 
 
 def seen_by(*angles: float, distance: float = 4.0) -> tuple[Problem, Values]:
     """The joints of a body in cameras around it, the first in front."""
-    joints = BODY.joint_points(*(block.symbol for block in BODY.blocks()))
-    found, values = [], BODY.start()
+    body = load_body("small")
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
+    found, values = [], body.start()
     for i, angle in enumerate(angles):
         camera = Camera(f"camera {i}/")
         observed = Block(f"camera {i}/observed", (24, 2), "px")
@@ -34,8 +34,8 @@ def nearly_degenerate(problem: Problem, values: Values) -> list[str]:
     return [f.text for f in diagnose(problem, values).findings if "nearly degenerate" in f.text]
 
 
-@pytest.mark.parametrize("distance", [3.0, 5.0, 10.0])
-def test_a_t_pose_before_one_camera_is_nearly_degenerate_in_depth(distance: float) -> None:
+@pytest.mark.parametrize("distance", few([5.0, 3.0, 10.0], 1))
+def test_a_t_pose_before_one_camera_is_nearly_degenerate(distance: float) -> None:
     problem, values = seen_by(0.0, distance=distance)
     found = diagnose(problem, values)
     assert found.rank == 43  # the rank alone does not tell
@@ -45,23 +45,24 @@ def test_a_t_pose_before_one_camera_is_nearly_degenerate_in_depth(distance: floa
     assert shares["left_shoulder"] < 0.3 < shares["left_ankle"]  # the foot points to the camera
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_other_poses_are_not(seed: int) -> None:
+@pytest.mark.parametrize("seed", few(range(4), 1))
+def test_other_poses_are_not_degenerate_in_depth(seed: int) -> None:
     problem, values = seen_by(0.0)
     rng = np.random.default_rng(seed)
     found = nearly_degenerate(problem, values | {"pose": rng.normal(0, 0.5, size=(24, 3))})
     assert not any("in depth" in text for text in found)
 
 
-def test_a_second_camera_cures_it() -> None:
+def test_a_second_camera_sees_depth() -> None:
     assert nearly_degenerate(*seen_by(0.0, 1.2)) == []
 
 
-def test_points_in_space_are_not_meant() -> None:
-    joints = BODY.joint_points(*(block.symbol for block in BODY.blocks()))
+def test_points_in_space_are_not_degenerate() -> None:
+    body = load_body("small")
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
     observed = Block("observed", (24, 3), "m")
     problem = Problem((residuals.landmarks(joints, observed.symbol, sigma=0.01),), ("pose",))
-    assert nearly_degenerate(problem, BODY.start() | {"observed": np.zeros((24, 3))}) == []
+    assert nearly_degenerate(problem, body.start() | {"observed": np.zeros((24, 3))}) == []
 
 
 def test_a_point_where_the_weakest_direction_nearly_vanishes_is_told() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.diagnostics import cases
+from tests.tiers import few
 from workbench import Block, Diagnosis, Problem, Residual, diagnose, residuals
 from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.errors import UnknownName
@@ -28,7 +29,7 @@ def random_covariance(rng: np.random.Generator, n: int) -> np.ndarray:
     return half @ half.T + 0.1 * np.eye(n)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", few(range(6), 2))
 def test_a_linear_problem_agrees_with_the_closed_forms(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 9))
@@ -120,7 +121,8 @@ def rms(found: Diagnosis, block: str) -> float:
 
 
 @pytest.mark.parametrize(
-    "case", [cases.the_same_twice, cases.template_and_translation, cases.shape_without_effect]
+    "case",
+    few([cases.the_same_twice, cases.template_and_translation, cases.shape_without_effect], 1),
 )
 def test_what_a_residual_adds_is_what_is_lost_without_it(case: Callable[[], cases.Case]) -> None:
     problem, values = case()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
+from tests.tiers import few
 from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.named_subspaces import named_subspaces
@@ -71,9 +72,9 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     return directions(here, null, free, found, here.spectrum.tolerance)
 
 
-@pytest.mark.parametrize("batch", range(10))
-def test_the_law_the_singular_values_and_the_names_agree_on_any_tree(batch: int) -> None:
-    for case in range(20):
+@pytest.mark.parametrize("batch", few(range(4), 1))
+def test_law_singular_values_and_names_agree(batch: int) -> None:
+    for case in range(10):
         rng = np.random.default_rng([batch, case])
         K = int(rng.integers(5, 61))
         reach = int(rng.integers(1, 7))  # 1: a chain; more: bushier
@@ -132,18 +133,7 @@ def kinds(diagnosis: Diagnosis) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
-def test_of_twenty_four_joints_fifteen_numbers_and_seventeen_twists_are_hidden(
-    free: tuple[str, ...],
-) -> None:
-    diagnosis = diagnose(*observing(SMPL_NAMES, *free))
-    assert kinds(diagnosis) == {"entry": 15, "twist": 17}
-    assert diagnosis.rank_law is not None
-    assert diagnosis.rank_law[0] == diagnosis.rank == 40 + 3 * ("trans" in free)
-    assert f"the kinematic tree predicts the rank {diagnosis.rank}" in diagnosis.report()
-
-
-@pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
-def test_the_swivel_of_an_elbow_that_nobody_sees_has_a_name(free: tuple[str, ...]) -> None:
+def test_an_unseen_elbow_swivels(free: tuple[str, ...]) -> None:
     chosen = tuple(name for name in SMPL_NAMES if name != "left_elbow")
     diagnosis = diagnose(*observing(chosen, *free))
     names = [d.name for d in diagnosis.null_directions]
@@ -155,7 +145,7 @@ def test_the_swivel_of_an_elbow_that_nobody_sees_has_a_name(free: tuple[str, ...
     assert diagnosis.rank_law[1] == "23 of 24 joints are observed"
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", few(range(3), 1))
 def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
     rng = np.random.default_rng(seed)
     chosen = tuple(name for name in SMPL_NAMES if rng.random() < 0.4) or ("head",)
@@ -166,7 +156,7 @@ def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
     assert set(kinds(diagnosis)) <= {"entry", "twist", "joint"}
 
 
-def test_the_law_says_nothing_where_more_than_joints_is_at_stake() -> None:
+def test_law_is_for_observed_joints_alone() -> None:
     problem, values = observing(SMPL_NAMES, "pose", "betas")
     assert diagnose(problem, values).rank_law is None
     pose = problem.free["pose"].symbol
@@ -178,8 +168,8 @@ def test_the_law_says_nothing_where_more_than_joints_is_at_stake() -> None:
     assert diagnose(Problem((heights,), ("pose",)), values).rank_law is None
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_the_law_holds_in_poses_that_are_no_rule(seed: int) -> None:
+@pytest.mark.parametrize("seed", few(range(6), 2))
+def test_law_holds_in_degenerate_poses(seed: int) -> None:
     """Limbs stretched out straight, all bones in one plane, joints on top of each other."""
     rng = np.random.default_rng(seed)
     K = 14

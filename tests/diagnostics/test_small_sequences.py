@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from workbench import Problem, Values, diagnose, load_body, residuals, sequence
-from workbench.blocks import Tree
 from workbench.diagnostics import Diagnosis
-from workbench.diagnostics.named_subspaces import named_subspaces
-from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.reports import write_diagnosis
 from workbench.residuals import Residual
 
@@ -49,29 +46,3 @@ def test_the_diagnosis_is_whole(tmp_path: Path, smooth: bool) -> None:
 
 def test_the_rank_law_of_one_body_is_not_applied_to_several_frames() -> None:
     assert diagnose(*video(("pose",), smooth=False)).rank_law is None
-
-
-def forest() -> tuple[Tree, Problem]:
-    """Three joints in a row in each of two frames."""
-    names = tuple(f"{t}, {name}" for t in range(2) for name in ("hip", "knee", "foot"))
-    tree = Tree("pose", names, (-1, 0, 1, -1, 3, 4))
-    pose = cs.MX.sym("pose", 3, 6)
-    return tree, Problem([Residual("r", cs.vec(pose), 1.0)], ("pose",))
-
-
-def test_limbs_end_with_their_frame() -> None:
-    tree, problem = forest()
-    limbs = {m.name: m.entries for m in named_subspaces(problem.free, (tree,)) if m.kind == "joint"}
-    assert limbs["turns from 0, hip down"].tolist() == list(range(9))
-    assert limbs["turns from 1, hip down"].tolist() == list(range(9, 18))
-
-
-def test_joints_of_several_frames_have_no_common_limb() -> None:
-    tree, problem = forest()
-    motion = next(
-        m for m in named_subspaces(problem.free, (tree,)) if m.name == "turns from 0, hip down"
-    )
-    v = np.zeros(18)
-    v[[3, 12]] = np.sqrt(0.5)
-    name, _ = named_by_joints(motion, v, np.zeros((1, 18)), problem.free, 0.1)
-    assert name == "turns of pose[0, knee] and pose[1, knee]"

@@ -20,7 +20,7 @@ def focal_length(unit: str, scale: float, *, known_to: float = 5.0) -> Diagnosis
     return diagnose(Problem([r], "focal"), {"focal": np.array(1000 * scale)})
 
 
-@pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3), ("1", 1.0), ("1", 1e6)])
+@pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3), ("1", 1e6)])
 def test_a_focal_length_known_to_half_a_percent_is_known(unit: str, scale: float) -> None:
     d = focal_length(unit, scale)
     assert d.identifiability.sigma[0] == pytest.approx(5 * scale)
@@ -123,6 +123,7 @@ def test_a_suggested_prior_is_as_wide_as_the_yardstick() -> None:
     assert "add a Gaussian prior on focal (sigma 1000 px)" in priors
 
 
+@pytest.mark.thorough
 def test_pose_blend_shapes_are_spoken_of_where_there_are_some() -> None:
     body = load_body("small")
     pose, betas, trans = (block.symbol for block in body.blocks())
@@ -136,15 +137,3 @@ def test_pose_blend_shapes_are_spoken_of_where_there_are_some() -> None:
     thin = diagnose(Problem([line], "x"), {"x": np.zeros(2)}).report()
     assert "2 of them are above a thousandth of their column's largest entry; the others" in thin
     assert "pose blend" not in thin
-
-
-def test_what_is_unknown_with_and_without_a_residual_is_called_so() -> None:
-    x = Block("x", (2,))
-    terms = [Residual(name, x.symbol[0] - i, 1.0) for i, name in enumerate(("first", "second"))]
-    report = diagnose(Problem(terms, "x"), {"x": np.zeros(2)}).report()
-    assert "inf > inf" not in report
-    assert (
-        "inf"
-        not in report.partition("WHAT EACH RESIDUAL CONTRIBUTES")[2].partition("DERIVATIVES")[0]
-    )
-    assert "with or without any one of them the sigmas of x are unknown" in report
