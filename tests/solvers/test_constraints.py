@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
-from tests.solvers.problems import TEN, T, decay
+from tests.solvers.problems import T, decay
 from tests.tiers import few
 from workbench import (
     SOLVERS,
@@ -44,7 +44,7 @@ START = {"x": np.array([0.3, 0.4])}
 LOCAL = {name: s for name, s in SOLVERS.items() if not s.abilities.is_global}
 LOCAL |= {"nlopt-cobyla": Nlopt("LN_COBYLA")}
 INEQUALITIES = [name for name, s in LOCAL.items() if s.abilities.inequalities]
-TAKERS = ("ipopt", "sqp", "nlopt-slsqp", "nlopt-mma")
+TAKERS = ("ipopt", "sqp", "nlopt-slsqp")
 EQUATIONS = [name for name, s in LOCAL.items() if s.abilities.equations]
 
 
@@ -110,11 +110,11 @@ def test_what_cannot_be_met_is_said(name: str) -> None:
         assert "never" in solution.message or "constraints" in solution.message
 
 
-@pytest.mark.parametrize("name", few([n for n in LOCAL if n not in INEQUALITIES], TEN))
-def test_the_others_refuse(name: str) -> None:
+def test_the_others_refuse() -> None:
     free = Problem(near(INSIDE).residuals, ("x",), constraints=(INSIDE,))
-    with pytest.raises(NotSupported, match="takes no inequalities, but the problem has disc; use"):
-        LOCAL[name].solve(free, START)
+    for name in LOCAL.keys() - INEQUALITIES:
+        with pytest.raises(NotSupported, match=r"takes no inequalities, .* has disc; use"):
+            LOCAL[name].solve(free, START)
 
 
 @pytest.mark.parametrize("name", ["nlopt-mma", "nlopt-ccsaq"])

@@ -103,7 +103,7 @@ def test_they_reach_the_same_minimum(build: Callable[[], Any], name: str) -> Non
 
 
 @EACH_SOLVER
-@pytest.mark.parametrize("build", few([decay, line, body_fit], 2))
+@pytest.mark.parametrize("build", few([decay, line, body_fit], 1))
 def test_converged_is_what_the_problem_says(build: Callable[[], Any], name: str) -> None:
     problem, start, solution = solved(build, name)
     there = start | solution.values
@@ -121,7 +121,7 @@ def test_converged_is_what_the_problem_says(build: Callable[[], Any], name: str)
 
 
 @EACH_SOLVER
-def test_they_never_end_worse_than_they_began(name: str) -> None:
+def test_no_end_is_worse_than_the_start(name: str) -> None:
     problem, _ = rosenbrock()
     for seed in range(3):
         start = {"x": 3 * np.random.default_rng(seed).normal(size=2)}
@@ -261,7 +261,7 @@ def test_the_callback_can_stop(name: str) -> None:
 
 
 @EACH_SOLVER
-def test_the_keyboard_keeps_the_best(name: str) -> None:
+def test_an_interrupt_keeps_the_best_point(name: str) -> None:
     problem, start = long_way(name)
     seen: list[Iterate] = []
 
@@ -277,7 +277,7 @@ def test_the_keyboard_keeps_the_best(name: str) -> None:
 
 
 @EACH_SOLVER
-def test_what_the_callback_raises_is_the_callers(name: str) -> None:
+def test_errors_of_the_callback_are_raised(name: str) -> None:
     def broken(iterate: Iterate) -> None:
         raise LookupError("of the caller")
 
@@ -286,7 +286,7 @@ def test_what_the_callback_raises_is_the_callers(name: str) -> None:
 
 
 @EACH_SOLVER
-def test_the_trace_begins_at_the_start_and_its_numbers_are_right(name: str) -> None:
+def test_the_trace_tells_the_numbers_of_each_iterate(name: str) -> None:
     problem, start = decay()
     solution = SOLVERS[name].solve(problem, start)
     first = solution.trace[0]
@@ -366,7 +366,7 @@ def root() -> Problem:
 
 
 @EACH_SOLVER
-def test_nan_on_the_way_is_survived_or_said(name: str) -> None:
+def test_nan_on_the_way_is_survived_or_told(name: str) -> None:
     problem = root()
     solution = SOLVERS[name].solve(problem, {"x": np.array(4.0)})
     if solution.status is Status.CONVERGED or solution.cost < 1e-20:  # or all but
@@ -396,7 +396,7 @@ def test_an_infinite_slope_is_said(name: str) -> None:
 
 
 @EACH_SOLVER
-def test_a_minimum_where_the_residual_ends_is_said(name: str) -> None:
+def test_an_edge_of_the_domain_is_not_finite(name: str) -> None:
     """sqrt(y) + 1 falls all the way down to 0, where its slope is infinite, and ends there."""
     y = Block("y").symbol
     residual = Residual("edge", cs.vertcat(cs.sqrt(y) + 1, 0.1 * y + 3), 1.0)

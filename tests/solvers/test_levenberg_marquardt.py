@@ -163,35 +163,6 @@ def test_where_two_steps_lead_too_far_the_first_is_tried_alone(start) -> None:
     np.testing.assert_allclose(two.values["x"], [1, 1], atol=1e-5)
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_no_point_is_evaluated_twice(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """Neither where a further step is left out nor where the first step is tried alone."""
-    problem, _ = rosenbrock()
-    asked: list[bytes] = []
-
-    def noted(x: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-        asked.append(x.tobytes())
-        return Problem.residual(problem, x, fixed)
-
-    monkeypatch.setitem(vars(problem), "residual", noted)
-    found = LevenbergMarquardt(steps_per_jacobian=count).solve(problem, {"x": [-1.2, 1.0]})
-    assert found.converged
-    assert len(asked) == len(set(asked)) > 10
-
-
-def test_a_further_step_that_is_hardly_shorter_is_not_taken() -> None:
-    """From 1.3, Newton's steps for arctan(x) = 0 lead to and fro, each hardly shorter."""
-    x = Block("x").symbol
-    problem = Problem((Residual("arctan", cs.atan(x), 1.0),), ("x",))
-    plain, two = (
-        LevenbergMarquardt(steps_per_jacobian=count, first_damping=1e-9, max_iterations=1).solve(
-            problem, {"x": 1.3}
-        )
-        for count in (1, 2)
-    )
-    assert two.trace[1].values["x"] == plain.trace[1].values["x"]
-
-
 @pytest.mark.parametrize("by", [steps.automatic, steps.qr])
 def test_further_steps_stay_between_bounds(by) -> None:
     problem, start = decay(bounds={"x": ([0.0, 0.0, 0.6], [1.8, 5.0, 5.0])})
@@ -235,15 +206,6 @@ def test_the_step_is_the_best_one_inside(seed: int, damping: float) -> None:
     assert step.p[0] == 0
 
 
-def test_without_bounds_it_is_the_damped_step() -> None:
-    rng = np.random.default_rng(0)
-    here, D = Linearization(rng.normal(size=9), rng.normal(size=(9, 4))), np.ones(4)
-    far = np.full(4, np.inf)
-    step = box_step(here, 0.5, D, -far, far, automatic)
-    assert step is not None
-    np.testing.assert_array_equal(step.p, here.step(0.5))
-
-
 def test_near_the_solution_bounds_cost_no_speed() -> None:
     """One entry at its bound; in the others the tail is quadratic, for there is no residual."""
     problem, start = decay(noise=0.0, bounds={"x": ([0.0, 1.3, 0.0], [5.0, 5.0, 5.0])})
@@ -281,13 +243,3 @@ def test_equal_bounds_fix_an_entry() -> None:
     solution = LevenbergMarquardt().solve(problem, {"x": np.zeros(3)})
     assert solution.converged
     np.testing.assert_allclose(solution.values["x"], [0.2, 1, 1], atol=1e-6)
-
-
-def test_iterates_never_leave_the_box() -> None:
-    problem, start = decay(bounds={"x": ([0.0, 0.0, 0.55], [1.9, 5.0, 5.0])})
-    solution = LevenbergMarquardt().solve(problem, start | {"x": np.array([9.0, 9.0, 9.0])})
-    for iterate in solution.trace:
-        x = iterate.values["x"]
-        assert (problem.lower <= x).all()
-        assert (x <= problem.upper).all()
-    assert (np.diff([i.cost for i in solution.trace]) < 0).all()

@@ -10,7 +10,6 @@ import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
 from workbench.problem import gram
 from workbench.residuals import Residual
-from workbench.solvers.damping import DAMPED
 from workbench.solvers.one_pass import LARGEST, takes_one_pass
 
 SOLVERS = (wb.LevenbergMarquardt(), wb.solvers.TrustRegion())
@@ -76,14 +75,3 @@ def test_a_fit_of_a_surface_needs_no_residual_alone() -> None:
     assert found.evaluations.residual == 0  # every trial was taken
     assert found.evaluations.jacobian == len(found.trace)
     assert 8 * problem.size * problem.free.size < LARGEST
-
-
-@NEEDS_A_COMPILER
-@pytest.mark.usefixtures("of_any_size")
-def test_between_bounds_ipopt_linearizes_no_trial_at_once() -> None:
-    """On its way between bounds the cost may rise, and Jacobians would be computed in vain."""
-    x = wb.Block("x", (2,), "1")
-    terms = [Residual("r", valley(x.symbol), sigma=1.0)]
-    problem = wb.Problem(terms, free=("x",), bounds={"x": (-2.0, 0.5)})
-    found = wb.solve(problem, {"x": np.array([-1.2, 0.4])}, wb.Ipopt(DAMPED))
-    assert found.evaluations.residual >= found.evaluations.jacobian - 1 > 3

@@ -170,14 +170,6 @@ def test_what_is_not_is_raised_until_it_is(seed: int, bend: float) -> None:
     assert (found.share > 0) == (np.linalg.eigvalsh(H).min() < 0)
 
 
-def test_a_saddle_without_any_curvature_of_the_cost_is_raised_as_far_as_is_certain() -> None:
-    H = np.array([[0.0, 2.0], [2.0, 0.0]])
-    found = raised(csc_array((2, 2)), csc_array(H))
-    assert found.share == 1.0
-    assert np.linalg.eigvalsh(found.matrix.toarray()).min() > 0
-    np.testing.assert_allclose(found.matrix.toarray(), H + 2 * np.eye(2), atol=1e-7)
-
-
 def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:
     def free() -> wb.Problem:
         whole = frames()

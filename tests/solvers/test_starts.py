@@ -27,7 +27,6 @@ from workbench import (
 )
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes.forked import FORKING, ProcessDied, forked
-from workbench.reports.tables import hypotheses_table
 from workbench.solvers import Iterate, Solution, within_bounds
 from workbench.solvers.minima import all_seen, further_minima
 
@@ -248,25 +247,6 @@ def test_the_message_tells_the_probability_of_further_minima() -> None:
         f"others to {minima - 1} other ends; "
         f"the probability that there are no further minima is {sure:.2g}"
     )
-
-
-def test_a_start_without_a_cost_is_shown_as_infinite() -> None:
-    solution = TWENTY.solve(*waves())
-    nowhere = replace(solution.hypotheses[-1], cost=np.inf)
-    table = hypotheses_table(replace(solution, hypotheses=(*solution.hypotheses, nowhere)))
-    assert table.rows[-1][1] == "∞"
-    assert float(table.rows[1][1]) == pytest.approx(solution.hypotheses[1].cost, rel=1e-7)
-
-
-def test_a_minimum_above_the_lowest_is_not_shown_as_plain_success() -> None:
-    problem, start = waves()
-    solution = TWENTY.solve(problem, start)
-    shown = [row[-1] for row in hypotheses_table(solution).rows]
-    assert shown[0] == "converged"
-    converged = [one.status is wb.Status.CONVERGED for one in solution.hypotheses[1:]]
-    assert any(converged)
-    for said, good in zip(shown[1:], converged, strict=True):
-        assert (said == "converged, not lowest") == good
 
 
 def ridge() -> tuple[Problem, Values]:

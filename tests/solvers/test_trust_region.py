@@ -5,7 +5,6 @@ import itertools
 import casadi as cs
 import numpy as np
 import pytest
-import scipy.optimize
 from scipy.stats import ortho_group
 
 import workbench.solvers.trust_region as module
@@ -14,10 +13,9 @@ from tests.tiers import few
 from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, TrustRegion
 from workbench import residuals as terms
 from workbench.arrays import Array
-from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import steps
-from workbench.problem.steps import Step, automatic, sparing
+from workbench.problem.steps import Step, automatic
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import LEAST, MOST, step_within
 
@@ -193,32 +191,6 @@ def test_bends_shorten_the_way_along_a_curved_valley(monkeypatch: pytest.MonkeyP
     np.testing.assert_allclose(bent.values["x"], 1, atol=1e-4)
 
 
-class Evaluated:
-    """As much of a run as a bend needs."""
-
-    def __init__(self, problem: Problem, start: Values) -> None:
-        self.problem, (self.x, self.fixed) = problem, problem.split(start)
-
-    def evaluate(self, kind: str, function):
-        assert kind == "residual"
-        return function()
-
-
-def test_a_bend_is_the_second_derivative_pulled_back() -> None:
-    """For residuals quadratic along p, (J'J + damping I) a = -J'r_pp / 2 to rounding."""
-    problem, start = rosenbrock()
-
-    run = Evaluated(problem, start)
-    here = problem.linearize(start)
-    p = np.array([0.05, -0.02])
-    r_pp = np.array([-20 * p[0] ** 2, 0.0])
-    for D in (np.ones(2), np.array([2.0, 0.5])):
-        a = module.bend(run, run.x, here, p, 100.0, D, sparing)  # type: ignore[arg-type]
-        damped = here.normal + 100 * np.diag(D**2)
-        expected = np.linalg.solve(damped, -0.5 * here.dense.T @ r_pp)
-        np.testing.assert_allclose(a, expected, rtol=1e-8)
-
-
 def test_dependent_columns_do_no_harm() -> None:
     x = Block("x", (3,)).symbol
     blind = Problem((Residual("sum", cs.exp(x[0] + x[1]) - 2.0, 1.0),), ("x",))
@@ -226,28 +198,6 @@ def test_dependent_columns_do_no_harm() -> None:
     assert solution.converged
     half = np.log(2) / 2
     np.testing.assert_allclose(solution.values["x"], [half, half, 0], atol=1e-6)
-
-
-def test_bounds_are_kept_and_the_end_is_that_of_scipy() -> None:
-    bounds = {"x": (np.array([0.0, 1.5, -1.0]), np.array([1.5, 3.0, 1.0]))}
-    problem, start = decay(bounds=bounds)
-    start = start | {"x": np.array([1.0, 2.0, 0.0])}
-    solution = TrustRegion().solve(problem, start)
-    for one in solution.trace:
-        assert (bounds["x"][0] <= one.values["x"]).all()
-        assert (one.values["x"] <= bounds["x"][1]).all()
-    x, fixed = problem.split(start)
-    expected = scipy.optimize.least_squares(
-        lambda x: problem.residual(x, fixed),
-        x,
-        jac=lambda x: problem.linearize_at(x, fixed).jacobian,
-        bounds=bounds["x"],
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
-    )
-    assert solution.converged
-    assert solution.cost == pytest.approx(expected.cost, rel=1e-8)
 
 
 def test_robust_kernels_and_bodies_end_where_levenberg_and_marquardt_s_does() -> None:
