@@ -184,26 +184,26 @@ def test_there_is_a_step_with_each_jacobian() -> None:
 # Between bounds.
 
 
-@pytest.mark.parametrize("seed", few(range(6), 2))
-@pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_the_step_is_the_best_one_inside(seed: int, damping: float) -> None:
+@pytest.mark.parametrize("damping", [0.0, 0.1, 10.0])
+def test_the_step_is_the_best_one_inside(damping: float) -> None:
     """As SciPy's active set method has it."""
-    rng = np.random.default_rng(seed)
-    m, n = 12, 6
-    here = Linearization(rng.normal(size=m), rng.normal(size=(m, n)))
-    low, high = -rng.uniform(0, 0.3, size=n), rng.uniform(0, 0.3, size=n)
-    low[0] = high[0] = 0.0  # which is no room at all
-    D = rng.uniform(0.5, 2, size=n)
-    step = box_step(here, damping, D, low, high, automatic)
-    assert step is not None
-    A = np.concatenate([here.jacobian, np.sqrt(damping) * np.diag(D)])
-    b = np.concatenate([-here.residual, np.zeros(n)])
-    loose = low < high
-    expected = scipy.optimize.lsq_linear(
-        A[:, loose], b, (low[loose], high[loose]), method="bvls", tol=1e-14
-    )
-    np.testing.assert_allclose(step.p[loose], expected.x, atol=1e-9)
-    assert step.p[0] == 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        m, n = 12, 6
+        here = Linearization(rng.normal(size=m), rng.normal(size=(m, n)))
+        low, high = -rng.uniform(0, 0.3, size=n), rng.uniform(0, 0.3, size=n)
+        low[0] = high[0] = 0.0  # which is no room at all
+        D = rng.uniform(0.3, 3, size=n)
+        step = box_step(here, damping, D, low, high, automatic)
+        assert step is not None
+        A = np.concatenate([here.jacobian, np.sqrt(damping) * np.diag(D)])
+        b = np.concatenate([-here.residual, np.zeros(n)])
+        loose = low < high
+        expected = scipy.optimize.lsq_linear(
+            A[:, loose], b, (low[loose], high[loose]), method="bvls", tol=1e-14
+        )
+        np.testing.assert_allclose(step.p[loose], expected.x, atol=1e-9)
+        assert step.p[0] == 0
 
 
 def test_near_the_solution_bounds_cost_no_speed() -> None:
