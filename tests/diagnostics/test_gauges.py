@@ -200,6 +200,7 @@ def test_a_prior_is_put_on_the_fewest_blocks() -> None:
     assert all(s.cured for s in priors)
 
 
+@pytest.mark.thorough
 def test_a_point_that_one_camera_sees_is_not_called_a_scale() -> None:
     """It slides along its ray, while the others and the cameras keep their seven gauges."""
     problem, at = three_cameras()

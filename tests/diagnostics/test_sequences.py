@@ -99,7 +99,7 @@ BOTH = (residuals.smooth("trans", sigma=0.1, order=2), residuals.smooth("pose", 
             pytest.param(SMOOTH, ("betas", "trans"), EVERY, id="shared"),
             pytest.param(SMOOTHER, ("betas",), (0, 3, 6, 20), id="few"),
         ],
-        2,
+        1,
     ),
 )
 def test_numbers_are_those_of_the_whole_jacobian(
