@@ -202,7 +202,7 @@ def test_bounds_and_the_same_limits_as_constraints_are_one() -> None:
         assert len(one.null_directions) == len(other.null_directions) == 6 - one.rank
 
 
-def test_equal_bounds_fix_an_unknown_as_fixing_its_block_does() -> None:
+def test_equal_bounds_fix_an_unknown() -> None:
     x, y = Block("x", (2,)), Block("y", (2,))
     r = Residual(
         "r", cs.DM([[1, 2, 0, 1], [0, 1, 1, 3], [2, 0, 1, 1]]) @ cs.vertcat(x.symbol, y.symbol), 0.5
@@ -218,7 +218,7 @@ def test_equal_bounds_fix_an_unknown_as_fixing_its_block_does() -> None:
     assert "(y[0] = 0.3, y[1] = 0.3)" in str(pinned)
 
 
-def test_a_bound_and_a_constraint_that_say_the_same_count_once() -> None:
+def test_equal_bound_and_constraint_count_once() -> None:
     same = Constraint("same", X.symbol[1], lower=0)
     d = bounded(0.0, 2.0, (1.0, 0.0), same)
     assert d.rank == 2

@@ -231,7 +231,7 @@ def decay() -> tuple[wb.Problem, dict[str, wb.Residual]]:
     return wb.Problem([hold], ["k"], blocks=[x]), {f"{t:g}": at(t) for t in times}
 
 
-def test_the_choice_depends_on_the_point_and_can_be_averaged() -> None:
+def test_designs_are_averaged_over_points() -> None:
     """exp(-k t) says most of k at t = 1 / k (the maximum of t exp(-k t))."""
     problem, several = decay()
     rates = (0.25, 0.5, 1.0, 2.0, 4.0)

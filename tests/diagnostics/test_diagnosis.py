@@ -220,7 +220,7 @@ def test_near_a_full_turn_one_turn_is_taken_off(past: float) -> None:
     np.testing.assert_allclose(residual, found.here.residual, atol=1e-9)
 
 
-def test_what_is_fixed_keeps_its_value_and_other_bounds_stay() -> None:
+def test_fixed_blocks_keep_values_and_bounds() -> None:
     problem, values = cases.scale_against_depth()
     bounded = Problem(problem.residuals, problem.free.names, {"scale": (0.5, 2), "trans": (-9, 9)})
     found = {s.what: s for s in diagnose(bounded, values).suggestions}
@@ -242,7 +242,7 @@ def test_a_prior_stands_at_the_present_value() -> None:
     )
 
 
-def test_a_prior_of_that_name_does_not_stand_in_the_way() -> None:
+def test_a_suggested_prior_gets_a_free_name() -> None:
     x = Block("x", (2,))
     problem = Problem((Residual("prior on x", x.symbol[0] - x.symbol[1], 1.0),), ("x",))
     found = diagnose(problem, {"x": np.zeros(2)}).suggestions

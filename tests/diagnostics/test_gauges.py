@@ -171,7 +171,7 @@ def held_loosely(problem: Problem, at: Values, sigma: float) -> Diagnosis:
     return found
 
 
-def test_gauges_that_only_wide_priors_hold_are_named_among_weak_directions() -> None:
+def test_gauges_held_by_wide_priors_are_weak() -> None:
     d = held_loosely(*three_cameras(), 10.0)
     assert d.rank == d.shape[1]
     kinds = sorted(one.kind for one in d.weak_directions)
@@ -181,7 +181,7 @@ def test_gauges_that_only_wide_priors_hold_are_named_among_weak_directions() -> 
         assert one.change == pytest.approx(0.1, rel=1e-3), one.name  # a metre of ten
 
 
-def test_weak_directions_are_weak_and_no_null_direction_is_among_them() -> None:
+def test_weak_directions_are_apart_from_null_ones() -> None:
     problem, at = joints_of_a_body()
     far = [Residual(r.name, r.expression, 0.5, r.unit, points=r.points) for r in problem.residuals]
     d = diagnose(Problem(far, problem.free.spelled()), at)
@@ -201,7 +201,7 @@ def test_a_prior_is_put_on_the_fewest_blocks() -> None:
 
 
 @pytest.mark.thorough
-def test_a_point_that_one_camera_sees_is_not_called_a_scale() -> None:
+def test_a_point_of_one_camera_slides_along_its_ray() -> None:
     """It slides along its ray, while the others and the cameras keep their seven gauges."""
     problem, at = three_cameras()
     first, *others = problem.residuals

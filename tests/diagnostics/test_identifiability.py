@@ -125,7 +125,7 @@ def rms(found: Diagnosis, block: str) -> float:
     "case",
     few([cases.the_same_twice, cases.template_and_translation, cases.shape_without_effect], 1),
 )
-def test_what_a_residual_adds_is_what_is_lost_without_it(case: Callable[[], cases.Case]) -> None:
+def test_contributions_are_what_is_lost_without_them(case: Callable[[], cases.Case]) -> None:
     problem, values = case()
     blocks = (*problem.free.blocks, *problem.fixed.blocks)
     extra = residuals.gaussian(problem.free.blocks[0].symbol, covariance=0.01, name="prior")
@@ -147,7 +147,7 @@ def test_what_a_residual_adds_is_what_is_lost_without_it(case: Callable[[], case
             assert contribution.sigma_without[name] == pytest.approx(expected)
 
 
-def test_a_residual_that_is_no_residual_of_the_problem_is_no_prior() -> None:
+def test_an_unknown_prior_is_refused() -> None:
     with pytest.raises(UnknownName, match="priro"):
         diagnose(*gaussian_problem(np.eye(2), 1.0, np.eye(2)), priors=("priro",))
 
@@ -168,7 +168,7 @@ def focal_length(unit: str, scale: float, *, known_to: float = 5.0) -> Diagnosis
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3), ("1", 1e6)])
-def test_a_focal_length_known_to_half_a_percent_is_known(unit: str, scale: float) -> None:
+def test_a_focal_length_known_well_is_identified(unit: str, scale: float) -> None:
     d = focal_length(unit, scale)
     assert d.identifiability.sigma[0] == pytest.approx(5 * scale)
     assert d.identifiability.verdicts == (EntryIdentifiability.IDENTIFIED,)
@@ -215,7 +215,7 @@ def test_millimetres_change_no_judgement() -> None:
     assert metres.weakest[0].change == pytest.approx(millimetres.weakest[0].change, rel=1e-6)
 
 
-def test_a_prior_is_the_yardstick_of_what_has_no_natural_one() -> None:
+def test_a_prior_is_a_yardstick() -> None:
     """50 px of prior: data that know the focal length to 40 px tell something, to 500 px not."""
     for known_to, verdict in (
         (40.0, EntryIdentifiability.IDENTIFIED),

@@ -68,7 +68,7 @@ def test_a_free_block_that_nobody_reads_is_named() -> None:
     assert "72 single entries: pose[pelvis, x y z]" in str(found)
 
 
-def test_a_residual_that_is_there_twice_is_named_and_dropped() -> None:
+def test_a_repeated_residual_is_dropped() -> None:
     found = cases.diagnosed(cases.the_same_twice)
     assert found.rank == 4
     assert found.duplicates == (("first", "second"),)
@@ -104,7 +104,7 @@ def test_a_freed_template_can_move_against_the_translation() -> None:
         )
 
 
-def test_a_scale_before_one_camera_is_known_only_against_the_distance() -> None:
+def test_scale_and_distance_are_one_direction() -> None:
     found = cases.diagnosed(cases.scale_against_depth)
     assert found.rank == 3
     ((kind, name),) = unseen(found)

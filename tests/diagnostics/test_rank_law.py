@@ -104,7 +104,7 @@ def test_law_singular_values_and_names_agree(batch: int) -> None:
             assert sine < 1000 * rounding, (batch, case)
 
 
-def test_the_words_of_the_law_add_up_to_the_law() -> None:
+def test_the_law_in_words_adds_up() -> None:
     body = smpl_like_body()
     joints = body.joints(np.zeros((24, 3)), np.zeros(4))
     everything = range(24)
@@ -247,7 +247,7 @@ def test_points_in_space_are_not_degenerate() -> None:
     assert nearly_degenerate(problem, body.start() | {"observed": np.zeros((24, 3))}) == []
 
 
-def test_a_point_where_the_weakest_direction_nearly_vanishes_is_told() -> None:
+def test_a_nearly_singular_point_is_told() -> None:
     """r = (x, y^2) near y = 0: the rank is two, and hardly."""
     x = Block("x", (2,))
     r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)

@@ -187,7 +187,7 @@ def test_a_shared_unknown_is_seen_in_some_frames() -> None:
     np.testing.assert_allclose(d.shared.sigma, sigma[d.rows.shared], rtol=1e-8)
 
 
-def test_a_shared_unknown_seen_in_few_frames_or_none_deserves_a_warning() -> None:
+def test_a_shared_unknown_seen_rarely_is_a_warning() -> None:
     few = watched(2, 40)
     with pytest.raises(Undiagnosed, match=r"betas\[3\] is seen in 2 of 40 frames"):
         few.assert_no_warnings()
@@ -199,7 +199,7 @@ def test_a_shared_unknown_seen_in_few_frames_or_none_deserves_a_warning() -> Non
     assert any(f.warning and "seen in 0 of 40 frames" in f.text for f in none.findings)
 
 
-def test_what_the_own_unknowns_of_a_frame_undo_is_not_seen_there() -> None:
+def test_shifts_that_frames_undo_are_not_seen() -> None:
     """A shift that the frame's own translation hides is in the rows, and yet not seen."""
     A = np.eye(6, 3)
     B = np.zeros((6, 2))

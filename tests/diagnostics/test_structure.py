@@ -119,9 +119,7 @@ def test_rows_are_named_by_their_residuals() -> None:
 
 
 @pytest.mark.parametrize("seed", few(range(6), 2))
-def test_rows_that_read_the_same_need_not_all_be_looked_at(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_equal_rows_of_a_pattern_are_joined(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The parts of a pattern with many equal rows are those that all of its rows give."""
     rng = np.random.default_rng(seed)
     kinds = rng.random((8, 6)) < 0.3
@@ -138,7 +136,7 @@ def test_rows_that_read_the_same_need_not_all_be_looked_at(
     np.testing.assert_array_equal(found.idle, whole.idle)
 
 
-def test_a_very_large_mesh_has_its_pattern_from_the_chain_rule(
+def test_patterns_of_meshes_come_from_the_chain_rule(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     body = load_body("small")

@@ -131,7 +131,7 @@ def test_a_feasible_point_is_better_than_a_cheap_one() -> None:
     assert solution.violation <= 1
 
 
-def test_nan_in_a_constraint_is_survived_or_said() -> None:
+def test_nan_in_a_constraint_is_survived_or_told() -> None:
     root = Constraint("root", cs.sqrt(X[0]), upper=1.0)
     for name in INEQUALITIES:
         solution = LOCAL[name].solve(near(root), START)

@@ -107,7 +107,7 @@ def meyer() -> Problem:
 @pytest.mark.parametrize(
     "solver", [Dogleg(rule=chumpy), Ipopt(hessian=gauss_newton_hessian)], ids=["chumpy", "ipopt"]
 )
-def test_a_leap_to_where_nothing_is_noticed_is_no_minimum(solver: Solver) -> None:
+def test_a_leap_into_a_desert_is_lost(solver: Solver) -> None:
     """The first step ends where the exponential is zero, at 4e7 times the least cost."""
     solution = solver.solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
     assert solution.cost > 1e9
@@ -125,7 +125,7 @@ def test_one_lost_unknown_is_named_alone() -> None:
     assert solution.lost == ("x[1]",)
 
 
-def test_a_penalty_that_is_no_longer_in_force_is_not_lost() -> None:
+def test_an_inactive_penalty_is_not_lost() -> None:
     """Its rows are zero: nothing more can be gained, whoever is noticed."""
     x = Block("x", (2,)).symbol
     problem = of(x[0] - 1, cs.fmax(0, x[1] - 1), 0.3)
@@ -134,7 +134,7 @@ def test_a_penalty_that_is_no_longer_in_force_is_not_lost() -> None:
     assert solution.lost == ()
 
 
-def test_a_far_start_does_not_make_lost_what_is_found() -> None:
+def test_a_far_start_loses_nothing() -> None:
     """From 50 the column falls from e^50 to 1: much smaller, and noticed all the same."""
     solution = solve(of(cs.exp(Block("x").symbol) - 1), {"x": 50.0})
     assert solution.converged
@@ -204,7 +204,7 @@ def test_a_step_that_cannot_be_interrupted_is_not_begun() -> None:
 
 
 @pytest.mark.parametrize("problem", few(["jennrich-sampson", "bard", "box", "osborne-1"], 1))
-def test_from_ten_times_as_far_nobody_claims_what_is_not_so(problem: str) -> None:
+def test_convergence_from_far_starts_is_true(problem: str) -> None:
     """Whoever says CONVERGED has no gradient left, rounding errors of the start apart."""
     setup = find(f"more-wild-{problem}", {}).setup()
     free = setup.problem.free.names

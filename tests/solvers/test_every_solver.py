@@ -56,7 +56,7 @@ class Silent:
     """Solves nothing, and does not say what it can do."""
 
 
-def test_a_solver_that_does_not_say_what_it_can_do_is_told_how() -> None:
+def test_a_solver_without_abilities_is_refused() -> None:
     with pytest.raises(BadArgument, match=r"'silent' does not say .* class Silent a property `abi"):
         check_abilities({"silent": Silent()})  # type: ignore[dict-item]  # as it should not be
 

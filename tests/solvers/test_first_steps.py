@@ -54,9 +54,7 @@ def steps(solution: Solution) -> list[float]:
     [(GaussNewton(), WIDE), (Dogleg(), WIDE), (Ipopt(), WIDER), (Sqp(), WIDER)],
     ids=["gauss-newton", "dogleg", "ipopt", "sqp"],
 )
-def test_the_first_step_keeps_to_the_radius_and_finds_the_way(
-    solver: Solver, start: tuple[float, float]
-) -> None:
+def test_the_first_step_keeps_to_the_radius(solver: Solver, start: tuple[float, float]) -> None:
     problem, values = peak(start)
     solution = solver.solve(problem, values)
     assert solution.converged
@@ -91,14 +89,14 @@ def test_the_radius_after_a_step() -> None:
     assert radius_after(p, change, 0 * bent) > 1e10
 
 
-def test_a_near_body_takes_no_more_jacobians_than_with_whole_steps() -> None:
+def test_radii_cost_no_jacobians_near_the_end() -> None:
     whole = GaussNewton(line_search=full_step).solve(*body_fit())
     within = GaussNewton().solve(*body_fit())
     assert within.converged
     assert within.evaluations.jacobian <= whole.evaluations.jacobian
 
 
-def test_neither_a_turn_of_the_unknowns_nor_sigma_changes_the_way() -> None:
+def test_turned_unknowns_and_sigma_change_no_iterate() -> None:
     turn, angle = 0.7, np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     for solver in (GaussNewton(max_iterations=6), Dogleg(max_iterations=6)):
         ours = [i.values["x"] for i in solver.solve(*peak(WIDE)).trace]
@@ -123,7 +121,7 @@ def test_the_first_damping_is_as_large_as_the_radius_needs() -> None:
 # Damping, which follows the gain.
 
 
-def test_a_gain_of_one_lowers_it_tenfold_and_of_one_half_keeps_it() -> None:
+def test_damping_follows_the_gain() -> None:
     assert eased(1.0) == pytest.approx(0.1)
     assert eased(0.5) == 1.0
     assert eased(1e-9) == pytest.approx(2.0)

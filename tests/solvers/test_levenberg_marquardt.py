@@ -81,7 +81,7 @@ def bdqrtic(n: int) -> tuple[Problem, dict[str, np.ndarray]]:
 
 
 @pytest.mark.parametrize("n", few([8, 12], 1))
-def test_a_column_that_vanishes_gives_no_licence(n: int) -> None:
+def test_vanishing_columns_keep_their_scaling(n: int) -> None:
     """With D = |J_i| of each iterate alone it runs aground at several times the least cost."""
     problem, start = bdqrtic(n)
     x, fixed = problem.split(start)
@@ -152,7 +152,7 @@ def test_two_steps_with_each_jacobian_need_fewer_jacobians() -> None:
 
 
 @pytest.mark.parametrize("start", FAR, ids=lambda start: str(start["x"]))
-def test_where_two_steps_lead_too_far_the_first_is_tried_alone(start) -> None:
+def test_the_first_of_two_steps_is_tried_alone(start) -> None:
     problem, _ = rosenbrock()
     plain, two = (
         LevenbergMarquardt(steps_per_jacobian=count).solve(problem, start) for count in (1, 2)
@@ -219,7 +219,7 @@ def test_near_the_solution_bounds_cost_no_speed() -> None:
 
 
 @pytest.mark.parametrize("seed", few(range(5), 2))
-def test_a_minimum_in_a_corner_is_found_as_scipy_finds_it(seed: int) -> None:
+def test_minima_in_corners_are_those_of_scipy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corner = np.sort(rng.uniform(-1.5, 0.9, size=(2, 2)), axis=0)
     problem, _ = rosenbrock()

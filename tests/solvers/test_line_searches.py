@@ -59,7 +59,7 @@ def test_a_tolerance_of_zero_is_met_to_rounding() -> None:
     assert min(np.diff(costs)) < 0 <= max(np.diff(costs)) < 1e-14 * costs[-1]
 
 
-def test_a_step_that_does_not_help_any_more_ends_the_run() -> None:
+def test_a_useless_step_ends_the_run() -> None:
     problem, start = decay()
     around = GaussNewton(line_search=lambda run, x, here, p: 0.0, gradient_tolerance=0.0)
     assert around.solve(problem, start).status is Status.STALLED
@@ -140,7 +140,7 @@ def saddle() -> tuple[Problem, dict]:
     }
 
 
-def test_it_leaves_a_saddle_and_says_that_it_had_to() -> None:
+def test_newton_leaves_a_saddle() -> None:
     problem, start = saddle()
     for convexify in (shifted, reflected):
         solution = Newton(convexify=convexify).solve(problem, start)
@@ -163,7 +163,7 @@ def valley(condition: float) -> tuple[Problem, dict]:
 
 
 @pytest.mark.parametrize("condition", [4.0, 25.0, 100.0])
-def test_the_cost_falls_as_kantorovich_says_and_no_faster_from_the_worst_start(condition) -> None:
+def test_steepest_descent_falls_at_kantorovichs_rate(condition) -> None:
     problem, start = valley(condition)
     solver = SteepestDescent(scaling=identity, max_iterations=10)
     costs = np.array([i.cost for i in solver.solve(problem, start).trace])

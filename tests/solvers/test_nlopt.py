@@ -106,7 +106,7 @@ def test_many_valleys_are_searched_by_mlsl() -> None:
     assert solution.status in (Status.MAX_EVALUATIONS, Status.CONVERGED)
 
 
-def test_a_point_that_is_not_a_number_ends_the_run_and_the_residual_is_not_blamed() -> None:
+def test_nlopt_asking_at_nan_ends_the_run() -> None:
     """MMA asks for one after some nine thousand evaluations of the experiment `landmarks`."""
     solver = Nlopt("LD_MMA")
     with Run("nlopt LD_MMA", solver, rosenbrock()[0], START, None) as run:

@@ -71,7 +71,7 @@ def rigid(points: np.ndarray, observed: np.ndarray) -> Problem:
     return Problem((Residual("fit", cs.vec(turned - cs.DM(observed.T)), 0.01),), ("turn",))
 
 
-def test_a_rigid_fit_that_is_half_a_turn_off_is_a_saddle() -> None:
+def test_a_rigid_fit_off_by_pi_is_a_saddle() -> None:
     """The gradient vanishes there for points on the axes."""
     points = np.vstack([np.diag([3.0, 2.0, 1.0]), -np.diag([3.0, 2.0, 1.0])])
     for axis in np.eye(3):
@@ -148,7 +148,7 @@ def test_bounds_that_hold_the_fall_make_a_minimum() -> None:
     assert solve(alone, {"x": [0.0, 0.0]}).converged
 
 
-def test_a_robust_minimum_is_no_saddle_and_a_robust_ridge_is_one() -> None:
+def test_robust_ridges_are_told_from_minima() -> None:
     """Between two groups of equal weight, the kernel has a ridge in their middle."""
 
     def groups(at: float) -> Problem:

@@ -43,7 +43,7 @@ def waves(bounded: bool = False) -> tuple[wb.Problem, wb.Values]:
     return wb.Problem([r], ["omega"], bounds, [omega]), {"omega": np.array(9.0)}
 
 
-def test_the_lowest_end_is_the_solution_and_the_others_are_hypotheses() -> None:
+def test_the_lowest_end_is_the_solution() -> None:
     problem, start = waves()
     solution = TWENTY.solve(problem, start)
     assert solution.converged
@@ -167,7 +167,7 @@ def test_only_true_ends_all_runs(workers: int) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=(COPIES, pytest.mark.thorough))])
-def test_ctrl_c_in_the_last_run_is_told_and_the_best_is_kept(workers: int) -> None:
+def test_ctrl_c_in_the_last_run_keeps_the_best(workers: int) -> None:
     """Also if the best end is that of another run, which had converged."""
     problem, _ = waves()
     starts = [{"omega": np.array(x)} for x in (4.1, 9.0)]
