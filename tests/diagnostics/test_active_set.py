@@ -1,7 +1,5 @@
 """Bounds and constraints that hold at a point decide directions, and a diagnosis says so."""
 
-import html
-
 import casadi as cs
 import numpy as np
 import pytest
@@ -20,7 +18,6 @@ from workbench import (
 from workbench.bodies.catalogue import load_body
 from workbench.diagnostics import DiagnosisComparison
 from workbench.diagnostics.identifiability import EntryIdentifiability
-from workbench.reports.diagnosis_page import diagnosis_page
 
 X = Block("x", (2,))
 SUM = Residual("sum", X.symbol[0] + X.symbol[1] - 1, 0.1)
@@ -67,7 +64,7 @@ def test_an_inequality_counts_where_it_holds() -> None:
     assert at(below, x=(0.6, 0.4)).rank == 2  # violated: it will have to hold
 
 
-def test_the_sigmas_are_those_of_the_problem_with_one_unknown_less() -> None:
+def test_sigmas_are_those_on_the_constraint_surface() -> None:
     """The same surface in two ways: on the constraint, and with the constraint solved for."""
     rng = np.random.default_rng(0)
     x, y = Block("x", (4,)), Block("y", (3,))
@@ -85,7 +82,7 @@ def test_the_sigmas_are_those_of_the_problem_with_one_unknown_less() -> None:
     np.testing.assert_allclose(d.identifiability.sigma[:3], other.identifiability.sigma, rtol=1e-9)
 
 
-def test_directions_that_nothing_notices_keep_to_the_constraints() -> None:
+def test_null_directions_keep_to_the_constraints() -> None:
     x = Block("x", (4,))
     r = Residual("r", x.symbol[0], 1.0)
     c = Constraint("c", x.symbol[1] + x.symbol[2], 0, 0)
@@ -116,16 +113,6 @@ def test_suggestions_keep_constraints_and_bounds() -> None:
     prior = next(s for s in d.suggestions if s.kind == "prior" and s.cured)
     solution = solve(prior.problem, d.values, Sqp())
     assert float(solution.values["x"] @ solution.values["x"]) <= 4 + 1e-6
-
-
-def test_without_a_residual_what_a_constraint_reads_stays_free() -> None:
-    x, y = Block("x", ()), Block("y", ())
-    terms = [Residual("a", x.symbol, 1.0), Residual("b", y.symbol, 1.0)]
-    tie = Constraint("tie", x.symbol - y.symbol, 0, 0)
-    less = Problem(terms, ("x", "y"), {"y": (0, 1)}, constraints=[tie]).without("b")
-    assert less.free.names == ("x", "y")
-    assert [c.name for c in less.constraints] == ["tie"]
-    assert less.bounds == {"y": (0, 1)}
 
 
 def test_a_body_whose_wrist_is_held_in_place() -> None:
@@ -166,16 +153,15 @@ def bounded(
         (2.0, "x[1] <= 2"),
     ],
 )
-def test_an_unknown_on_its_bound_counts_as_noticed(y: float, said: str) -> None:
+def test_an_active_bound_counts_towards_the_rank(y: float, said: str) -> None:
     d = bounded(0.0, 2.0, (1.0, y))
     assert d.rank == d.structural_rank == d.scaled_rank == 2
     assert d.null_directions == ()
     np.testing.assert_allclose(d.identifiability.sigma, [0.1, 0.0], rtol=1e-12)
     assert not d.warnings
     sentence = f"active bounds ({said}) fix 1 direction, which counts towards the rank"
-    page = diagnosis_page(d, title="", question="", body=None, views=(), compared=None)
-    for text in (str(d), d.report(), html.unescape(page)):
-        assert sentence in text
+    assert sentence in str(d)
+    assert sentence in d.report()
     assert d.data()["held"] == [said]
 
 
@@ -216,7 +202,7 @@ def test_bounds_and_the_same_limits_as_constraints_are_one() -> None:
         assert len(one.null_directions) == len(other.null_directions) == 6 - one.rank
 
 
-def test_equal_bounds_fix_an_unknown_as_fixing_its_block_does() -> None:
+def test_equal_bounds_fix_an_unknown() -> None:
     x, y = Block("x", (2,)), Block("y", (2,))
     r = Residual(
         "r", cs.DM([[1, 2, 0, 1], [0, 1, 1, 3], [2, 0, 1, 1]]) @ cs.vertcat(x.symbol, y.symbol), 0.5
@@ -232,7 +218,7 @@ def test_equal_bounds_fix_an_unknown_as_fixing_its_block_does() -> None:
     assert "(y[0] = 0.3, y[1] = 0.3)" in str(pinned)
 
 
-def test_a_bound_and_a_constraint_that_say_the_same_count_once() -> None:
+def test_equal_bound_and_constraint_count_once() -> None:
     same = Constraint("same", X.symbol[1], lower=0)
     d = bounded(0.0, 2.0, (1.0, 0.0), same)
     assert d.rank == 2
@@ -245,7 +231,7 @@ def test_a_bound_and_a_constraint_that_say_the_same_count_once() -> None:
     assert away.rank == 2
 
 
-def test_who_is_held_by_a_bound_is_not_unread() -> None:
+def test_an_unknown_on_its_bound_is_not_unread() -> None:
     x = Block("x", (3,))
     r = Residual("r", x.symbol[0], 1.0)
     d = diagnose(Problem([r], "x", {"x": ([-9, 0, -9], [9, 9, 9])}), {"x": np.zeros(3)})
@@ -257,12 +243,6 @@ def test_who_is_held_by_a_bound_is_not_unread() -> None:
         EntryIdentifiability.IDENTIFIED,
         EntryIdentifiability.STRUCTURAL,
     )
-
-
-def test_a_comparison_says_what_a_bound_gains() -> None:
-    found = DiagnosisComparison(at(x=(1.0, 0.0)), bounded(0.0, 2.0, (1.0, 0.0)))
-    assert len(found.gained) == 1
-    assert found.lost == ()
 
 
 def test_a_fit_that_ends_on_its_bounds_is_told_so() -> None:

@@ -22,6 +22,8 @@ toolbox = pytest.importorskip(
     reason="idaes needed: pip install '.[bench]'",
 )
 parallels = pytest.importorskip("idaes.core.util.diagnostics_tools.utils")
+pytestmark = pytest.mark.thorough
+
 FINITE = [case for case in CASES if case is not naive_rodrigues]
 
 

@@ -70,7 +70,8 @@ def test_a_prior_on_the_pose_uncovers_what_joints_hide() -> None:
     assert "a turn of pose[left_elbow], undone at left_wrist" in text
 
 
-def test_the_same_problem_elsewhere_loses_what_a_full_turn_hides() -> None:
+@pytest.mark.thorough
+def test_a_full_turn_loses_two_directions() -> None:
     problem, values = cases.full_turn()
     unturned = values | {"pose": np.zeros((24, 3))}
     change = DiagnosisComparison(diagnose(problem, unturned), diagnose(problem, values))

@@ -1,12 +1,13 @@
 """Optimal design of measurements, compared with brute force and with the covariance itself."""
 
-from itertools import combinations, permutations
+from itertools import combinations
 
 import casadi as cs
 import numpy as np
 import pytest
 
 import workbench as wb
+from tests.tiers import few
 from workbench.arrays import Array
 from workbench.diagnostics.design import (
     Candidate,
@@ -22,10 +23,8 @@ from workbench.diagnostics.design import (
     sd_of,
     with_candidates,
 )
-from workbench.diagnostics.design.uncertainty import Uncertainty
 from workbench.errors import BadArgument, NotFinite, NotSupported, UnknownName
 from workbench.fitting.repeated_fits import repeated_fits
-from workbench.problem import Linearization
 
 N = 4
 
@@ -57,18 +56,16 @@ BRUTE = (
 
 
 @pytest.mark.parametrize("which", range(len(BRUTE)))
-@pytest.mark.parametrize("choose", [1, 2, 3])
+@pytest.mark.parametrize("choose", few([2, 1, 3], 1))
 def test_the_choice_is_that_of_brute_force(which: int, choose: int) -> None:
     criterion, size = BRUTE[which]
-    for seed in range(2):
-        problem, several, at, _ = linear(seed)
-        found = design(problem, several, at, choose=choose, criterion=criterion)
-        each = {
-            some: size(covariance(problem, several, at, some))
-            for some in combinations(several, choose)
-        }
-        assert set(found.chosen) == set(min(each, key=lambda some: each[some]))
-        assert "all " in found.search
+    problem, several, at, _ = linear(0)
+    found = design(problem, several, at, choose=choose, criterion=criterion)
+    each = {
+        some: size(covariance(problem, several, at, some)) for some in combinations(several, choose)
+    }
+    assert set(found.chosen) == set(min(each, key=lambda some: each[some]))
+    assert "all " in found.search
 
 
 def test_numbers_are_those_of_the_covariance() -> None:
@@ -98,21 +95,11 @@ def test_numbers_are_those_of_the_covariance() -> None:
         assert [one.sd for one in found.ranking] == sorted(one.sd for one in found.ranking)
 
 
-def test_standard_deviations_are_those_of_laplace() -> None:
-    problem, several, at, _ = linear(2)
-    found = design(problem, several, at, choose=2)
-    for whole, sd in (
-        (problem, found.sd_before),
-        (with_candidates(problem, several, found.chosen), found.sd_after),
-    ):
-        half = wb.laplace(whole, at, draws=40).modes[0].half
-        np.testing.assert_allclose(np.linalg.norm(half, axis=1), sd, rtol=1e-8)
-
-
-def test_greedy_has_the_guarantee_and_exchanges_never_lose() -> None:
+@pytest.mark.thorough
+def test_greedy_choice_has_its_guarantee() -> None:
     """At least 1 - 1/e of the largest information; the exchange ends at least as well."""
     exact = 0
-    for seed in range(6):
+    for seed in range(3):
         problem, several, at, _ = linear(seed, count=9)
         before = design(problem, several, at).before.log_sd
         gains = {
@@ -124,7 +111,7 @@ def test_greedy_has_the_guarantee_and_exchanges_never_lose() -> None:
         assert (1 - 1 / np.e) * best <= gains[greedy] <= gains[greedy_with_exchange] + 1e-9
         assert gains[greedy_with_exchange] <= best + 1e-9
         exact += gains[greedy_with_exchange] > best - 1e-9
-    assert exact >= 5
+    assert exact >= 2
 
 
 def test_many_combinations_are_searched_greedily() -> None:
@@ -142,6 +129,7 @@ def test_many_combinations_are_searched_greedily() -> None:
     assert automatic is not greedy
 
 
+@pytest.mark.thorough
 def test_volume_alone_is_independent_of_units() -> None:
     """The same candidates in unknowns y = T x: D chooses the same, A and E need not."""
     rng = np.random.default_rng(5)
@@ -168,31 +156,6 @@ def test_volume_alone_is_independent_of_units() -> None:
             second = design(changed, others, there, criterion=criterion)
             differs[name] += first.best != second.best
     assert min(differs.values()) > 0
-
-
-def test_information_is_submodular() -> None:
-    """What a candidate adds shrinks as others are measured before it."""
-    problem, several, at, _ = linear(4)
-    u = Uncertainty.of(problem.linearize(at))
-    A = {name: wb.Problem([one], ["x"]).linearize(at).dense for name, one in several.items()}
-    for first, second in permutations(several, 2):
-        assert u.seeing(A[first]).nats(A[second]) <= u.nats(A[second]) + 1e-12
-
-
-def test_updates_keep_their_digits() -> None:
-    """A measurement that is 1e9 times as exact as what was known; in any order."""
-    rng = np.random.default_rng(0)
-    J, sharp, more = rng.normal(size=(6, N)), 1e9 * rng.normal(size=(1, N)), rng.normal(size=(2, N))
-    u = Uncertainty.of(Linearization(np.zeros(6), J))
-    along = sharp[0] / np.linalg.norm(sharp)
-    updated = u.seeing(sharp).seeing(more)
-    other = u.seeing(more).seeing(sharp)
-    stacked = Linearization(np.zeros(9), np.vstack([J, sharp, more]))
-    whole = Uncertainty.of(stacked)
-    np.testing.assert_allclose(updated.sds, whole.sds, rtol=1e-6)
-    np.testing.assert_allclose(other.sds, whole.sds, rtol=1e-6)
-    sd = np.linalg.norm(updated.half.T @ along)
-    assert sd == pytest.approx(1 / np.linalg.norm(sharp), rel=1e-5)
 
 
 def test_a_candidate_that_says_nothing_adds_nothing() -> None:
@@ -257,23 +220,6 @@ def test_a_quantity_has_the_sd_of_the_delta_method() -> None:
         design(problem, several, {"x": np.zeros(N)}, criterion=sd_of(at_zero))
 
 
-def test_units_of_entries_do_not_mix() -> None:
-    a, b = wb.Block("a", (1,), "m"), wb.Block("b", (1,), "rad")
-    whole = wb.Residual("r", cs.vertcat(a.symbol, b.symbol), 1.0, blocks=(a, b))
-    problem, at = wb.Problem([whole], ["a", "b"]), {"a": np.zeros(1), "b": np.zeros(1)}
-    several = {"a": wb.Residual("more", a.symbol, 0.5, blocks=(a,))}
-    with pytest.raises(BadArgument, match="numbers in m and rad"):
-        design(
-            problem,
-            several,
-            at,
-            criterion=a_optimal.over("a", "b").__class__(
-                "sd", sd_of("a").size, sd_of("a").measured, ("a", "b")
-            ),
-        )
-    assert design(problem, several, at, criterion=sd_of("a")).unit == "m"
-
-
 def decay() -> tuple[wb.Problem, dict[str, wb.Residual]]:
     x = wb.Block("k", (1,), "1")
 
@@ -285,7 +231,7 @@ def decay() -> tuple[wb.Problem, dict[str, wb.Residual]]:
     return wb.Problem([hold], ["k"], blocks=[x]), {f"{t:g}": at(t) for t in times}
 
 
-def test_the_choice_depends_on_the_point_and_can_be_averaged() -> None:
+def test_designs_are_averaged_over_points() -> None:
     """exp(-k t) says most of k at t = 1 / k (the maximum of t exp(-k t))."""
     problem, several = decay()
     rates = (0.25, 0.5, 1.0, 2.0, 4.0)
@@ -417,6 +363,7 @@ def test_equations_hold_exactly_and_bounds_are_named() -> None:
         design(held, several, at)
 
 
+@pytest.mark.thorough
 def test_simulated_fits_spread_as_predicted() -> None:
     """Linear, 150 fits: a standard deviation is known to 5.8 %, and 4 of these are allowed."""
     problem, several, at, _ = linear(7)

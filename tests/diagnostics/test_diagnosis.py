@@ -1,6 +1,6 @@
-"""What joints cannot see of a body: the known rank, and the names of the rest."""
+"""What joints hide of a body, structure and terms; every suggestion does what it says."""
 
-from dataclasses import replace
+from collections.abc import Callable
 
 import casadi as cs
 import numpy as np
@@ -8,6 +8,8 @@ import pytest
 import scipy.linalg
 
 from tests.bodies_made_up import SMPL_NAMES, SMPL_PARENTS, random_body, smpl_like_body
+from tests.diagnostics import cases
+from tests.tiers import few
 from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 
 LEAVES = ("head", "left_foot", "right_foot", "left_hand", "right_hand")
@@ -35,78 +37,34 @@ def at(seed: int | None) -> Values:
     return values
 
 
-POSES = pytest.mark.parametrize("seed", [None, 0, 1, 2, 3], ids=lambda s: f"pose {s}")
-
-
-def test_the_tree_has_five_leaves_and_seventeen_single_children() -> None:
-    assert tuple(name for name, children in CHILDREN.items() if not children) == (
-        "left_foot",
-        "right_foot",
-        "head",
-        "left_hand",
-        "right_hand",
-    )
-    assert len(SINGLE_CHILD) == 17
-
-
-@POSES
-def test_joints_see_forty_of_seventy_two(seed: int | None) -> None:
-    diagnosis = diagnose(joints_problem("pose"), at(seed))
-    assert diagnosis.shape == (72, 72)
-    assert diagnosis.rank == 40
-    assert len(diagnosis.null_directions) == 32
-    assert diagnosis.singular_values[39] > 1e6 * diagnosis.tolerance
-    assert diagnosis.condition == np.inf
-
-
-@POSES
-def test_with_translation_they_see_forty_three_of_seventy_five(seed: int | None) -> None:
-    diagnosis = diagnose(joints_problem("pose", "trans"), at(seed))
-    assert (diagnosis.rank, diagnosis.shape[1]) == (43, 75)
-    assert len(diagnosis.null_directions) == 32
-
-
-@POSES
-def test_what_they_do_not_see_has_names(seed: int | None) -> None:
-    diagnosis = diagnose(joints_problem("pose"), at(seed))
-    entries = [d for d in diagnosis.null_directions if d.kind == "entry"]
+@pytest.mark.parametrize("seed", few([None, 0, 1, 2, 3], 2), ids=lambda s: f"pose {s}")
+@pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
+def test_joints_hide_fifteen_numbers_and_seventeen_twists(
+    free: tuple[str, ...], seed: int | None
+) -> None:
+    """They see 40 of 72, and of a translation all: 5 leaves hide 3 numbers, 17 bones a twist."""
+    problem = joints_problem(*free)
+    found = diagnose(problem, at(seed))
+    rank = 40 + 3 * (len(free) - 1)
+    assert (found.rank, len(found.null_directions)) == (rank, 32)
+    entries = [d for d in found.null_directions if d.kind == "entry"]
     assert {d.name for d in entries} == {f"pose[{leaf}, {a}]" for leaf in LEAVES for a in "xyz"}
-    twists = [d for d in diagnosis.null_directions if d.kind == "twist"]
-    assert len(twists) == 17
+    twists = [d for d in found.null_directions if d.kind == "twist"]
     # one for each joint with a single child: about the bone, and undone where the bone ends
     assert {d.joints[0] for d in twists} == set(SINGLE_CHILD)
     for d in twists:
         below = CHILDREN[d.joints[0]][0]
         assert d.joints in ((d.joints[0],), (d.joints[0], below))
-        assert d.joints[0] in d.name
-        if len(d.joints) == 2:
-            assert below in d.name
-        else:
-            assert below in LEAVES  # whose own turns nobody sees: nothing to undo
-
-
-@POSES
-def test_a_direction_moves_only_the_joints_in_its_name(seed: int | None) -> None:
-    problem = joints_problem("pose", "trans")
-    diagnosis = diagnose(problem, at(seed))
-    for direction in diagnosis.null_directions:
+        assert all(joint in d.name for joint in d.joints)
+        assert len(d.joints) == 2 or below in LEAVES  # whose own turns nobody sees
+    for direction in found.null_directions:
         labels = [problem.free.label(i) for i in np.flatnonzero(direction.vector)]
         for label in labels:
             assert any(f"[{joint}," in label for joint in direction.joints), direction.name
-
-
-@POSES
-def test_null_directions_are_a_basis_of_the_null_space(seed: int | None) -> None:
-    problem = joints_problem("pose", "trans")
     J = problem.linearize(at(seed)).jacobian
-    diagnosis = diagnose(problem, at(seed))
-    vectors = np.column_stack([d.vector for d in diagnosis.null_directions])
+    vectors = np.column_stack([d.vector for d in found.null_directions])
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), 1, rtol=1e-14)
-    scale = np.linalg.norm(J, 2)
-    np.testing.assert_allclose([d.change for d in diagnosis.null_directions], 0, atol=1e-12 * scale)
-    null_space = np.linalg.svd(J)[2][43:].T
-    angles = scipy.linalg.subspace_angles(vectors, null_space)
-    assert vectors.shape == null_space.shape
+    angles = scipy.linalg.subspace_angles(vectors, np.linalg.svd(J)[2][rank:].T)
     assert angles.max() < 1e-7  # arccos of 1 - eps
 
 
@@ -132,7 +90,7 @@ def test_the_report_says_it_in_words() -> None:
     assert text.count("\n  ") == 18
 
 
-def test_joints_that_are_observed_later_uncover_the_rest() -> None:
+def test_a_surface_sees_all_of_a_body() -> None:
     """The surface sees everything."""
     body = smpl_like_body()
     symbols = [block.symbol for block in body.blocks()]
@@ -147,20 +105,6 @@ def test_joints_that_are_observed_later_uncover_the_rest() -> None:
     s = diagnosis.singular_values
     assert diagnosis.condition == pytest.approx(s[0] / s[-1])
     assert "full rank" in str(diagnosis)
-
-
-def test_a_shape_that_no_joint_feels_is_named() -> None:
-    body = random_body(n_betas=3)
-    body = replace(body, shapedirs=body.shapedirs * np.array([1.0, 0.0, 1.0]))
-    symbols = [block.symbol for block in body.blocks()]
-    observed = Block("observed", (30, 3), "m").symbol
-    problem = Problem(
-        (residuals.vertices(body.points(*symbols), observed, sigma=0.01),), ("betas", "trans")
-    )
-    diagnosis = diagnose(problem, body.start() | {"observed": np.zeros((30, 3))})
-    assert [d.name for d in diagnosis.null_directions] == ["betas[1]"]
-    assert [d.kind for d in diagnosis.null_directions] == ["entry"]
-    assert diagnosis.rank == 5
 
 
 def linear(A: np.ndarray, *shapes: tuple[int, ...]) -> Diagnosis:
@@ -226,3 +170,118 @@ def test_terms_say_who_reads_what() -> None:
     assert (moved.nonzeros, moved.norm) == (15, pytest.approx(100 * np.sqrt(15)))
     assert sum(term.nonzeros for term in diagnosis.terms) == diagnosis.nonzeros
     assert diagnosis.row_edges == (0, 15, 18)
+
+
+# Suggestions.
+
+
+FAST = (cases.scale_against_depth, cases.the_same_twice, cases.naive_rodrigues, cases.uneven)
+CASES = pytest.mark.parametrize(
+    "case", few(cases.CASES, (*FAST, cases.two_pieces)), ids=lambda case: case.__name__
+)
+
+
+@CASES
+def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> None:
+    found = cases.diagnosed(case)
+    assert any(suggestion.cured for suggestion in found.suggestions)  # all have something wrong
+    for suggestion in found.suggestions:
+        assert suggestion.before == found.state
+        after = diagnose(suggestion.problem, suggestion.values)
+        if suggestion.kind == "rescale":  # the same problem, in other units
+            s = np.linalg.svd(after.here.dense / after.here.column_norms, compute_uv=False)
+            rank, condition = len(s), s[0] / s[-1]
+        else:
+            rank, condition = after.rank, after.condition
+        assert suggestion.after.unknowns == after.shape[1], suggestion.what
+        assert suggestion.after.rank == rank, suggestion.what
+        assert suggestion.after.condition == pytest.approx(condition, rel=1e-9), suggestion.what
+        assert suggestion.cured == (rank == after.shape[1]), suggestion.what
+        if suggestion.kind in ("fix", "prior", "rewrap"):
+            assert after.shape[1] - rank < found.shape[1] - found.rank, suggestion.what
+        assert f"{suggestion.what}: {suggestion.before} -> {suggestion.after}" in found.report()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("past", [-0.02, 0.01])
+def test_near_a_full_turn_one_turn_is_taken_off(past: float) -> None:
+    """There the rank is full, and the condition is bad."""
+    problem, values = cases.full_turn()
+    pose = values["pose"].copy()
+    knee = SMPL_NAMES.index("left_knee")
+    pose[knee] *= 1 + past / (2 * np.pi)
+    found = diagnose(problem, values | {"pose": pose})
+    found.assert_rank(75)
+    (turned,) = (s for s in found.suggestions if s.kind == "rewrap")
+    assert turned.after.condition < turned.before.condition / 3
+    axis = pose[knee] / np.linalg.norm(pose[knee])
+    np.testing.assert_allclose(turned.values["pose"][knee], past * axis, atol=1e-12)
+    residual = turned.problem.linearize(turned.values).residual
+    np.testing.assert_allclose(residual, found.here.residual, atol=1e-9)
+
+
+def test_fixed_blocks_keep_values_and_bounds() -> None:
+    problem, values = cases.scale_against_depth()
+    bounded = Problem(problem.residuals, problem.free.names, {"scale": (0.5, 2), "trans": (-9, 9)})
+    found = {s.what: s for s in diagnose(bounded, values).suggestions}
+    assert found["fix scale"].problem.free.names == ("trans",)
+    assert set(found["fix scale"].problem.bounds) == {"trans"}
+    assert found["fix scale"].values["scale"] == 1.0
+    assert set(found["add a Gaussian prior on scale (sigma 1)"].problem.bounds) == {
+        "scale",
+        "trans",
+    }
+
+
+def test_a_prior_stands_at_the_present_value() -> None:
+    problem, values = cases.scale_against_depth()
+    priors = [s.problem for s in diagnose(problem, values).suggestions if s.kind == "prior"]
+    (fuller,) = (problem for problem in priors if "prior on scale" in problem.rows)
+    np.testing.assert_array_equal(
+        fuller.linearize(values).residual[fuller.rows["prior on scale"]], 0.0
+    )
+
+
+def test_a_suggested_prior_gets_a_free_name() -> None:
+    x = Block("x", (2,))
+    problem = Problem((Residual("prior on x", x.symbol[0] - x.symbol[1], 1.0),), ("x",))
+    found = diagnose(problem, {"x": np.zeros(2)}).suggestions
+    (prior,) = (suggestion for suggestion in found if suggestion.kind == "prior")
+    assert list(prior.problem.rows) == ["prior on x", "prior on x'"]
+
+
+def test_blocks_that_need_a_prior_each_get_it_together() -> None:
+    x, y = Block("x", (1, 3), "m"), Block("y", (2,))
+    differences = cs.vertcat(x.symbol[0] - x.symbol[1], x.symbol[2], y.symbol[0] - y.symbol[1])
+    problem = Problem((Residual("r", differences, 1.0),), ("x", "y"), blocks=(x, y))
+    found = diagnose(problem, {"x": np.zeros((1, 3)), "y": np.zeros(2)})
+    priors = [s for s in found.suggestions if s.kind == "prior"]
+    assert [(s.what, s.after.rank, s.cured) for s in priors] == [
+        ("add a Gaussian prior on x and y (sigma 1 m, 1)", 5, True),
+    ]
+
+
+def test_of_many_blocks_the_first_few_are_named_and_counted() -> None:
+    """The suggestion itself puts a prior on all of them."""
+    blocks = [Block(f"b{k}", (2,), "m") for k in range(9)]
+    differences = cs.vertcat(*(b.symbol[0] - b.symbol[1] for b in blocks))
+    problem = Problem([Residual("r", differences, 1.0)], [b.name for b in blocks], blocks=blocks)
+    found = diagnose(problem, {b.name: np.zeros(2) for b in blocks})
+    *_, together = (s for s in found.suggestions if s.kind == "prior")
+    assert together.what == (
+        "add a Gaussian prior on b0, b1, b2, b3, b4 and 4 more "
+        "(sigma 1 m, 1 m, 1 m, 1 m, 1 m and 4 more)"
+    )
+    assert len(together.problem.residuals) == 10
+    assert together.cured
+
+
+def test_a_healthy_problem_gets_no_advice() -> None:
+    x = Block("x", (3,))
+    A = np.random.default_rng(0).normal(size=(8, 3))
+    problem = Problem((Residual("r", cs.DM(A) @ x.symbol, 0.1),), ("x",), blocks=(x,))
+    found = diagnose(problem, {"x": np.zeros(3)})
+    assert found.suggestions == ()
+    assert found.findings == ()
+    assert "no warnings" in found.report()
+    found.assert_no_warnings()

@@ -91,7 +91,8 @@ def test_priors_must_be_named() -> None:
         prior_draws(problem, points[0], "heigths", 3)
 
 
-def test_a_body_in_front_of_a_camera_is_unseen_in_other_ways_in_other_poses() -> None:
+@pytest.mark.thorough
+def test_other_poses_hide_other_directions() -> None:
     setup = find("balance-monocular", {}).setup()
     draws = prior_draws(setup.problem, setup.start, setup.priors, 4, seed=1)
     over = diagnose_over(setup.problem.without(*setup.priors), draws)

@@ -1,4 +1,4 @@
-"""How much of a pose observed joints can tell: the law, the singular values and the names agree."""
+"""How much of a pose joints tell: the law of the tree, the names, and depth before a camera."""
 
 from collections import Counter
 
@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
-from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
+from tests.tiers import few
+from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, load_body, residuals
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.named_subspaces import named_subspaces
 from workbench.diagnostics.null_space import Direction, directions
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
+from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Linearization
 
@@ -71,9 +73,9 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     return directions(here, null, free, found, here.spectrum.tolerance)
 
 
-@pytest.mark.parametrize("batch", range(10))
-def test_the_law_the_singular_values_and_the_names_agree_on_any_tree(batch: int) -> None:
-    for case in range(20):
+@pytest.mark.parametrize("batch", few(range(4), 1))
+def test_law_singular_values_and_names_agree(batch: int) -> None:
+    for case in range(5):
         rng = np.random.default_rng([batch, case])
         K = int(rng.integers(5, 61))
         reach = int(rng.integers(1, 7))  # 1: a chain; more: bushier
@@ -102,7 +104,7 @@ def test_the_law_the_singular_values_and_the_names_agree_on_any_tree(batch: int)
             assert sine < 1000 * rounding, (batch, case)
 
 
-def test_the_words_of_the_law_add_up_to_the_law() -> None:
+def test_the_law_in_words_adds_up() -> None:
     body = smpl_like_body()
     joints = body.joints(np.zeros((24, 3)), np.zeros(4))
     everything = range(24)
@@ -132,18 +134,7 @@ def kinds(diagnosis: Diagnosis) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
-def test_of_twenty_four_joints_fifteen_numbers_and_seventeen_twists_are_hidden(
-    free: tuple[str, ...],
-) -> None:
-    diagnosis = diagnose(*observing(SMPL_NAMES, *free))
-    assert kinds(diagnosis) == {"entry": 15, "twist": 17}
-    assert diagnosis.rank_law is not None
-    assert diagnosis.rank_law[0] == diagnosis.rank == 40 + 3 * ("trans" in free)
-    assert f"the kinematic tree predicts the rank {diagnosis.rank}" in diagnosis.report()
-
-
-@pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
-def test_the_swivel_of_an_elbow_that_nobody_sees_has_a_name(free: tuple[str, ...]) -> None:
+def test_an_unseen_elbow_swivels(free: tuple[str, ...]) -> None:
     chosen = tuple(name for name in SMPL_NAMES if name != "left_elbow")
     diagnosis = diagnose(*observing(chosen, *free))
     names = [d.name for d in diagnosis.null_directions]
@@ -155,7 +146,7 @@ def test_the_swivel_of_an_elbow_that_nobody_sees_has_a_name(free: tuple[str, ...
     assert diagnosis.rank_law[1] == "23 of 24 joints are observed"
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", few(range(3), 1))
 def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
     rng = np.random.default_rng(seed)
     chosen = tuple(name for name in SMPL_NAMES if rng.random() < 0.4) or ("head",)
@@ -166,7 +157,7 @@ def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
     assert set(kinds(diagnosis)) <= {"entry", "twist", "joint"}
 
 
-def test_the_law_says_nothing_where_more_than_joints_is_at_stake() -> None:
+def test_law_is_for_observed_joints_alone() -> None:
     problem, values = observing(SMPL_NAMES, "pose", "betas")
     assert diagnose(problem, values).rank_law is None
     pose = problem.free["pose"].symbol
@@ -178,8 +169,8 @@ def test_the_law_says_nothing_where_more_than_joints_is_at_stake() -> None:
     assert diagnose(Problem((heights,), ("pose",)), values).rank_law is None
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_the_law_holds_in_poses_that_are_no_rule(seed: int) -> None:
+@pytest.mark.parametrize("seed", few(range(6), 2))
+def test_law_holds_in_degenerate_poses(seed: int) -> None:
     """Limbs stretched out straight, all bones in one plane, joints on top of each other."""
     rng = np.random.default_rng(seed)
     K = 14
@@ -194,3 +185,74 @@ def test_the_law_holds_in_poses_that_are_no_rule(seed: int) -> None:
     J = jacobian_of(parents, joints, carried, observed, True)
     law = rank_of_observed_joints(parents, joints, observed, translation=True)
     assert law == np.linalg.matrix_rank(J)
+
+
+# Depth before a camera.
+
+
+def seen_by(*angles: float, distance: float = 4.0) -> tuple[Problem, Values]:
+    """The joints of a body in cameras around it, the first in front."""
+    body = load_body("small")
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
+    found, values = [], body.start()
+    for i, angle in enumerate(angles):
+        camera = Camera(f"camera {i}/")
+        observed = Block(f"camera {i}/observed", (24, 2), "px")
+        confidence = Block(f"camera {i}/confidence", (24,))
+        found.append(
+            residuals.keypoints(joints, camera, observed.symbol, confidence.symbol, sigma=1.0)
+        )
+        c, s = np.cos(angle), np.sin(angle)
+        values |= {observed.name: np.zeros((24, 2)), confidence.name: np.ones(24)} | camera.values(
+            K=[[1000, 0, 500], [0, 1000, 500], [0, 0, 1]],
+            R=np.diag([1.0, -1, -1]) @ [[c, 0, s], [0, 1, 0], [-s, 0, c]],
+            t=[0, 0, distance],
+        )
+    return Problem(found, ("pose", "trans")), values
+
+
+def nearly_degenerate(problem: Problem, values: Values) -> list[str]:
+    return [f.text for f in diagnose(problem, values).findings if "nearly degenerate" in f.text]
+
+
+@pytest.mark.parametrize("distance", few([5.0, 3.0, 10.0], 1))
+def test_a_t_pose_before_one_camera_is_nearly_degenerate(distance: float) -> None:
+    problem, values = seen_by(0.0, distance=distance)
+    found = diagnose(problem, values)
+    assert found.rank == 43  # the rank alone does not tell
+    (text,) = nearly_degenerate(problem, values)
+    assert text.startswith("nearly degenerate in depth: 14 of 14 joints (pelvis, left_hip, ")
+    shares = {turn.joint: turn.second / turn.best for turn in found.joint_turns}
+    assert shares["left_shoulder"] < 0.3 < shares["left_ankle"]  # the foot points to the camera
+
+
+@pytest.mark.parametrize("seed", few(range(4), 1))
+def test_other_poses_are_not_degenerate_in_depth(seed: int) -> None:
+    problem, values = seen_by(0.0)
+    rng = np.random.default_rng(seed)
+    found = nearly_degenerate(problem, values | {"pose": rng.normal(0, 0.5, size=(24, 3))})
+    assert not any("in depth" in text for text in found)
+
+
+def test_a_second_camera_sees_depth() -> None:
+    assert nearly_degenerate(*seen_by(0.0, 1.2)) == []
+
+
+@pytest.mark.thorough
+def test_points_in_space_are_not_degenerate() -> None:
+    body = load_body("small")
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
+    observed = Block("observed", (24, 3), "m")
+    problem = Problem((residuals.landmarks(joints, observed.symbol, sigma=0.01),), ("pose",))
+    assert nearly_degenerate(problem, body.start() | {"observed": np.zeros((24, 3))}) == []
+
+
+def test_a_nearly_singular_point_is_told() -> None:
+    """r = (x, y^2) near y = 0: the rank is two, and hardly."""
+    x = Block("x", (2,))
+    r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)
+    problem = Problem((r,), ("x",), blocks=(x,))
+    (text,) = nearly_degenerate(problem, {"x": np.array([1.0, 1e-6])})
+    assert "times smaller here than a tenth of a yardstick away; its direction is 1.00 x[1]" in text
+    assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
+    assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1

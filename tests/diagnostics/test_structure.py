@@ -6,12 +6,11 @@ import pytest
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from tests.tiers import few
 from workbench import Block, Problem, Residual, diagnose, load_body, residuals
 from workbench.blocks import Layout
 from workbench.diagnostics import linearized, structure
-from workbench.diagnostics.linearized import thick
 from workbench.diagnostics.structure import Structure, decomposed, named_groups, named_rows
-from workbench.problem import Linearization
 
 
 def reached(pattern: np.ndarray, partner: dict[int, int], start: set[int]) -> tuple[set, set]:
@@ -34,7 +33,7 @@ def sets(structure: Structure, part: str) -> tuple[set[int], set[int]]:
     return set(found.rows.tolist()), set(found.columns.tolist())
 
 
-@pytest.mark.parametrize("batch", range(6))
+@pytest.mark.parametrize("batch", few(range(6), 1))
 def test_the_parts_are_those_of_alternating_paths(batch: int) -> None:
     for case in range(50):
         rng = np.random.default_rng([batch, case])
@@ -114,21 +113,13 @@ def test_entries_are_named_in_few_words() -> None:
     )
 
 
-def test_thin_entries_are_told_from_thick_ones() -> None:
-    A = np.array([[1.0, 5e-4, 0.0], [1e-4, 2.0, 0.0], [0.5, 1e-2, 3.0]])
-    dense, sparse = Linearization(np.zeros(3), A), Linearization(np.zeros(3), csc_array(A))
-    assert thick(dense) == thick(sparse) == 5
-
-
 def test_rows_are_named_by_their_residuals() -> None:
     rows = {"a": slice(0, 4), "b": slice(4, 6), "c": slice(6, 9)}
     assert named_rows(rows, np.array([0, 3, 7])) == "2 of a, 1 of c"
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_rows_that_read_the_same_need_not_all_be_looked_at(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("seed", few(range(6), 2))
+def test_equal_rows_of_a_pattern_are_joined(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The parts of a pattern with many equal rows are those that all of its rows give."""
     rng = np.random.default_rng(seed)
     kinds = rng.random((8, 6)) < 0.3
@@ -145,7 +136,7 @@ def test_rows_that_read_the_same_need_not_all_be_looked_at(
     np.testing.assert_array_equal(found.idle, whole.idle)
 
 
-def test_a_very_large_mesh_has_its_pattern_from_the_chain_rule(
+def test_patterns_of_meshes_come_from_the_chain_rule(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     body = load_body("small")

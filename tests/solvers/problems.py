@@ -7,6 +7,18 @@ from tests.bodies_made_up import random_body
 from workbench import Block, Problem, Residual, Values, residuals
 from workbench.problem.problem import Bounds
 
+TEN = (  # what is promised of every solver is asked of these by default
+    "trust-region",
+    "levenberg-marquardt",
+    "dogleg",
+    "gauss-newton",
+    "newton",
+    "ipopt",
+    "sqp",
+    "scipy-trf",
+    "nlopt-lbfgs",
+    "nlopt-bobyqa",
+)
 T = np.linspace(0, 3, 15)
 TRUTH = np.array([2.0, 1.3, 0.5])
 

@@ -1,4 +1,4 @@
-"""The same problems through SciPy's and optimagic's own front doors end at the same costs."""
+"""The same problems given to SciPy directly end at the same costs."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,8 @@ import scipy.optimize
 import workbench as wb
 from workbench.experiments.catalogue import find
 from workbench.problem import Problem
+
+pytestmark = pytest.mark.thorough
 
 PROBLEMS = (
     "nist-misra1a",
@@ -50,21 +52,3 @@ def test_scipy_asked_directly(name: str) -> None:
         max_nfev=1000,
     )
     assert_same_cost(problem, start, found.cost, name)
-
-
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_optimagic(name: str) -> None:
-    om = pytest.importorskip("optimagic", reason="optimagic: pip install '.[bench]'")
-    problem, start, x, fixed = posed(name)
-    found = om.minimize(
-        fun=om.mark.least_squares(lambda x: problem.residual(x, fixed)),
-        params=x,
-        jac=om.mark.least_squares(lambda x: problem.linearize_at(x, fixed).jacobian),
-        algorithm="scipy_ls_trf",
-        algo_options={
-            "convergence_ftol_rel": 1e-15,
-            "convergence_gtol_rel": 1e-15,
-            "stopping_maxfun": 1000,
-        },
-    )
-    assert_same_cost(problem, start, found.fun / 2, name)  # optimagic's is the whole sum of squares

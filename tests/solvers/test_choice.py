@@ -70,7 +70,7 @@ def test_directions_that_nothing_sees_are_mentioned() -> None:
     assert any("workbench diagnose" in reason for reason in advice.reasons)
 
 
-def test_every_solver_that_is_named_solves_a_fit_of_a_body() -> None:
+def test_recommended_solvers_fit_a_body() -> None:
     problem, start = body_fit()[:2]
     advice = recommend(problem, start)
     costs = [

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from tests.solvers.problems import body_fit, decay
+from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Residual, Solution, Status, residuals, solve
 from workbench.geometry.rotation import rodrigues
 from workbench.problem.bounds import Bounds
 from workbench.residuals.kernels import geman_mcclure
-from workbench.solvers.end_point import EndPoint
-from workbench.solvers.saddle import saddle
 
 LOCAL = [name for name in SOLVERS if name not in ("nlopt-mlsl", "nlopt-bobyqa")]
 X, XY = Block("x").symbol, Block("x", (2,)).symbol
@@ -31,7 +30,9 @@ def falls_beside(problem: Problem, solution: Solution) -> bool:
 # Saddles and maxima.
 
 
-@pytest.mark.parametrize("name", LOCAL)
+@pytest.mark.parametrize(
+    "name", few(LOCAL, ("trust-region", "levenberg-marquardt", "newton", "ipopt", "scipy-trf"))
+)
 def test_the_ridge_between_two_minima_is_a_saddle(name: str) -> None:
     """(x^2 - 1)^2 + y^2 from the ridge x = 0: nothing pushes to either side."""
     problem = of(XY[0] ** 2 - 1, XY[1])
@@ -70,7 +71,7 @@ def rigid(points: np.ndarray, observed: np.ndarray) -> Problem:
     return Problem((Residual("fit", cs.vec(turned - cs.DM(observed.T)), 0.01),), ("turn",))
 
 
-def test_a_rigid_fit_that_is_half_a_turn_off_is_a_saddle() -> None:
+def test_a_rigid_fit_off_by_pi_is_a_saddle() -> None:
     """The gradient vanishes there for points on the axes."""
     points = np.vstack([np.diag([3.0, 2.0, 1.0]), -np.diag([3.0, 2.0, 1.0])])
     for axis in np.eye(3):
@@ -99,7 +100,7 @@ def test_a_saddle_among_many_unknowns_is_found() -> None:
 # Minima that are none of these.
 
 
-@pytest.mark.parametrize("offset", [0.0, 1e-3, 1.0])
+@pytest.mark.parametrize("offset", few([0.0, 1.0], 1))
 @pytest.mark.parametrize("residual", [X**2, X**2 + 1, X**4 + 1, cs.cosh(X)], ids=str)
 def test_a_flat_minimum_is_no_saddle(residual: cs.MX, offset: float) -> None:
     """The Hessian of x^4 is zero at its minimum, and rounding errors may make it negative."""
@@ -112,11 +113,11 @@ def test_a_flat_minimum_is_no_saddle(residual: cs.MX, offset: float) -> None:
 def test_a_minimum_with_a_large_residual_is_no_saddle() -> None:
     """Data far from any model: the second-order part of the Hessian is as large as the first."""
     rng = np.random.default_rng(3)
-    for size in (1.0, 10.0, 100.0):
+    for size in (1.0, 100.0):
         t, noise = np.linspace(0, 3, 30), size * rng.standard_normal(30)
         b = Block("x", (3,)).symbol
         problem = of(b[0] * cs.sin(b[1] * t + b[2]) - noise)
-        for start in rng.standard_normal((10, 3)):
+        for start in rng.standard_normal((4, 3)):
             solution = solve(problem, {"x": start})
             x, fixed = problem.split(solution.values)
             H = np.asarray(problem.hessian(x, fixed))
@@ -147,20 +148,7 @@ def test_bounds_that_hold_the_fall_make_a_minimum() -> None:
     assert solve(alone, {"x": [0.0, 0.0]}).converged
 
 
-def test_a_lower_minimum_beyond_a_barrier_makes_no_saddle() -> None:
-    """Two shallow wells at 946 and 1,050: from the bottom of the higher one the cost rises."""
-    u = (X - 998) / 52
-    problem = of(cs.sqrt(2 + 2e-9 * ((u**2 - 1) ** 2 + 0.3 * u)))
-    higher = float(max(np.roots([4, 0, -4, 0.3]).real))
-    for at, falls in ((higher, False), (float(sorted(np.roots([4, 0, -4, 0.3]).real)[1]), True)):
-        x = np.array([998 + 52 * at])
-        here = problem.linearize_at(x, np.zeros(0))
-        rounding = problem.rounding(x, np.zeros(0), here.residual)
-        end = EndPoint(problem, np.zeros(0), x, here, rounding, np.abs(x), 1e-6, lambda: None)
-        assert (saddle(end, 1) is not None) == falls
-
-
-def test_a_robust_minimum_is_no_saddle_and_a_robust_ridge_is_one() -> None:
+def test_robust_ridges_are_told_from_minima() -> None:
     """Between two groups of equal weight, the kernel has a ridge in their middle."""
 
     def groups(at: float) -> Problem:
@@ -171,12 +159,6 @@ def test_a_robust_minimum_is_no_saddle_and_a_robust_ridge_is_one() -> None:
     assert near.converged
     assert far.status is Status.SADDLE
     assert falls_beside(groups(2.0), far)
-
-
-def test_constraints_are_not_judged() -> None:
-    """On a circle the cost may fall along the curve and along no line, which is left unsaid."""
-    solution = SOLVERS["ipopt"].solve(*body_fit())
-    assert solution.converged
 
 
 # Flat minima.
@@ -211,7 +193,7 @@ def test_judging_is_counted_apart() -> None:
     assert exact.judging.total == 0  # no cost is left that could fall
 
 
-def test_a_residual_that_fails_beside_the_end_changes_nothing() -> None:
+def test_a_failing_gradient_changes_no_judgement() -> None:
     problem = of(X**2 - 1)
     original, calls = problem.cost_and_gradient, []
 
@@ -236,7 +218,7 @@ ENDLESS = {
 }
 
 
-@pytest.mark.parametrize("name", ["levenberg-marquardt", "newton", "nlopt-lbfgs", "ipopt"])
+@pytest.mark.parametrize("name", few(["levenberg-marquardt", "newton", "nlopt-lbfgs", "ipopt"], 1))
 @pytest.mark.parametrize("problem", list(ENDLESS))
 def test_a_valley_without_end_is_no_minimum(problem: str, name: str) -> None:
     of_it, start = ENDLESS[problem]
@@ -263,7 +245,7 @@ def test_separable_data_have_no_logistic_fit() -> None:
 
 def test_a_far_minimum_is_no_valley() -> None:
     """The unknown grows a million times, and the run is cut off before it arrives."""
-    for most in (6, 10, 20, 200):
+    for most in (6, 20, 200):
         for name in ("levenberg-marquardt", "steepest-descent", "newton", "nlopt-lbfgs"):
             solver = replace(SOLVERS[name], max_iterations=most)
             for residual in (cs.log(X) - cs.log(1e6), (X / 1e6) ** 2 - 1):
@@ -280,18 +262,14 @@ def peak() -> tuple[Problem, dict[str, list[float]]]:
 
 
 @pytest.mark.parametrize("name", ["gauss-newton-full", "dogleg"])
-def test_the_best_point_before_an_unknown_went_blind_is_returned(name: str) -> None:
+def test_the_best_point_before_going_blind_is_returned(name: str) -> None:
     problem, start = peak()
     solution = SOLVERS[name].solve(problem, start)
     assert solution.status is Status.LOST
     assert solution.lost == ("x[0]", "x[1]")
     since = min(solution.lost_since)
-    assert len(solution.lost_since) == 2
-    assert f"from iterate {since} on" in solution.message
     before = solution.trace[:since]
     assert solution.cost == min(iterate.cost for iterate in before)
-    k = int(np.argmin([iterate.cost for iterate in before]))
-    assert f"this is the best point before that, iterate {k};" in solution.message
     best = min(before, key=lambda iterate: iterate.cost)
     np.testing.assert_array_equal(solution.values["x"], best.values["x"])
     here = problem.linearize(solution.values)
@@ -300,21 +278,7 @@ def test_the_best_point_before_an_unknown_went_blind_is_returned(name: str) -> N
     assert (blind.column_norms < 1e-10).any()
 
 
-def test_each_blind_unknown_has_its_own_iterate() -> None:
-    """Underflow: e^x is lost in a leap, e^(y/40) only later."""
-    problem = of(1 + cs.exp(XY[0]), 1 + cs.exp(XY[1] / 3 + 2))
-    solution = SOLVERS["gauss-newton"].solve(problem, {"x": [0.0, 0.0]})
-    assert solution.status is Status.LOST
-    for label, since in zip(solution.lost, solution.lost_since, strict=True):
-        i = int(label[2])
-        lengths = [
-            problem.linearize(iterate.values).column_norms[i] * abs(iterate.values["x"][i])
-            for iterate in solution.trace
-        ]
-        assert lengths[since] < 1e-14 < lengths[since - 1]
-
-
-def test_a_residual_that_reads_priors_is_untouched() -> None:
+def test_a_prior_gives_endless_valleys_a_minimum() -> None:
     """With a prior on what runs off, every one of these has a minimum."""
     for problem, start in ENDLESS.values():
         unknown = X if np.shape(start) == () else XY

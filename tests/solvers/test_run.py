@@ -6,7 +6,8 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from tests.solvers.problems import decay, rosenbrock
+from tests.solvers.problems import TEN, decay, rosenbrock
+from tests.tiers import few
 from workbench import SOLVERS, Block, GaussNewton, LevenbergMarquardt, Problem, Residual, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
@@ -15,7 +16,7 @@ from workbench.solvers.limits import Stop
 from workbench.solvers.run import Run
 
 
-def test_a_solver_that_only_says_it_converged_has_not() -> None:
+def test_claimed_convergence_is_judged() -> None:
     problem, start = decay()
     with Run("boastful", GaussNewton(), problem, start, None) as run:
         run.linearize(run.x)
@@ -26,7 +27,7 @@ def test_a_solver_that_only_says_it_converged_has_not() -> None:
     assert solution.message == Status.STALLED.value
 
 
-def test_a_solver_that_gave_up_where_nothing_is_left_has_converged() -> None:
+def test_giving_up_at_a_minimum_is_convergence() -> None:
     problem, start = decay()
     minimum = GaussNewton().solve(problem, start).values
     with Run("modest", GaussNewton(), problem, start | minimum, None) as run:
@@ -35,7 +36,7 @@ def test_a_solver_that_gave_up_where_nothing_is_left_has_converged() -> None:
     assert run.solution().status is Status.CONVERGED
 
 
-def test_a_decrease_that_is_seen_counts_however_small_the_predicted_one() -> None:
+def test_a_seen_decrease_counts() -> None:
     """It needs no Jacobian; only what rounding hides is judged by how stationary the points are."""
     problem, start = decay()
     to = np.asarray(GaussNewton().solve(problem, start).values["x"])
@@ -50,7 +51,7 @@ def test_a_decrease_that_is_seen_counts_however_small_the_predicted_one() -> Non
         assert rising == pytest.approx(-fallen)
 
 
-def test_where_rounding_hides_both_decreases_the_more_stationary_point_is_taken() -> None:
+def test_rounding_ties_take_the_more_stationary_point() -> None:
     """The cost 4 + x^2, in which x = 1e-8 does not show, and the gradient 2 x, in which it does."""
     x = Block("x").symbol
     problem = Problem((Residual("beside 0", cs.vertcat(2 + x, 2 - x), 1.0),), ("x",))
@@ -71,7 +72,7 @@ def test_nothing_evaluated_leaves_the_start() -> None:
     assert (solution.values["x"] == start["x"]).all()
 
 
-def test_a_cost_that_a_linearization_has_told_is_not_evaluated_again() -> None:
+def test_a_known_cost_is_not_evaluated_again() -> None:
     problem, start = decay()
     with Run("repetitive", GaussNewton(max_evaluations=2), problem, start, None) as run:
         here = run.linearize(run.x)
@@ -99,7 +100,7 @@ def test_the_best_point_is_a_copy_of_the_cheapest() -> None:
     assert best.x[0] == 3.0
 
 
-def test_costs_that_rounding_cannot_tell_apart_are_told_apart_by_the_gradient() -> None:
+def test_equal_costs_are_ranked_by_the_gradient() -> None:
     best = Best(np.zeros(1))
     best.offer(np.array([1.0]), 4.0, 0.0)
     best.offer(np.array([2.0]), 4.0 + 1e-15, 0.0)
@@ -142,7 +143,7 @@ def test_the_last_digits_are_polished_by_the_gradient() -> None:
 # What they can.
 
 
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", few(SOLVERS, TEN))
 def test_abilities_are_what_they_do(name: str) -> None:
     abilities = SOLVERS[name].abilities
     assert abilities.source

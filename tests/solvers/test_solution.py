@@ -54,7 +54,7 @@ def test_names_with_slashes_and_spaces_are_kept(tmp_path: Path) -> None:
     assert_same(Solution.load(tmp_path / "run.npz"), solution)
 
 
-def test_a_run_that_never_had_a_finite_cost_is_kept_too(tmp_path: Path) -> None:
+def test_a_run_without_finite_cost_is_saved(tmp_path: Path) -> None:
     solution = solve(*root_of_minus_one())
     assert solution.status is Status.NOT_FINITE
     assert solution.trace == ()
@@ -62,9 +62,7 @@ def test_a_run_that_never_had_a_finite_cost_is_kept_too(tmp_path: Path) -> None:
     assert_same(Solution.load(tmp_path / "run.npz"), solution)
 
 
-def test_a_file_that_is_there_is_replaced_whole_or_not_at_all(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_is_replaced_whole_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, solution = tmp_path / "run.npz", some_solution()
     solution.save(path)
     before = path.read_bytes()
@@ -158,7 +156,7 @@ def test_files_from_before_there_were_constraints_are_read(tmp_path: Path) -> No
     assert old.trace[-1].linear_algebra == ""
 
 
-def test_a_saddle_keeps_its_lower_point_and_a_valley_its_names(tmp_path: Path) -> None:
+def test_saddles_and_valleys_are_saved(tmp_path: Path) -> None:
     x = Block("x").symbol
     saddle = solve(Problem((residuals.gaussian(x**2, mean=1.0),), ("x",)), {"x": 0.0})
     valley = solve(Problem((residuals.gaussian(1 / x),), ("x",)), {"x": 1.0})

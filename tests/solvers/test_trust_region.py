@@ -5,19 +5,17 @@ import itertools
 import casadi as cs
 import numpy as np
 import pytest
-import scipy.optimize
 from scipy.stats import ortho_group
 
 import workbench.solvers.trust_region as module
 from tests.solvers.problems import body_fit, decay, line, rosenbrock
+from tests.tiers import few
 from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, TrustRegion
 from workbench import residuals as terms
 from workbench.arrays import Array
-from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import steps
-from workbench.problem.steps import Step, automatic, sparing
-from workbench.solvers import DEFAULT, SOLVERS, solve
+from workbench.problem.steps import Step, automatic
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import LEAST, MOST, step_within
 
@@ -41,9 +39,9 @@ def damped_in(here: Linearization, counted: list[float]):
     return damped
 
 
-@pytest.mark.parametrize("weakest", [0.5, 1e-2, 1e-5])
-@pytest.mark.parametrize("share", [0.9, 0.3, 1e-2, 1e-5])
-@pytest.mark.parametrize("first", [0.0, 1e-8, 1e-2, 1e6])
+@pytest.mark.parametrize("weakest", [0.5, 1e-5])
+@pytest.mark.parametrize("share", [0.9, 0.3, 1e-5])
+@pytest.mark.parametrize("first", few([0.0, 1e-8, 1e6], 1))
 def test_a_step_is_the_best_of_its_length(weakest: float, share: float, first: float) -> None:
     """By the conditions of the constrained minimum: (J'J + damping I) p = -J'r, and the length."""
     here = graded(0, 6, weakest)
@@ -83,14 +81,8 @@ def test_without_an_answer_undamped_it_is_damped() -> None:
     np.testing.assert_allclose(step.p, [0.3, 0.3], rtol=1e-4)
 
 
-def test_it_is_the_default() -> None:
-    problem, start = decay()
-    assert SOLVERS[DEFAULT] == TrustRegion()
-    assert solve(problem, start).solver == "trust-region"
-
-
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0]])
-def test_the_cost_falls_and_no_step_is_longer_than_its_region(start: list[float]) -> None:
+def test_the_cost_falls_within_the_region(start: list[float]) -> None:
     problem, _ = rosenbrock()
     solution = TrustRegion().solve(problem, {"x": np.array(start)})
     assert solution.converged
@@ -104,7 +96,7 @@ def test_the_cost_falls_and_no_step_is_longer_than_its_region(start: list[float]
 
 
 @pytest.mark.parametrize("radius", [1e-3, 0.1, 1.0])
-def test_the_first_step_is_as_long_as_the_first_radius(radius: float) -> None:
+def test_the_first_step_has_the_first_radius(radius: float) -> None:
     solution = TrustRegion(first_radius=radius, max_iterations=1).solve(*line())
     assert LEAST * radius <= solution.trace[1].step_norm <= MOST * radius
 
@@ -199,41 +191,6 @@ def test_bends_shorten_the_way_along_a_curved_valley(monkeypatch: pytest.MonkeyP
     np.testing.assert_allclose(bent.values["x"], 1, atol=1e-4)
 
 
-class Evaluated:
-    """As much of a run as a bend needs."""
-
-    def __init__(self, problem: Problem, start: Values) -> None:
-        self.problem, (self.x, self.fixed) = problem, problem.split(start)
-
-    def evaluate(self, kind: str, function):
-        assert kind == "residual"
-        return function()
-
-
-def test_a_bend_is_the_second_derivative_pulled_back() -> None:
-    """For residuals quadratic along p, (J'J + damping I) a = -J'r_pp / 2 to rounding."""
-    problem, start = rosenbrock()
-
-    run = Evaluated(problem, start)
-    here = problem.linearize(start)
-    p = np.array([0.05, -0.02])
-    r_pp = np.array([-20 * p[0] ** 2, 0.0])
-    for D in (np.ones(2), np.array([2.0, 0.5])):
-        a = module.bend(run, run.x, here, p, 100.0, D, sparing)  # type: ignore[arg-type]
-        damped = here.normal + 100 * np.diag(D**2)
-        expected = np.linalg.solve(damped, -0.5 * here.dense.T @ r_pp)
-        np.testing.assert_allclose(a, expected, rtol=1e-8)
-
-
-def test_a_bend_comes_from_the_linear_algebra_of_the_steps() -> None:
-    problem, start = rosenbrock()
-    run, here, p = Evaluated(problem, start), problem.linearize(start), np.array([0.05, -0.02])
-    for answer, expected in ((Step(0.01 * p, "odd"), 0.01 * p), (None, 0 * p)):
-        take = lambda *_, it=answer: it  # noqa: E731
-        a = module.bend(run, run.x, here, p, 100.0, np.ones(2), take)  # type: ignore[arg-type]
-        np.testing.assert_array_equal(a, expected)
-
-
 def test_dependent_columns_do_no_harm() -> None:
     x = Block("x", (3,)).symbol
     blind = Problem((Residual("sum", cs.exp(x[0] + x[1]) - 2.0, 1.0),), ("x",))
@@ -243,29 +200,7 @@ def test_dependent_columns_do_no_harm() -> None:
     np.testing.assert_allclose(solution.values["x"], [half, half, 0], atol=1e-6)
 
 
-def test_bounds_are_kept_and_the_end_is_that_of_scipy() -> None:
-    bounds = {"x": (np.array([0.0, 1.5, -1.0]), np.array([1.5, 3.0, 1.0]))}
-    problem, start = decay(bounds=bounds)
-    start = start | {"x": np.array([1.0, 2.0, 0.0])}
-    solution = TrustRegion().solve(problem, start)
-    for one in solution.trace:
-        assert (bounds["x"][0] <= one.values["x"]).all()
-        assert (one.values["x"] <= bounds["x"][1]).all()
-    x, fixed = problem.split(start)
-    expected = scipy.optimize.least_squares(
-        lambda x: problem.residual(x, fixed),
-        x,
-        jac=lambda x: problem.linearize_at(x, fixed).jacobian,
-        bounds=bounds["x"],
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
-    )
-    assert solution.converged
-    assert solution.cost == pytest.approx(expected.cost, rel=1e-8)
-
-
-def test_robust_kernels_and_bodies_end_where_levenberg_and_marquardt_s_does() -> None:
+def test_ends_are_those_of_levenberg_marquardt() -> None:
     problem, start = body_fit()
     ours, theirs = TrustRegion().solve(problem, start), LevenbergMarquardt().solve(problem, start)
     assert ours.converged
@@ -295,3 +230,31 @@ def test_a_start_that_is_nearly_zero_is_left(start: float) -> None:
     found = TrustRegion().solve(problem, {"x": np.array([start])})
     assert found.status.name == "CONVERGED"
     assert found.values["x"] == pytest.approx(-1)
+
+
+# A further attempt where an end is probably not the lowest one.
+
+PLACES = np.linspace(0, 10, 60)
+DECAYS = np.array([1.77, 0.22, 2.14, 1.04, 1.11, 4.94])
+MERGED = np.array([0.28, 0.16, 4.10, 1.13, 2.21, 1.88])  # a start from which two rates meet
+
+
+@pytest.mark.thorough
+def test_a_second_attempt_finds_merged_decays() -> None:
+    b = Block("b", (6,)).symbol
+    curve = sum(b[k] * cs.exp(-b[k + 1] * cs.DM(PLACES)) for k in (0, 2, 4))
+    seen = sum(DECAYS[k] * np.exp(-DECAYS[k + 1] * PLACES) for k in (0, 2, 4))
+    problem = Problem((Residual("decays", curve - cs.DM(seen), 1.0),), ("b",))
+    first = TrustRegion(attempts=1).solve(problem, {"b": MERGED})
+    both = TrustRegion().solve(problem, {"b": MERGED})
+    assert first.converged
+    assert first.cost > 0.03
+    assert both.converged
+    assert both.cost < 1e-20
+    np.testing.assert_allclose(np.sort(both.values["b"]), np.sort(DECAYS), rtol=1e-6)
+    assert "an earlier attempt ended higher" in both.message
+    short = TrustRegion(max_evaluations=first.evaluations.total + 5)
+    assert short.solve(problem, {"b": MERGED}).evaluations.total == first.evaluations.total + 5
+    for attempts in (0, 5):
+        with pytest.raises(BadArgument, match="attempts"):
+            TrustRegion(attempts=attempts)

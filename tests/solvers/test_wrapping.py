@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
+from tests.tiers import few
 from workbench import SOLVERS, Block, Constraint, LevenbergMarquardt, Problem, residuals
 from workbench.geometry.rotation import matrix_from_vector, shortest
 from workbench.solvers.wrapping import rewrapped
@@ -17,7 +18,7 @@ DATA = residuals.vertices(BODY.points(*SYMBOLS), OBSERVED, sigma=0.02)
 LONG = np.array([[0.1, 0.2, 0.3], [4.0, 0.0, 0.5], [0.0, -7.0, 0.2]])
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, 3.1, 3.2, 6.0, 6.2831, 6.3, 10.0, 40.0])
+@pytest.mark.parametrize("angle", [0.0, 1.0, 3.1, 3.2, 6.2831, 40.0])
 def test_the_shortest_vector_is_the_same_rotation(angle: float) -> None:
     axes = RNG.normal(size=(5, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -71,9 +72,15 @@ def test_bounds_forbid_what_they_forbid() -> None:
     assert np.linalg.norm(pose[2]) < np.pi
 
 
-@pytest.mark.parametrize("name", [name for name in SOLVERS if name not in SLOW])
-@pytest.mark.parametrize("off", [0.01, 0.011, 0.02, 0.03])
-def test_nobody_ends_beyond_half_a_turn(name: str, off: float) -> None:
+@pytest.mark.parametrize(
+    "name",
+    few(
+        [name for name in SOLVERS if name not in SLOW],
+        ("trust-region", "dogleg", "newton", "ipopt", "nlopt-lbfgs"),
+    ),
+)
+@pytest.mark.parametrize("off", few([0.01, 0.03], 1))
+def test_solutions_wrap_rotations_to_pi(name: str, off: float) -> None:
     """From near the answer in its long form: the same cost, in the short form."""
     solution = SOLVERS[name].solve(problem(), at(LONG + off))
     assert solution.cost < 1e-9
