@@ -1,6 +1,7 @@
 """Running an experiment: its solution and diagnosis, other solvers, and what figures need."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,6 @@ from workbench.experiments.user_errors import user_errors
 from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Measure, Setup, View, expect
 from workbench.interrupts import caused_by
-from workbench.problem import Problem
 from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Status
 
 
@@ -135,8 +135,8 @@ def run(
     strategy = setup.strategy or (lambda one: one or SOLVERS[DEFAULT])
     given, solver = solver, strategy(solver)
     wanted = setup.compared if compare else ()
-    progress("differentiating")  # before anything is timed
-    _prepare(setup.problem, given, wanted)
+    progress("differentiating")
+    warm_up(setup, [solver, *(strategy(SOLVERS[name]) for name in wanted)])
     progress("solving")
     solution = solver.solve(setup.problem, setup.start, callback=callback)
     if not np.isfinite(solution.cost):
@@ -214,12 +214,16 @@ def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Mea
         return tuple(found)
 
 
-def _prepare(problem: Problem, solver: Solver | None, compared: Iterable[str]) -> None:
-    """Derive and build the functions that the solvers will call."""
-    problem.prepare()
-    exact = SOLVERS["ipopt-exact"]
-    if solver == exact or "ipopt-exact" in compared:
-        _ = problem.hessian
+def warm_up(setup: Setup, solvers: Iterable[Solver]) -> None:
+    """Begin to solve with each solver, so that no clock counts what is made only once.
+
+    That is what is derived for a problem, and what a solver loads and builds at its first call:
+    IPOPT's library, exact Hessians.
+    """
+    setup.problem.prepare()
+    for solver in solvers:
+        with suppress(WorkbenchError):
+            solver.solve(setup.problem, setup.start, callback=lambda iterate: True)
 
 
 def overlay(

@@ -105,16 +105,6 @@ class LiveServer:
         parts = np.split(numbers, [3 * K, 3 * K + B])
         return [part.reshape(b.shape) for b, part in zip(self.body.blocks(), parts, strict=True)]
 
-    def warm(self) -> None:
-        """Go one step with each solver, so that its first press does not wait for anything.
-
-        What a solver loads and derives at its first call (IPOPT's library, exact Hessians) takes up
-        to half a second.
-        """
-        for solver in self.solvers.values():
-            with suppress(WorkbenchError):
-                solver.solve(self.setup.problem, self.setup.start, callback=lambda iterate: True)
-
     def _handler(self) -> type[BaseHTTPRequestHandler]:
         live = self
 

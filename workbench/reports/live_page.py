@@ -1,6 +1,7 @@
 """The page of `workbench live`, and the server behind it."""
 
 from workbench.errors import BadArgument, NotSupported
+from workbench.experiments.running import warm_up
 from workbench.fitting.setup import Setup
 from workbench.replay.live_server import LiveServer, moved_by_hand
 from workbench.replay.recording import recorded_start
@@ -21,7 +22,6 @@ def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
     recording = recorded_start(setup)
     if recording is None:
         raise BadArgument(f"a page cannot pose the body of {name}; take a skinned body of SMPL's")
-    setup.problem.prepare()  # so that the first press does not wait for derivatives
     order = dict.fromkeys((*setup.compared, *SOLVERS))
     able = [one for one in order if _takes(one, setup)][:OFFERED]
     solvers = {
@@ -35,9 +35,8 @@ def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
         recording=recording,
         solvers=able,
     )
-    server = LiveServer(setup, solvers, text, port)
-    server.warm()
-    return server
+    warm_up(setup, solvers.values())  # so that no press waits
+    return LiveServer(setup, solvers, text, port)
 
 
 def _takes(name: str, setup: Setup) -> bool:
