@@ -50,41 +50,41 @@ def test_files_define_experiments_in_four_ways(tmp_path: Path, more: str) -> Non
     assert set(outcome.compared) == {"gauss-newton", "trust-region"}
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ("def f(:", f"line.py line {NEXT}: SyntaxError"),
-        ("import sys\nsys.exit(3)", rf"line.py line {NEXT + 1}: it ends the program \(sys.exit\(3"),
-        ("problem = 3", "line.py: `problem` of a setup must be a Problem, not 3"),
-        ("del start['y']", "block 'y' .* was given no value"),
-        ("priors = 'pose'", "line.py: no residual is called 'pose'; there are line"),
-        ("compared = ('foo',)", "line.py: no solver is called 'foo'; there are .*gauss-newton"),
-        ("setup = Setup(problem, start, 'q', body=3)", "`body` of a setup must be a SkinnedBody"),
-        ("def setup():\n  raise ValueError('no')", f"line.py line {NEXT + 1}: ValueError: no"),
-        ("def setup():\n  return 3", "must return a Setup, not 3"),
-        (
-            "setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
-            f"line.py line {NEXT}: ZeroDivisionError",
-        ),
-        ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
-        ("del problem", "it defines `start`, but no `problem`; it needs"),
-        ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
-        (
-            f"{POINTS}p.symbol - q.symbol.T",
-            f"line {NEXT + 3}: .*shape.*transposed",
-        ),
-        (
-            f"{POINTS}p - q.symbol",
-            "points of a body are no expression to compute with; take their `.symbol`",
-        ),
-        (f"{POINTS}p.symbol - q", "a Block is no number: take its .symbol"),
-    ],
-)
-def test_wrong_files_are_refused_before_solving(tmp_path: Path, more: str, said: str) -> None:
-    solved: list[object] = []
-    with pytest.raises(BadFile, match=said):
-        run(find(written(tmp_path, more)), callback=solved.append)
-    assert not solved
+WRONG: list[tuple[str, str]] = [
+    ("def f(:", f"line.py line {NEXT}: SyntaxError"),
+    ("import sys\nsys.exit(3)", rf"line.py line {NEXT + 1}: it ends the program \(sys.exit\(3"),
+    ("problem = 3", "line.py: `problem` of a setup must be a Problem, not 3"),
+    ("del start['y']", "block 'y' .* was given no value"),
+    ("priors = 'pose'", "line.py: no residual is called 'pose'; there are line"),
+    ("compared = ('foo',)", "line.py: no solver is called 'foo'; there are .*gauss-newton"),
+    ("setup = Setup(problem, start, 'q', body=3)", "`body` of a setup must be a SkinnedBody"),
+    ("def setup():\n  raise ValueError('no')", f"line.py line {NEXT + 1}: ValueError: no"),
+    ("def setup():\n  return 3", "must return a Setup, not 3"),
+    (
+        "setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
+        f"line.py line {NEXT}: ZeroDivisionError",
+    ),
+    ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
+    ("del problem", "it defines `start`, but no `problem`; it needs"),
+    ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
+    (
+        f"{POINTS}p.symbol - q.symbol.T",
+        f"line {NEXT + 3}: .*shape.*transposed",
+    ),
+    (
+        f"{POINTS}p - q.symbol",
+        "points of a body are no expression to compute with; take their `.symbol`",
+    ),
+    (f"{POINTS}p.symbol - q", "a Block is no number: take its .symbol"),
+]
+
+
+def test_wrong_files_are_refused_before_solving(tmp_path: Path) -> None:
+    for more, said in WRONG:
+        solved: list[object] = []
+        with pytest.raises(BadFile, match=said):
+            run(find(written(tmp_path, more)), callback=solved.append)
+        assert not solved
 
 
 def test_arguments_of_own_functions_are_checked(tmp_path: Path) -> None:

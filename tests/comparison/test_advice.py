@@ -1,13 +1,12 @@
 """Advice: who is named, by what, and that no clock is asked."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.comparison.made_up import comparison, record
-from workbench.comparison import Comparison, compare, prices
+from workbench.comparison import Comparison
 from workbench.comparison.pairs import duels
 from workbench.comparison.prices import PRICES, units
 from workbench.comparison.statistics import LEVEL
@@ -16,22 +15,19 @@ from workbench.comparison.words import advice, basin_sentence, prices_sentence, 
 QUICK, SLOW = [9.0, 1.0], [9.0, 8.0, 7.0, 6.0, 1.0]
 
 
-def test_a_solver_that_failed_a_problem_is_not_advised() -> None:
-    """It was named for its least median effort although it failed one of eight."""
+def test_solver_that_failed_a_problem_is_not_advised() -> None:
     runs = {(p, "quick"): QUICK for p in "abcdefg"} | {("h", "quick"): []}
     slow = {(p, "slow"): SLOW for p in "abcdefgh"}
     slower = {(p, "slower"): SLOW[:1] + SLOW for p in "abcdefgh"}
     found = comparison(runs | slow | slower)
     said = advice(found)
-    assert said[0] == (
-        "slow and slower each returned a point within the target τ = 1e-5 from all 8 starts. The "
-        "others did so from fewer of the 8: quick 7."
-    )
+    assert said[0].startswith("slow and slower each")
+    assert "quick 7" in said[0]
     assert any(text.startswith("Of these, take slow:") for text in said)
     assert not any("take quick" in text for text in said)
 
 
-def test_a_solver_whose_answers_are_good_enough_and_that_failed_is_not_advised() -> None:
+def test_solver_that_gave_up_once_is_not_advised() -> None:
     """One gave up near the lowest cost, one found nothing where no other run ended either."""
     runs = {(p, s): SLOW for p in "abcdefgh" for s in ("slow", "slower", "early")}
     runs |= {("h", "early"): [9.0, 1.0005], ("i", "slow"): SLOW, ("i", "early"): SLOW}
@@ -51,7 +47,7 @@ def test_a_solver_whose_answers_are_good_enough_and_that_failed_is_not_advised()
     assert "slower is not advised: in 1 of 9 runs it raised an exception." in advice(alone)
 
 
-def test_where_nobody_reached_it_everywhere_that_is_said_and_problems_are_told_apart() -> None:
+def test_problems_are_told_apart_when_no_solver_is_reliable() -> None:
     runs = {
         ("p", "a"): QUICK,
         ("p", "b"): [],
@@ -75,7 +71,7 @@ def test_where_nobody_reached_it_everywhere_that_is_said_and_problems_are_told_a
     assert reliable(found, ("p",)) == ()  # 0 is known, and it ended at 1
 
 
-def test_a_target_that_was_met_on_the_way_and_lost_is_no_reason_to_advise() -> None:
+def test_target_met_and_lost_is_not_advised() -> None:
     runs = {("p", s): QUICK for s in ("good", "lost", "killed")}
     lost = replace(record("p", "lost", QUICK), cost=5.0, end=np.zeros(1))
     found = comparison(runs, basins={("p", "lost"): 1}, lost=lost)
@@ -83,7 +79,7 @@ def test_a_target_that_was_met_on_the_way_and_lost_is_no_reason_to_advise() -> N
     assert reliable(found, ("p",)) == ("good", "killed")
 
 
-def test_ties_are_said_to_be_ties() -> None:
+def test_ties_are_told() -> None:
     found = comparison({(p, s): QUICK for p in "pqrstuv" for s in "ab"})
     said = advice(found)
     assert said[0] == "a and b each returned a point within the target τ = 1e-5 from all 7 starts."
@@ -91,7 +87,7 @@ def test_ties_are_said_to_be_ties() -> None:
 
 
 @pytest.mark.parametrize("problems", ["pqrstu", "pqrst", "pq"])
-def test_who_needs_less_is_named_when_chance_is_ruled_out_at_the_stated_level(
+def test_quicker_solver_is_named_when_chance_is_ruled_out(
     problems: str,
 ) -> None:
     runs = {(p, "quick"): QUICK for p in problems} | {(p, "slow"): SLOW for p in problems}
@@ -106,7 +102,7 @@ def test_who_needs_less_is_named_when_chance_is_ruled_out_at_the_stated_level(
         assert "With fewer than 6 problems no pair can pass this test." in said
 
 
-def test_many_starts_of_one_problem_are_no_proof() -> None:
+def test_starts_of_one_problem_are_no_proof() -> None:
     starts = [f"p, start {k}" for k in range(40)]
     runs = {(p, "quick"): QUICK for p in starts} | {(p, "slow"): SLOW for p in starts}
     found = comparison(runs)
@@ -114,7 +110,8 @@ def test_many_starts_of_one_problem_are_no_proof() -> None:
     assert "may be chance" in advice(found)[1]
 
 
-def test_advice_among_equals_is_a_false_alarm_no_more_often_than_the_level() -> None:
+@pytest.mark.thorough
+def test_advice_among_equals_keeps_the_level() -> None:
     """Four equal solvers, three starts of each of nine problems that go much the same way."""
     rng = np.random.default_rng(4)
     alarms = 0
@@ -150,7 +147,7 @@ def lied_to(found: Comparison, rng: np.random.Generator) -> Comparison:
     return replace(found, records=records, described=described)
 
 
-def test_no_clock_ranks_anybody() -> None:
+def test_clock_does_not_rank() -> None:
     rng = np.random.default_rng(0)
     runs = {(p, s): (QUICK, SLOW)[rng.integers(2)] for p in "pqrstuvw" for s in "abcd"}
     found = comparison(runs)
@@ -164,7 +161,7 @@ def test_no_clock_ranks_anybody() -> None:
             assert [other.effort(s, tau) for s in "abcd"] == [found.effort(s, tau) for s in "abcd"]
 
 
-def test_prices_are_those_that_are_printed() -> None:
+def test_prices_follow_their_printed_formulas() -> None:
     """One of each kind, for n = 10 unknowns, by the formulas as they are printed."""
     for k, price in enumerate(PRICES.values()):
         expected = eval(price.formula.replace(" n", " * n"), {"n": 10})
@@ -173,18 +170,7 @@ def test_prices_are_those_that_are_printed() -> None:
     assert "Griewank and Walther" in prices_sentence()
 
 
-def test_the_lecture_and_the_docstrings_name_the_same_prices() -> None:
-    of = compare.__doc__ or ""
-    for kind in ("gradient", "jacobian", "hessian", "constraint"):
-        assert f"{PRICES[kind].name} {PRICES[kind].formula}" in of
-        assert PRICES[kind].formula in (prices.__doc__ or "")
-    lecture = Path(__file__).parents[2] / "lectures" / "lec11_solvers" / "lecture.py"
-    text = " ".join(lecture.read_text(encoding="utf-8").replace("\n# ", " ").split())
-    assert f"{PRICES['gradient'].formula} for a gradient as here" in text
-    assert f"{PRICES['jacobian'].formula} for residual and Jacobian together" in text
-
-
-def test_what_was_not_counted_is_said_and_neither_zero_nor_a_failure() -> None:
+def test_advice_tells_what_was_not_counted() -> None:
     runs = {(p, s): QUICK for p in "pqrstuv" for s in ("seen", "hidden", "other")}
     hidden = {f"r{p}": record(p, "hidden", QUICK, taken=True) for p in "pqrstuv"}
     found = comparison(runs, **hidden)
@@ -197,7 +183,7 @@ def test_what_was_not_counted_is_said_and_neither_zero_nor_a_failure() -> None:
     assert said[2].startswith("hidden: not everything was counted in 7 of 7 runs")
 
 
-def test_an_end_about_which_the_problem_was_never_asked_is_met_and_not_counted() -> None:
+def test_end_of_own_graph_is_met_and_not_counted() -> None:
     own = replace(record("p", "own", []), cost=1.0, end=np.zeros(1))
     own = replace(own, ending=record("p", "x", QUICK).ending)
     found = comparison({("p", "seen"): QUICK, ("p", "own"): []}, own=own)
@@ -209,11 +195,11 @@ def test_an_end_about_which_the_problem_was_never_asked_is_met_and_not_counted()
     assert np.isnan(trace[-1, 0])
 
 
-def test_runs_that_the_clock_ended_are_told() -> None:
+def test_runs_ended_by_the_clock_are_told() -> None:
     late = record("p", "a", QUICK, claim="MAX_SECONDS")
     said = advice(comparison({("p", "a"): QUICK, ("p", "b"): QUICK}, late=late))
     assert said[-1].startswith("1 of 2 runs were ended by the clock")
 
 
-def test_one_end_is_compared_with_no_other_basin() -> None:
+def test_single_end_has_no_other_basin() -> None:
     assert "no other basin" in basin_sentence(comparison({("p", "a"): [1.0]}), "p")

@@ -26,7 +26,7 @@ class Mine:
 """
 
 
-def test_solvers_go_by_the_names_that_they_are_given() -> None:
+def test_solvers_go_by_given_names() -> None:
     assert [e.name for e in named_solvers("gauss-newton")] == ["gauss-newton"]
     assert named_solvers(wb.GaussNewton())[0].name == "gauss-newton"
     assert named_solvers(wb.GaussNewton(max_iterations=3))[0].name == "GaussNewton"
@@ -34,7 +34,7 @@ def test_solvers_go_by_the_names_that_they_are_given() -> None:
     assert all(e.of_the_house for e in named_solvers(list(wb.SOLVERS)))
 
 
-def test_a_file_defines_a_solver_or_several(tmp_path: Path) -> None:
+def test_files_define_solvers(tmp_path: Path) -> None:
     one = tmp_path / "mine.py"
     one.write_text(SOLVER + "solver = Mine()\n")
     (named,) = named_solvers(str(one))
@@ -50,27 +50,25 @@ def test_a_file_defines_a_solver_or_several(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ("solver = Mine", "mine.py: `solver` is no solver: it needs solve.*not a class"),
-        ("solver = 3", "mine.py: `solver` is no solver"),
-        ("", "mine.py defines no solver"),
-        ("solver = Mine(", "mine.py line 9: SyntaxError"),
-        ("solver = wb.nothing", "mine.py line 9: AttributeError"),
-    ],
-)
-def test_what_is_wrong_in_a_file_is_said_with_its_line(
-    tmp_path: Path, more: str, said: str
-) -> None:
-    (tmp_path / "mine.py").write_text(SOLVER + more)
-    with pytest.raises(BadFile, match=said):
-        named_solvers(str(tmp_path / "mine.py"))
-    with pytest.raises(BadFile, match=r"there is no file .*other.py"):
-        named_solvers(str(tmp_path / "other.py"))
+WRONG: list[tuple[str, str]] = [
+    ("solver = Mine", "mine.py: `solver` is no solver: it needs solve.*not a class"),
+    ("solver = 3", "mine.py: `solver` is no solver"),
+    ("", "mine.py defines no solver"),
+    ("solver = Mine(", "mine.py line 9: SyntaxError"),
+    ("solver = wb.nothing", "mine.py line 9: AttributeError"),
+]
 
 
-def test_seeds_number_what_the_experiment_numbers() -> None:
+def test_wrong_files_of_solvers_are_refused(tmp_path: Path) -> None:
+    for more, said in WRONG:
+        (tmp_path / "mine.py").write_text(SOLVER + more)
+        with pytest.raises(BadFile, match=said):
+            named_solvers(str(tmp_path / "mine.py"))
+        with pytest.raises(BadFile, match=r"there is no file .*other.py"):
+            named_solvers(str(tmp_path / "other.py"))
+
+
+def test_seeds_number_starts_or_seeds() -> None:
     who = named_solvers("gauss-newton")
     found = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
     assert [(i.name, i.number) for i in found.instances] == [
@@ -87,7 +85,7 @@ def test_seeds_number_what_the_experiment_numbers() -> None:
     assert len(whole.instances) > 5
 
 
-def test_arguments_go_to_those_who_have_them() -> None:
+def test_arguments_go_to_experiments_that_have_them() -> None:
     found = chosen(["registration", "nist-misra1a"], {"body": "small", "start": "2"})
     assert found[0].arguments == {"body": "small"}
     assert found[1].arguments == {"problem": "Misra1a", "start": 2}
@@ -95,7 +93,7 @@ def test_arguments_go_to_those_who_have_them() -> None:
         chosen(["known-correspondences"], {"bodi": "small"})
 
 
-def test_keys_change_with_all_that_a_run_depends_on_and_nothing_else(tmp_path: Path) -> None:
+def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(SOLVER + "solver = Mine()\n")
 
@@ -119,7 +117,7 @@ def test_keys_change_with_all_that_a_run_depends_on_and_nothing_else(tmp_path: P
     assert len(set(keys)) == len(keys)
 
 
-def test_lectures_are_known_by_their_source() -> None:
+def test_lectures_are_identified_by_source() -> None:
     """They are no part of the code's version: in a checkout they are not even below the package."""
     for module in ("workbench", "workbench.solvers.dogleg", "workbench.course.answers"):
         assert of_the_house(module), module
@@ -131,7 +129,7 @@ def test_lectures_are_known_by_their_source() -> None:
     assert len(identity(wb.solve).split()) == 1
 
 
-def test_an_identity_holds_no_address() -> None:
+def test_identities_hold_no_address() -> None:
     assert "0x" not in str([identity(e.solver) for e in named_solvers(list(wb.SOLVERS))])
     assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})
     assert digest(wb.GaussNewton()) != digest(wb.GaussNewton(max_iterations=7))

@@ -1,24 +1,101 @@
-"""Why a run ended above the lowest cost: curvature and causes where both are known."""
+"""Why runs end above the lowest cost: basins, slides, curvature and causes that are known."""
 
 import casadi as cs
 import numpy as np
 import pytest
 
-from tests.comparison.problems import SLIDE, Liar, lost_well, slide
+from tests.comparison.problems import SLIDE, STARTS, Liar, angle, lost_well, slide
 from workbench import Block, LevenbergMarquardt, Problem, Residual, compare
 from workbench.comparison import Budget, Cause, TargetOutcome
+from workbench.comparison.basins import basins
 from workbench.comparison.curvature import SADDLE, least_curvature
 from workbench.comparison.end_analysis import EndAnalysis, analyse_ends
+from workbench.comparison.explanation import explain
 from workbench.comparison.words import advice
 from workbench.experiments import Experiment, Setup, find
 from workbench.problem import Constraint
+from workbench.solvers import SOLVERS
+
+
+def test_ends_go_to_the_wells_they_lead_to() -> None:
+    setup = slide()
+    fixed = setup.problem.split(setup.start)[1]
+    ends = [np.array(x) for x in (*STARTS, (0.0, 1.0), (0.0, lost_well()), (0.1, -0.9))]
+    found, where = basins(setup.problem, fixed, ends)
+    assert where == (0, 1, 0, 0, 1, 1)
+    np.testing.assert_allclose([b.x for b in found], [[0, 1], [0, lost_well()]], atol=1e-7)
+    assert found[0].cost < 1e-20 < found[1].cost
+    again, reverse = basins(setup.problem, fixed, ends[::-1])
+    assert reverse == where[::-1]
+    np.testing.assert_allclose([b.cost for b in again], [b.cost for b in found], atol=1e-20)
+
+
+def test_full_turns_are_one_basin() -> None:
+    setup = angle()
+    fixed = setup.problem.split(setup.start)[1]
+    turns = [np.array([0.2 + 2 * np.pi * k]) for k in (0, 1, -3)]
+    found, where = basins(setup.problem, fixed, turns)
+    assert where == (0, 0, 0)
+    assert len(found) == 1
+    other, _ = basins(setup.problem, fixed, [*turns, np.array([np.arctan2(0.5, 1) + np.pi])])
+    assert len(other) == 2  # the top of the hill: stationary, and dearer
+
+
+def test_slide_is_explained_by_its_direction() -> None:
+    setup = slide()
+    problem, fixed = setup.problem, setup.problem.split(setup.start)[1]
+    found, _ = basins(problem, fixed, [np.array(x) for x in STARTS])
+    told = explain(problem, fixed, found[1], found[0])
+    assert told.length == pytest.approx(1 - lost_well())
+    assert told.share == pytest.approx(1.0)
+    (part,) = told.components
+    assert "x[b]" in part.name
+    assert part.length == pytest.approx(1 - lost_well())
+    assert part.change == pytest.approx(0.2, rel=0.05)  # |d(hardly seen)/db|
+    top = 0.5 * (0.1**2 + 0.02**2)  # near b = 0
+    assert told.ridge == pytest.approx(top - found[1].cost, rel=0.05)
+    assert "100% of the way" in str(told)
+    assert "x[b]" in str(told)
+
+
+def test_other_minima_are_no_slides() -> None:
+    setup = angle()
+    problem, fixed = setup.problem, setup.problem.split(setup.start)[1]
+    top = np.arctan2(0.5, 1) + np.pi
+    found, _ = basins(problem, fixed, [np.array([0.2]), np.array([top])])
+    told = explain(problem, fixed, found[1], found[0])
+    assert "not a slide" in str(told)
+    assert told.ridge == 0  # it only falls from there
+
+
+@pytest.mark.thorough
+def test_body_in_one_image_slides_along_turns() -> None:
+    setup = find("balance-monocular").setup()
+    solutions = [
+        SOLVERS[name].solve(setup.problem, setup.start)
+        for name in ("levenberg-marquardt", "gauss-newton")
+    ]
+    found = analyse_ends(setup, tuple(setup.problem.free.pack(s.values) for s in solutions))
+    assert found.where == (1, 0)
+    told = found.explanations[1]
+    assert told.cost - told.best == pytest.approx(solutions[0].cost - solutions[1].cost, rel=1e-3)
+    assert 0.5 < told.share <= 1
+    assert all(part.change < 2 for part in told.components)  # sigmas for a radian
+    assert "a turn of pose[" in told.components[0].name
+
+
+def test_ends_that_are_not_finite_have_no_basin() -> None:
+    setup = slide()
+    found = analyse_ends(setup, (np.array([np.inf, 0.0]), np.array([0.0, 1.0])))
+    assert found.where[1] == 0
+    assert not found.explanations
 
 
 def _least(problem: Problem, *x: float) -> float:
     return least_curvature(problem, np.array(x), np.zeros(0))
 
 
-def test_curvature_is_the_least_eigenvalue_of_the_whitened_hessian_by_the_largest() -> None:
+def test_curvature_is_the_least_whitened_eigenvalue() -> None:
     x = Block("x", (2,))
     bowl = Problem([Residual("r", cs.vertcat(x.symbol[0], 3 * x.symbol[1]), 1.0)], ["x"])
     assert _least(bowl, 0.0, 0.0) == pytest.approx(1.0)  # whitened, all directions curve alike
@@ -32,7 +109,8 @@ def test_curvature_is_the_least_eigenvalue_of_the_whitened_hessian_by_the_larges
     assert top < SADDLE  # between two wells
 
 
-def test_curvature_of_many_unknowns_is_that_of_few() -> None:
+@pytest.mark.thorough
+def test_curvature_of_many_unknowns_agrees_with_eigenvalues() -> None:
     """More unknowns than all eigenvalues are computed of: Lanczos' method finds the same."""
     rng = np.random.default_rng(0)
     x = Block("x", (250,))
@@ -51,7 +129,7 @@ def test_curvature_of_many_unknowns_is_that_of_few() -> None:
         assert (found < SADDLE) == (expected is not None)
 
 
-def test_bounds_and_constraints_leave_only_the_free_directions() -> None:
+def test_curvature_reads_only_free_directions() -> None:
     x = Block("x", (2,))
     a, b = x.symbol[0], x.symbol[1]
     hill = cs.vertcat(b, a**2 - 4)  # along a, zero is the top of a hill
@@ -76,7 +154,7 @@ def saddle(start: int = 0) -> Setup:
     return find("triangles-shapes", {"start": start}).setup()
 
 
-def test_an_end_at_a_saddle_and_one_in_another_well_are_told_apart() -> None:
+def test_saddles_are_told_from_other_wells() -> None:
     stuck = saddle()
     solution = LevenbergMarquardt().solve(stuck.problem, stuck.start)
     end = stuck.problem.free.pack(solution.values)
@@ -91,7 +169,7 @@ def test_an_end_at_a_saddle_and_one_in_another_well_are_told_apart() -> None:
     assert again.hidden == found.hidden == (0, 0)
 
 
-def test_each_end_of_a_comparison_has_its_cause() -> None:
+def test_ends_of_a_comparison_have_causes() -> None:
     solvers = {"levenberg-marquardt": LevenbergMarquardt(), "stays": Liar()}
     found = compare([SLIDE], solvers, seeds=3)
     assert found.causes["slide, start 1", "levenberg-marquardt"] is Cause.SECOND_BASIN
@@ -102,7 +180,7 @@ def test_each_end_of_a_comparison_has_its_cause() -> None:
     assert short.causes["slide, start 0", "levenberg-marquardt"] is Cause.LIMIT
 
 
-def test_a_stop_at_a_saddle_is_counted_as_one() -> None:
+def test_stops_at_saddles_are_counted() -> None:
     """Both wells of the slide are known from other starts; the top between them is a saddle."""
     ridge = Experiment("ridge", _ridge, "", {})
     found = compare([ridge], {"lm": LevenbergMarquardt(), "stays": Liar()}, seeds=2)
