@@ -1,4 +1,4 @@
-"""Named marginals of more numbers than ensembles sample, against ones that are known."""
+"""Hamiltonian Monte Carlo: named marginals of many numbers, and means of posteriors."""
 
 import casadi as cs
 import numpy as np
@@ -6,7 +6,9 @@ import pytest
 import scipy.stats
 
 import workbench as wb
-from workbench.sampling import Usability, integrated, laplace, sample
+from workbench.errors import BadArgument
+from workbench.residuals import Residual
+from workbench.sampling import Improper, Usability, integrated, laplace, posterior_mean, sample
 from workbench.sampling.importance import Importance, compared
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import subspace_of
@@ -33,8 +35,9 @@ def beside(kind: str) -> wb.Problem:
 AT = {"x": 0.0, "y": np.zeros(24)}
 
 
-def test_a_bent_ridge_of_the_rest_leaves_the_marginal_as_it_is() -> None:
-    posterior = sample(beside("bent"), AT, "x", steps=12_000, walkers=WALKERS, seed=1)
+@pytest.mark.thorough
+def test_bent_ridge_leaves_the_marginal() -> None:
+    posterior = sample(beside("bent"), AT, "x", steps=6_000, walkers=WALKERS, seed=1)
     assert posterior.method == "hamiltonian"
     assert posterior.usable, posterior.verdict
     found = scipy.stats.norm.cdf(posterior.interval()[0])
@@ -48,7 +51,8 @@ def test_a_bent_ridge_of_the_rest_leaves_the_marginal_as_it_is() -> None:
     assert "Hamiltonian Monte Carlo of all free numbers: 4 groups of 16 chains" in str(posterior)
 
 
-def test_laplace_is_judged_in_what_is_named() -> None:
+@pytest.mark.thorough
+def test_laplace_is_judged_in_named_numbers() -> None:
     """y is far from Gaussian, so the weights of all numbers fail; the marginal of x is exact."""
     problem = beside("heavy")
     at = AT | {"y": np.full(24, 1e-3)}
@@ -68,7 +72,8 @@ def test_laplace_is_judged_in_what_is_named() -> None:
         laplace(problem, at, "x", against=drawn)
 
 
-def test_a_funnel_is_refused() -> None:
+@pytest.mark.thorough
+def test_funnels_are_not_usable() -> None:
     """v ~ N(0, 1), and 29 numbers are N(0, exp(v)): along the ridge v is 14.5 too small."""
     v, x = wb.Block("v"), wb.Block("x", (29,))
     terms = [
@@ -82,7 +87,8 @@ def test_a_funnel_is_refused() -> None:
         assert not posterior.usable, posterior.verdict
 
 
-def test_a_second_mode_of_the_rest_is_found() -> None:
+@pytest.mark.thorough
+def test_second_mode_of_the_rest_is_found() -> None:
     """s is near -5 or near 5, x near s: along the ridge from one of them the other is not seen."""
     x, s, y = wb.Block("x"), wb.Block("s"), wb.Block("y", (22,))
     overlap = 1 + np.log(2) - cs.log1p(cs.exp(-10 * cs.fabs(s.symbol)))
@@ -100,7 +106,8 @@ def test_a_second_mode_of_the_rest_is_found() -> None:
     assert posterior.usable, posterior.verdict  # chains jump from one to the other
 
 
-def test_a_run_can_be_stopped() -> None:
+@pytest.mark.thorough
+def test_runs_can_be_stopped() -> None:
     seen: list[bool] = []
 
     def stop(progress: object) -> bool:
@@ -119,7 +126,7 @@ def test_a_run_can_be_stopped() -> None:
     assert not again.usable
 
 
-def test_gradients_along_a_subspace() -> None:
+def test_gradients_along_subspaces_are_differences() -> None:
     problem = beside("bent")
     x, given = problem.split(AT)
     rng = np.random.default_rng(0)
@@ -136,7 +143,7 @@ def test_gradients_along_a_subspace() -> None:
             )
 
 
-def test_what_a_comparison_says() -> None:
+def test_importance_compares_quantiles_and_widths() -> None:
     """N(0, 1) beside N(1, 4): its 5 % quantile holds 9 %, and an interval is twice as wide."""
     rng = np.random.default_rng(0)
     told = Importance(1.5, 10.0, 4000, labels=("a", "b"))
@@ -152,3 +159,55 @@ def test_what_a_comparison_says() -> None:
     assert found.errors == pytest.approx([0.0, off], abs=0.01)
     assert found.of_entries(np.array([0])).holds  # whatever k-hat is
     assert not told.holds
+
+
+X = wb.Block("x", (2,), "m")
+ROWS = np.array([[2.0, 0.3], [0.0, 0.5], [1.0, 1.0]])
+RIGHT = np.array([1.0, -0.5, 0.2])
+LINEAR = wb.Problem([Residual("line", cs.DM(ROWS) @ X.symbol - cs.DM(RIGHT), 1.0)], ["x"])
+SKEWED = wb.Problem(
+    [Residual("skewed", cs.if_else(X.symbol < 0, 4 * X.symbol, X.symbol), 1.0)], ["x"]
+)
+
+
+def test_mean_of_a_gaussian_is_its_mode() -> None:
+    mode, *_ = np.linalg.lstsq(ROWS, RIGHT, rcond=None)
+    found = posterior_mean(LINEAR, {"x": mode}, chains=32, trajectories=100)
+    sd = np.sqrt(np.diag(np.linalg.inv(ROWS.T @ ROWS)))
+    np.testing.assert_allclose(found.sd, sd, rtol=0.1)
+    assert (found.error < 0.05 * sd).all()
+    assert (abs(found.values["x"] - mode) < 4 * found.error).all()
+    assert 0.5 < found.accepted <= 1
+    assert found.draws.shape == (3200, 2)
+
+
+def test_mean_of_a_skewed_density_is_known() -> None:
+    """exp(-x^2 / 2) on the right and exp(-8 x^2) on the left of zero, in two numbers."""
+    found = posterior_mean(SKEWED, {"x": np.zeros(2)}, chains=32, trajectories=100)
+    mean = np.sqrt(2 / np.pi) * (1 - 1 / 4)
+    assert (abs(found.values["x"] - mean) < 4 * found.error).all()
+    assert (found.error < 0.05).all()
+    few, again, other = (posterior_mean(SKEWED, {"x": np.zeros(2)}, seed=s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(few.draws, again.draws)
+    assert (few.draws != other.draws).any()
+    assert (abs(few.values["x"] - mean) < 5 * few.error).all()
+
+
+def test_mean_respects_bounds() -> None:
+    ahead = wb.Problem([Residual("ahead", X.symbol, 1.0)], ["x"], bounds={"x": (0.0, np.inf)})
+    found = posterior_mean(ahead, {"x": np.zeros(2)}, chains=32, trajectories=100)
+    assert (abs(found.values["x"] - np.sqrt(2 / np.pi)) < 4 * found.error).all()
+    assert (found.draws >= 0).all()
+
+
+def test_improper_means_are_refused() -> None:
+    with pytest.raises(BadArgument, match="`chains` must be 2 or more, not 1"):
+        posterior_mean(LINEAR, {"x": np.zeros(2)}, chains=1)
+    with pytest.raises(BadArgument, match="`trajectories` must be 1 or more, not 0"):
+        posterior_mean(LINEAR, {"x": np.zeros(2)}, trajectories=0)
+    open_ended = wb.Problem([Residual("one", X.symbol[:1], 1.0)], ["x"])
+    with pytest.raises(Improper, match="x"):
+        posterior_mean(open_ended, {"x": np.zeros(2)})
+    held = wb.Problem([Residual("x", X.symbol, 1.0)], ["x"], bounds={"x": ([0, 1], [2, 1])})
+    with pytest.raises(BadArgument, match=r"x\[1\] has equal bounds"):
+        posterior_mean(held, {"x": np.ones(2)})
