@@ -173,6 +173,7 @@ def test_student_density_is_that_of_scipy() -> None:
     np.testing.assert_allclose(prior.log_density(at), expected, rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_student_learns_the_tails() -> None:
     """Two joints that move as a t of three degrees of freedom, and far more than another two."""
     rng = np.random.default_rng(1)

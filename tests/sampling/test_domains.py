@@ -95,6 +95,7 @@ def test_searches_do_not_step_behind_the_camera() -> None:
     assert sample(limited, {"at": at}, steps=100, walkers=32).flat.min() > 0
 
 
+@pytest.mark.thorough
 def test_constrained_searches_end_in_the_domain() -> None:
     """SLSQP ends outside of it by 1e-11 here, where a mode would have no mass."""
     x = AT.symbol
@@ -193,6 +194,7 @@ def test_checkpoint_without_domain_is_refused(tmp_path: Path) -> None:
         sample(SEEN, VALUES, steps=50, walkers=32, checkpoint=saved)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)])
 def test_costs_in_front_do_not_change(way: object) -> None:
     limited, start = problems()["keypoints"]

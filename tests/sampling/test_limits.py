@@ -7,6 +7,7 @@ import scipy.stats
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
+from tests.tiers import few
 from workbench.errors import BadArgument
 from workbench.sampling import determined, directions, integrated, laplace, sample
 from workbench.sampling.descent import log_scaled_tail, mode_from
@@ -23,7 +24,7 @@ def pulled(away: float) -> wb.Problem:
     return wb.Problem([wb.Residual("pull", x.symbol + away, 1.0)], "x", {"x": (0.0, np.inf)}, [x])
 
 
-@pytest.mark.parametrize("away", [3.0, 30.0])
+@pytest.mark.parametrize("away", few([3.0, 30.0], 1))
 def test_laplace_on_a_bound_is_the_truncated_gaussian(away: float) -> None:
     posterior = laplace(pulled(away), {"x": 0.0})
     assert posterior.flat.min() >= 0
@@ -35,6 +36,7 @@ def test_laplace_on_a_bound_is_the_truncated_gaussian(away: float) -> None:
         np.testing.assert_allclose(truth.ppf([0.05, 0.95]), [0.016, 0.817], atol=5e-4)
 
 
+@pytest.mark.thorough
 def test_laplace_between_bounds_alone_is_uniform() -> None:
     x = wb.Block("x", (2,))
     one = wb.Residual("first", x.symbol[0], 1.0)

@@ -53,6 +53,7 @@ def test_integrated_rest_gives_marginal_variance() -> None:
     assert posterior.importance.effective == pytest.approx(4000)  # all weights are equal
 
 
+@pytest.mark.thorough
 def test_sampling_agrees_with_integrated_rest() -> None:
     problem = gaussian(COVARIANCE, MEAN)
     drawn = sample(problem, {"x": MEAN}, TWO, rest=integrated, steps=3000, seed=1)

@@ -66,6 +66,7 @@ def test_freed_arrays_move_points_as_new_arrays(blended: bool) -> None:
     assert learning.joint_points(pose, betas, trans).source.blocks[-1].name == "posedirs"
 
 
+@pytest.mark.thorough
 def test_terms_are_those_of_the_blocks() -> None:
     form, (D, posed) = symbolic(), meshes()
     values = form.values()
@@ -107,6 +108,7 @@ def test_learned_bends_are_a_minimum_of_the_problem() -> None:
     np.testing.assert_allclose(found["posedirs"], learned.posedirs, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_learned_person_is_a_minimum_of_the_problem() -> None:
     form, (_, posed) = symbolic(), meshes()
     own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
@@ -121,6 +123,7 @@ def test_learned_person_is_a_minimum_of_the_problem() -> None:
     np.testing.assert_allclose(np.eye(3) + found["subject 0/shapedirs"][..., 0], learned, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
     """S alone leaves k^2 + k directions open: a matrix between them, and where the mean is."""
     k, people = 2, tube_body(rings=3).vertices(betas=RNG.normal(size=(6, 2)))

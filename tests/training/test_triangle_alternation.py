@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.tiers import few
 from tests.training.known_poses import Direct
 from tests.training.test_triangles import B, P, generator, untrained
 from workbench.bodies.triangles import TriangleBody, blend_scape
@@ -42,7 +41,8 @@ def made(blended: bool) -> tuple[TriangleBody, TriangleEstimate, InMemory, InMem
     return true, TriangleEstimate(untrained(true), D, *off), standing, posed
 
 
-@pytest.mark.parametrize("blended", few([True, False], 1))
+@pytest.mark.thorough
+@pytest.mark.parametrize("blended", [True])
 def test_training_cost_is_monotone(blended: bool) -> None:
     true, state, standing, posed = made(blended)
     state = shapes(state, standing, B)
