@@ -119,3 +119,12 @@ def test_stuck_walkers_and_rejected_proposals_are_seen() -> None:
     assert mixing(draws).stuck == 1
     assert "did not move" in str(mixing(draws))
     assert "accepted" in str(mixing(autoregressive(0.5, (4, 3000, 8)), acceptance=0.003))
+
+
+def test_wider_ensemble_raises_the_potential_scale() -> None:
+    draws = autoregressive(0.5, (4, 3000, 8))
+    draws[0] *= 1.6  # in the same place, so that only R-hat notices
+    found = mixing(draws)
+    assert 1.01 < found.scales.max() < 1.05
+    assert found.verdict is Usability.TOO_SHORT
+    assert "R-hat" in str(found)

@@ -52,6 +52,13 @@ def test_best_linear_predictor_is_the_generator() -> None:
     assert left < 0.1 * errors_of_ideal_skinning(truth, data, START).mean
 
 
+def test_every_second_registration_is_held_out() -> None:
+    _, data = made(5, subjects=2, poses=4)
+    told = evaluate_held_out(replace(BODY, mirror=None), data)
+    assert told.errors.distances.shape == (4, 35)
+    assert told.errors.mean < 0.02
+
+
 @pytest.mark.thorough
 def test_body_explains_those_it_made() -> None:
     _, data = made(5, subjects=2, poses=8)
