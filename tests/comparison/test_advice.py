@@ -10,7 +10,7 @@ from workbench.comparison import Comparison
 from workbench.comparison.pairs import duels
 from workbench.comparison.prices import PRICES, units
 from workbench.comparison.statistics import LEVEL
-from workbench.comparison.words import advice, basin_sentence, prices_sentence, reliable
+from workbench.comparison.words import advice, prices_sentence, reliable
 
 QUICK, SLOW = [9.0, 1.0], [9.0, 8.0, 7.0, 6.0, 1.0]
 
@@ -183,23 +183,7 @@ def test_advice_tells_what_was_not_counted() -> None:
     assert said[2].startswith("hidden: not everything was counted in 7 of 7 runs")
 
 
-def test_end_of_own_graph_is_met_and_not_counted() -> None:
-    own = replace(record("p", "own", []), cost=1.0, end=np.zeros(1))
-    own = replace(own, ending=record("p", "x", QUICK).ending)
-    found = comparison({("p", "seen"): QUICK, ("p", "own"): []}, own=own)
-    assert found.success("own", 1e-5).value == 1
-    assert found.uncounted("p", "own")
-    assert np.isnan(found.needed(1e-5)[0, 1])
-    trace = found.trace(found.instances[0], "own")
-    assert trace[-1, 2] == 0.0
-    assert np.isnan(trace[-1, 0])
-
-
 def test_runs_ended_by_the_clock_are_told() -> None:
     late = record("p", "a", QUICK, claim="MAX_SECONDS")
     said = advice(comparison({("p", "a"): QUICK, ("p", "b"): QUICK}, late=late))
     assert said[-1].startswith("1 of 2 runs were ended by the clock")
-
-
-def test_single_end_has_no_other_basin() -> None:
-    assert "no other basin" in basin_sentence(comparison({("p", "a"): [1.0]}), "p")

@@ -113,19 +113,6 @@ def test_solvers_start_from_the_same_points(
     np.testing.assert_array_equal(starts, STARTS)
 
 
-def test_numbers_run_out_where_the_experiment_says_so(
-    twice: tuple[Comparison, Comparison, Path],
-) -> None:
-    """`angle` has two starts only: a third is an IndexError of its own, which is told."""
-    found = twice[0]
-    assert [i.number for i in found.of("angle")] == [0, 1]
-    assert "angle, start 2" in found.unbuilt
-    nist = compare("nist-misra1a", GOOD, seeds=4, budget=SHORT)
-    assert [i.number for i in nist.instances] == [1, 2]  # NIST's own numbers; no more, no error
-    assert nist.unbuilt == {}
-    assert (nist.digits("levenberg-marquardt") > 6).all()
-
-
 def test_starts_share_a_yardstick_and_seeds_do_not(
     twice: tuple[Comparison, Comparison, Path],
 ) -> None:

@@ -276,17 +276,6 @@ def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:
     assert counts(second()) == {"residual": 10}
 
 
-def test_costs_with_other_fixed_numbers_are_no_progress(tmp_path: Path) -> None:
-    x, h = Block("x", (2,)), Block("h", (1,))
-    problem = Problem((Residual("r", x.symbol - h.symbol, 1.0),), ("x",), blocks=(x, h))
-    watch = Metered(problem, np.ones(1), 99, 9.0, Log(tmp_path / "log", 2))
-    watch.metered().residual(np.full(2, 3.0), np.full(1, 3.0))
-    watch.metered().function(np.full(2, 3.0), np.full(1, 3.0))
-    assert not len(Log.read(tmp_path / "log").trace)
-    watch.metered().function(np.full(2, 3.0), np.ones(1))
-    assert Log.read(tmp_path / "log").trace[-1, -1] == pytest.approx(4.0)
-
-
 def test_constraints_are_counted_by_kind(tmp_path: Path) -> None:
     x = Block("x", (2,)).symbol
     circle = Constraint("circle", cs.sumsqr(x), 1.0, 1.0)

@@ -1,17 +1,11 @@
 """The real person on the beam: how near the fit comes, and from how little."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.errors import UnknownName
 from workbench.experiments import EXPERIMENTS, Outcome, find, run
-from workbench.fitting.observations import COCO
-from workbench.plots import caption_overlay, plot_overlay, sheet
-from workbench.plots.overlay import reprojection
-from workbench.reports import write_report
 
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 
@@ -70,6 +64,7 @@ def test_one_camera_fits_itself_and_not_the_others() -> None:
     assert max(held_out) > 2 * numbers["reprojection, cam01"]
 
 
+@pytest.mark.thorough
 def test_data_alone_leave_null_directions(outcome: Outcome) -> None:
     assert outcome.diagnosis.rank == 85
     alone = outcome.data_alone
@@ -78,41 +73,3 @@ def test_data_alone_leave_null_directions(outcome: Outcome) -> None:
     assert alone.rank < 85
     assert len(alone.null_directions) == 85 - alone.rank
     assert max(direction.change for direction in alone.null_directions) < 1e-9
-
-
-def test_measures_name_their_keypoints(outcome: Outcome) -> None:
-    over = {measure.name: measure.over for measure in outcome.measures}
-    view = outcome.setup.views[0]
-    count = int(np.sum(view.confidence > 0.2))
-    assert over["reprojection, cam01"] == f"{count} keypoints with a confidence above 0.2"
-    body = outcome.setup.body
-    assert body is not None
-    coco = int(np.isin(body.landmark_names("coco"), COCO).sum())
-    assert over["distance to published keypoints"] == f"{coco} COCO keypoints"
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("held_out", [("cam02", "cam04")])
-def test_errors_of_a_camera_are_told_alike_everywhere(
-    tmp_path: Path, held_out: tuple[str, ...]
-) -> None:
-    """Among the measures, above the picture, below it, and over as many keypoints."""
-    result = run(find("balance", {"held_out": held_out}), compare=False)
-    found = {measure.name: measure for measure in result.measures}
-    text = write_report(result, tmp_path / "balance").read_text(encoding="utf-8")
-    for i, overlay in enumerate(result.overlays):
-        name = f"reprojection, {overlay.view.name}{' (held out)' if overlay.view.held_out else ''}"
-        error, count = reprojection(overlay)
-        off = np.linalg.norm(overlay.view.observed - overlay.projected, axis=1)
-        assert error == pytest.approx(off[overlay.view.confidence > 0.2].mean(), rel=1e-12)
-        assert found[name].value == pytest.approx(error, rel=1e-12)
-        assert found[name].over.startswith(f"{count} keypoints")
-        _, (ax,) = sheet(4, 5)
-        plot_overlay(result, i, ax=ax)
-        assert ax.get_title("left").endswith(f"mean {error:.1f} px, {count} points")
-        said = caption_overlay(result, i)
-        assert (
-            f"{count} keypoints with a confidence above 0.2 lie on average {error:.1f} px" in said
-        )
-        assert f">{name}</td>" in text
-        assert said in text

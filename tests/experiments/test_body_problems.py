@@ -79,13 +79,6 @@ def test_numbered_starts_are_reproducible() -> None:
     assert all((random_start(body, 0, k, 0.3)["pose"] != truth["pose"]).all() for k in range(1, 5))
 
 
-def test_default_body_is_taken_by_name() -> None:
-    setup = built("body-vertices", body="default")
-    assert setup.body is not None
-    assert setup.body.n_vertices == 1229
-    assert setup.problem.free.size == 85
-
-
 def test_joints_alone_have_rank_53() -> None:
     """43 of pose and trans (tests/diagnostics), and 10 of shape."""
     alone, _ = standard("body-joints-alone")

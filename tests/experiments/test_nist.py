@@ -13,7 +13,7 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Setup, find
 from workbench.experiments.nist import MODELS, certified
 from workbench.fitting.known import KnownAnswer, digits
-from workbench.solvers import SOLVERS, LevenbergMarquardt, TrustRegion
+from workbench.solvers import SOLVERS, TrustRegion
 
 NAMES = [experiment.name for experiment in SUITES["nist"]]
 GRADIENT_TOLERANCE = 1e-12
@@ -142,14 +142,3 @@ def test_default_tolerance_gives_seven_digits() -> None:
     assert min(found[1e-6]) == pytest.approx(4.8, abs=0.1)
     assert np.mean(found[1e-12]) == pytest.approx(10.5, abs=0.1)
     assert min(found[1e-12]) > 7.5
-
-
-@pytest.mark.thorough
-def test_identity_scaling_keeps_seven_digits() -> None:
-    """Identity scaling is for bodies; all are solved, with digits lost here and there."""
-    tight = LevenbergMarquardt(gradient_tolerance=GRADIENT_TOLERANCE)
-    for name in NAMES:
-        setup, known = built(name, 1)
-        solution = tight.solve(setup.problem, setup.start)
-        assert known.values is not None
-        assert digits(solution.values, known.values) >= 7

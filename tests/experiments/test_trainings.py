@@ -8,7 +8,7 @@ import pytest
 from tests.tiers import few
 from workbench import LevenbergMarquardt, solve
 from workbench.errors import BadArgument, UnknownName
-from workbench.experiments import SUITES, Setup, find
+from workbench.experiments import Setup, find
 from workbench.experiments.small_trainings import GUESSES
 
 KEPT: dict[str, Setup] = {}
@@ -55,13 +55,6 @@ def test_linear_trainings_are_solved_in_one_step() -> None:
     x, fixed = setup.problem.split(setup.start)
     residual = setup.problem.residual(x + step, fixed)
     assert 0.5 * residual @ residual == pytest.approx(setup.known.cost, rel=1e-9)
-
-
-def test_unknowns_are_in_the_order_of_residuals() -> None:
-    """Another process, whose sets have another order, reads the same vector of unknowns."""
-    problem = standard("triangles-persons").problem
-    read = dict.fromkeys(name for residual in problem.residuals for name in residual.reads)
-    assert problem.free.names == tuple(name for name in read if name in problem.free.names)
 
 
 @pytest.mark.thorough
@@ -116,23 +109,6 @@ def test_e_y_makes_templates_symmetric() -> None:
 
 
 @pytest.mark.thorough
-def test_e_y_vanishes_on_symmetric_templates() -> None:
-    """The start has the first template of everybody, which is its own mirror image."""
-    setup = standard("training-two-sides")
-    problem, mirror = setup.problem, GUESSES["arms"]().mirror()
-    assert mirror is not None
-    even = problem.linearize(setup.start).residual
-    rng = np.random.default_rng(0)
-    change = 0.01 * rng.standard_normal((12, 3))
-    moved = setup.start | {"subject 0/template": setup.start["subject 0/template"] + change}
-    uneven = problem.linearize(moved).residual
-    for name, rows in problem.rows.items():
-        if name.startswith("E_Y"):
-            assert np.abs(even[rows]).max() < 1e-12
-            assert (np.abs(uneven[rows]).max() > 0.1) == (name == "E_Y subject 0/template")
-
-
-@pytest.mark.thorough
 def test_principal_components_are_the_minimum_of_shapes() -> None:
     shapes, saddle = standard("triangles-shapes"), standard("triangles-shapes-saddle")
     assert shapes.known is not None
@@ -183,8 +159,3 @@ def test_bad_arguments_are_refused() -> None:
     for name, given, wrong in REFUSED:
         with pytest.raises(wrong):
             find(name, given).setup()
-
-
-def test_suites_of_trainings_are_complete() -> None:
-    assert {len(SUITES["training"]), len(SUITES["triangles"])} == {5, 7}
-    assert sum(one.name.startswith("body-points-") for one in SUITES["bodies"]) == 4

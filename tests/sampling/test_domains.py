@@ -138,13 +138,6 @@ def test_samplers_draw_only_in_front() -> None:
     assert (depth(run.mixing.draws) > 0).all()
 
 
-@pytest.mark.thorough
-def test_draws_without_domain_are_behind_too() -> None:
-    """What the test above would see: half of the mass is there."""
-    drawn = sample(everywhere(SEEN), VALUES, steps=400, walkers=32, seed=1)
-    assert (depth(drawn.draws) < 0).mean() > 0.1
-
-
 def test_wide_gaussian_is_cut_off_at_the_camera() -> None:
     """Laplace's draws behind the camera are replaced; the others are what they were."""
     wide = problem(np.array([1.0, 0, 0, 0, 0]), 100.0)  # one corner: the prior alone has a depth
@@ -207,15 +200,6 @@ def test_costs_in_front_do_not_change(way: object) -> None:
     cost = limited.costs(x, fixed, None, way)(X)  # type: ignore[arg-type]
     assert np.isposinf(cost[::2]).all()
     np.testing.assert_allclose(cost[1::2], before[1::2], rtol=1e-12)
-
-
-@pytest.mark.thorough
-def test_long_graphs_know_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gradients of surfaces come one by one, by the chain rule, which knows no domain."""
-    monkeypatch.setattr("workbench.problem.batch.COMPILED_UP_TO", 10)
-    target = target_of(SEEN, VALUES)
-    z = np.array([target.subspace.centre, [-0.1, 0.2, -3.0, np.pi]])
-    assert np.isfinite(target.with_gradient(z)[0]).tolist() == [True, False]
 
 
 @pytest.mark.thorough

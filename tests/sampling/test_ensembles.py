@@ -20,7 +20,6 @@ from workbench.sampling.checkpoint import load
 from workbench.sampling.moves import (
     Snooker,
     Together,
-    _three,
     differential_evolution,
     refuse_biased,
     stretch,
@@ -110,16 +109,6 @@ def test_moves_are_invariant_under_affine_maps(move: Snooker | emcee.moves.Move)
     np.testing.assert_allclose(again, factor, atol=1e-12)
 
 
-def test_snooker_takes_three_different_others() -> None:
-    i, j, m = _three(3, 1000, np.random.RandomState(0))
-    assert {frozenset(t) for t in zip(i.tolist(), j.tolist(), m.tolist(), strict=True)} == {
-        frozenset({0, 1, 2})
-    }
-    pairs = np.bincount(3 * i + j, minlength=9)
-    assert (pairs[[0, 4, 8]] == 0).all()
-    assert (abs(pairs[[1, 2, 3, 5, 6, 7]] - 1000 / 6) < 60).all()
-
-
 @pytest.mark.thorough
 def test_killed_run_ends_bit_for_bit_as_uninterrupted(tmp_path: Path) -> None:
     path = tmp_path / "draws.h5"
@@ -139,16 +128,6 @@ def test_killed_run_ends_bit_for_bit_as_uninterrupted(tmp_path: Path) -> None:
     np.testing.assert_array_equal(taken_up.log_prob, whole.log_prob)
     assert taken_up.mixing.acceptance == whole.mixing.acceptance
     assert [p.name for p in tmp_path.iterdir()] == ["draws.h5"]  # and no litter
-
-
-@pytest.mark.thorough
-def test_checkpoint_is_a_file_of_emcee(tmp_path: Path) -> None:
-    path = tmp_path / "draws.h5"
-    posterior = run(str(path))
-    backend = emcee.backends.HDFBackend(str(path), name="ensemble 2", read_only=True)
-    assert backend.iteration == 200
-    kept = posterior.draws.shape[1]
-    np.testing.assert_array_equal(backend.get_chain()[-kept:], posterior.draws[2])
 
 
 def test_stopped_runs_are_taken_up(tmp_path: Path) -> None:

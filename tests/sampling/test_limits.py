@@ -229,24 +229,6 @@ def test_directions_stay_within_bounds(way: object, count: int) -> None:
         assert posterior.subspace.points(z).min() >= -1e-14
 
 
-@pytest.mark.thorough
-def test_laplace_of_all_directions_is_that_of_entries() -> None:
-    """The same Gaussian in the same orthant, in other coordinates: against rejection."""
-    C = conditioned(3, 5.0, seed=1)
-    problem, at = orthant(C), {"x": np.full(3, 0.2)}
-    proposed = np.random.default_rng(0).multivariate_normal(np.full(3, -0.5), C, 1_000_000)
-    right = proposed[(proposed >= 0).all(axis=1)]
-    assert len(right) > 10_000
-    for names in (None, directions(3, ("prior",))):
-        posterior = laplace(problem, at, names)
-        assert posterior.usable, posterior.verdict
-        x = posterior.subspace.points(posterior.flat)
-        for i in range(3):
-            found = [np.mean(right[:, i] <= q) for q in np.quantile(x[:, i], [0.1, 0.5, 0.9])]
-            # of 4000 draws, which are worth a third of it where flights do not forget all
-            np.testing.assert_allclose(found, [0.1, 0.5, 0.9], atol=4 * 0.5 * np.sqrt(3 / 4000))
-
-
 def test_integrated_ridge_stays_within_bounds() -> None:
     """y follows x, at half its size, and may not exceed 1: so x does not exceed 2."""
     x, y = wb.Block("x"), wb.Block("y")
@@ -295,24 +277,6 @@ def test_equations_give_the_conditional_gaussian(names: list[str]) -> None:
     assert str(posterior.conditioning).endswith(
         "every free number is sampled or follows by equations."
     )
-
-
-@pytest.mark.thorough
-def test_emcee_draws_on_equations() -> None:
-    problem, A, mean, C = tied_gaussian()
-    posterior = sample(
-        problem,
-        {"x": [1, 0, 0], "y": [0.5, 0]},
-        ["x[0]", "y"],
-        rest=determined,
-        walkers=32,
-        steps=1500,
-    )
-    x = posterior.subspace.points(posterior.flat)
-    np.testing.assert_allclose(x @ A.T, np.broadcast_to([1, 0.5], (len(x), 2)), atol=1e-12)
-    assert posterior.usable, posterior.verdict
-    few = posterior.mixing.effective.min()
-    assert (abs(x.mean(axis=0) - mean) < 5 * np.sqrt(np.diag(C) / few)).all()
 
 
 def test_bounds_hold_for_what_follows() -> None:

@@ -247,20 +247,6 @@ def test_joint_guess_is_nearer_than_rings() -> None:
     assert away.mean() < 0.6 * before.mean()
 
 
-def test_learned_regressor_lowers_the_cost() -> None:
-    estimate, held = true_estimate(), objective(Sigmas())
-    found = BLOCKS["regressor"](BlockInput(held, START.faces), estimate)
-    assert held.cost(found.estimate) < held.cost(estimate)
-    regressor = found.estimate.regressor
-    assert regressor is not None
-    np.testing.assert_allclose(
-        np.stack([regressor @ T for T in estimate.templates])[:, 1:],
-        estimate.joints[:, 1:],
-        atol=1e-6,
-    )
-    assert found.facts["kkt"] < 1e-8
-
-
 def test_held_templates_stay_at_the_first() -> None:
     first = START.template
     loose, tight = (
@@ -335,12 +321,6 @@ def test_missing_patches_cost_nothing() -> None:
     hidden = CorruptedRegistrations(DATA, seed=7, missing=0.2)
     exact = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
     assert exact.cost(true_estimate()) < 1e-18
-
-
-def test_start_without_a_segment_is_refused() -> None:
-    segments = np.where(START.segmentation == 5, 0, START.segmentation)
-    with pytest.raises(Exception, match="no vertex belongs to head"):
-        Start(START.template, START.faces, START.parents, START.joint_names, segments)
 
 
 def test_weak_joint_keeps_a_vertex() -> None:

@@ -1,6 +1,5 @@
 """Training on some of the vertices first: subsampled meshes, masked systems, collapsed edges."""
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -131,24 +130,6 @@ def test_large_mesh_is_trained_coarse_first(tmp_path: Path) -> None:
     again = train()
     for name, array in found.estimate.arrays().items():
         assert np.array_equal(array, again.estimate.arrays()[name])
-
-
-@pytest.mark.thorough
-def test_lost_segment_is_trained_on_all_vertices() -> None:
-    _, objective = _posed()
-    start = Start.of(BODY)
-    neck, head = (start.joint_names.index(name) for name in ("neck", "head"))
-    whole = np.flatnonzero(start.segmentation == head)
-    segmentation = start.segmentation.copy()
-    segmentation[whole[:-1]] = neck
-    odd = replace(start, segmentation=segmentation)
-    sides = odd.mirror()
-    assert sides is not None
-    chosen = {n: subsample(odd.template, odd.faces, n, sides.vertices) for n in range(60, 200, 20)}
-    lost = [n for n, few in chosen.items() if whole[-1] not in few.vertices]
-    plan = Plan((Stage(Sigmas(), ("rest",), 1, QUICK),), 2)
-    found = train_coarse_first(objective.registrations, odd, plan, coarse=lost[-1])
-    assert [entry.block for entry in found.log] == ["rest"]  # at once, on all vertices
 
 
 def test_scan_without_chosen_vertices_is_refused() -> None:

@@ -13,13 +13,13 @@ from tests.training.known_poses import Direct, learn
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, gradients
+from workbench.geometry.triangles import edges
 from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,
 )
 from workbench.studies.triangles.measures import additivity_gap, unposed
-from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
+from workbench.training.triangles.learning import PosedMeshes, learn_person
 from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
 from workbench.training.triangles.stitched_fit import (
     CentredVertices,
@@ -88,28 +88,6 @@ def test_generators_are_learned_back(
     assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
 
 
-def test_triangles_fitted_alone_do_not_close() -> None:
-    # Q straight from each mesh's own gradients: what SCAPE's triangles ask for does not close
-    true = generator()
-    betas, posed = drawn(true, 50, 1)
-    at = [
-        true.arithmetic.evaluate(p, betas[i])
-        for p, i in zip(posed.poses, posed.person, strict=True)
-    ]
-    X = gradients(true.template, posed.vertices, true.faces)
-    Q = np.linalg.solve(np.stack([a.B @ a.D for a in at]), X) - np.eye(3)
-    twists = np.stack([a.twists for a in at])
-    posedirs = np.stack(
-        [
-            np.linalg.lstsq(twists[:, f], Q[:, f].reshape(len(Q), 9))[0].T.reshape(3, 3, -1)
-            for f in range(true.n_faces)
-        ]
-    )
-    alone = replace(true, posedirs=posedirs)
-    poses = np.random.default_rng(3).normal(scale=0.5, size=(10, 3, 3))
-    assert abs(alone.vertices(poses) - true.vertices(poses)).max() > 1e-3
-
-
 @pytest.mark.thorough
 def test_one_person_is_learned_from_posed_meshes() -> None:
     true = generator()
@@ -128,18 +106,6 @@ def test_one_person_is_learned_from_posed_meshes() -> None:
         D = learn_person(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
         roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
     assert roughness[0] > roughness[1] > roughness[2]
-
-
-@pytest.mark.thorough
-def test_stronger_ridge_keeps_q_nearer_to_identity() -> None:
-    true = generator()
-    betas, posed = drawn(true, 20, 5)
-    sizes = [
-        np.linalg.norm(learn_bends(true, posed, betas, ridge=ridge, by=Lsqr(1e-7)).posedirs)
-        for ridge in (1e-4, 1e-2, 1.0, 100.0)
-    ]
-    assert (np.diff(sizes) < 0).all()
-    assert sizes[-1] < 0.02 * sizes[0]
 
 
 # Its parts.

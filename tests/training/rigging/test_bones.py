@@ -9,7 +9,7 @@ from workbench.errors import BadArgument
 from workbench.geometry.rigid import procrustes
 from workbench.training.rigging.bones import Bones, fit_bone_weights, fit_bones, rigid_motions
 from workbench.training.rigging.decomposition import alike, bones_needed, clusters, without_least
-from workbench.training.rigging.joints import candidate, joint_tree
+from workbench.training.rigging.joints import joint_tree
 
 GIVEN = driven(12, seed=3)
 
@@ -110,11 +110,3 @@ def test_joints_and_tree_of_true_bones_are_true() -> None:
         else:
             assert not len(joint.free)
             np.testing.assert_allclose(off, 0, atol=1e-9)
-
-
-def test_joint_along_a_hinge_is_beside_the_surface() -> None:
-    poses = np.zeros((8, 6, 3))
-    poses[:, 3, 2] = np.linspace(-1, 1, 8)
-    joint = candidate(bones_of(poses), GIVEN.body.template, 1, 3)
-    both = GIVEN.body.weights[:, 1] * GIVEN.body.weights[:, 3]
-    assert joint.place[2] == pytest.approx(both @ GIVEN.body.template[:, 2] / both.sum(), abs=1e-6)
