@@ -1,4 +1,4 @@
-"""The figure of the README: the times of the last run."""
+"""The figure of benchmarks/README.md: the times of the last run."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -12,10 +12,9 @@ from typing import Any
 # Compiled libraries are kept with the checkout, not in the user's own cache.
 os.environ.setdefault("WORKBENCH_CACHE", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
 
-import pytest  # noqa: E402
+import pytest
 
 TOGETHER = {  # files of tests that share what takes long, and a name for them
-    "test_examples.py": "examples",
     "test_site.py": "site",
     "test_no_hang.py": "no hang",
     "test_triangle_study.py": "triangles",

@@ -16,26 +16,34 @@ from workbench.installation import DISTRIBUTION, VERSION, pip_install, version_o
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 TEXTS = {".py", ".md", ".toml", ".yml", ".yaml", ".txt", ".cfg", ".sh", ".html", ".css", ""}
-HISTORY = "CHANGELOG.md"  # says what earlier versions printed
 NOT_OURS = re.compile(
     r"pip3? install (?:[^\s,;:`]+ )*?['\"]?workbench(?![\w/-])"  # pip install workbench
-    r"|(?<![\w-])workbench\[(?:course|dask|bench|test|dev)\]"  # workbench[course]
+    r"|(?<![\w-])workbench\[(?:course|dask|bench|test|thorough|dev)\]"  # workbench[course]
     r"|(?<!_)version\(['\"]workbench['\"]\)"  # importlib.metadata's
 )
 
 
 def texts() -> list[Path]:
     """All that is written by hand, wherever it stands in the tree."""
-    folders = ("workbench", "lectures", "examples", "benchmarks", "tests", ".ci")
+    folders = (
+        "workbench",
+        "lectures",
+        "examples",
+        "howto",
+        "builder",
+        "benchmarks",
+        "tests",
+        ".ci",
+    )
     inside = [path for folder in folders for path in (ROOT / folder).rglob("*")]
     return [
         path
         for path in (*ROOT.iterdir(), *inside)
-        if path.is_file() and path.suffix in TEXTS and path.name not in (HISTORY, ".git")
+        if path.is_file() and path.suffix in TEXTS and path.name != ".git"
     ]
 
 
-def test_the_strangers_name_is_recognised() -> None:
+def test_pattern_recognises_the_name_of_another_project() -> None:
     for wrong in (
         "pip install workbench",
         "pip install -U 'workbench[course]'",
@@ -52,7 +60,7 @@ def test_the_strangers_name_is_recognised() -> None:
         assert not NOT_OURS.search(right), right
 
 
-def test_nobody_is_told_to_install_a_package_of_somebody_else() -> None:
+def test_texts_name_our_own_distribution() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}: {found[0]}"
         for path in texts()
@@ -63,7 +71,7 @@ def test_nobody_is_told_to_install_a_package_of_somebody_else() -> None:
     assert len(texts()) > 500  # the tree was found
 
 
-def test_the_name_and_the_extras_are_those_of_the_project_file() -> None:
+def test_extras_named_in_code_exist() -> None:
     assert PROJECT["name"] == DISTRIBUTION
     extras = PROJECT["optional-dependencies"]
     for needed in [one for several in extras.values() for one in several]:
@@ -76,7 +84,7 @@ def test_the_name_and_the_extras_are_those_of_the_project_file() -> None:
     assert pip_install("course").count("[course]") == 2
 
 
-def test_the_version_is_that_of_the_code() -> None:
+def test_version_of_metadata_is_that_of_code() -> None:
     assert version_of(DISTRIBUTION) == VERSION
     assert version_of("nothing-of-that-name") is None
     try:
@@ -85,16 +93,17 @@ def test_the_version_is_that_of_the_code() -> None:
         pytest.skip("a checkout that is not installed has no metadata to compare with")
 
 
-def test_a_checkout_is_a_command_too(tmp_path: Path) -> None:
+def test_python_m_workbench_runs_from_a_checkout(tmp_path: Path) -> None:
     done = typed("--version", paths=(ROOT,), cwd=tmp_path)
     assert done.stdout == f"smpl-workbench {VERSION}\n"
     shown = typed("lecture", "show", "2", paths=(ROOT,), cwd=tmp_path)
     assert str(ROOT / "lectures" / "lec02_rotations" / "lecture.py") in shown.stdout
 
 
-def test_the_wheel_has_its_lectures_inside(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_wheel_has_its_lectures_and_works(tmp_path: Path) -> None:
     """Built, unpacked and used, from a folder that is no checkout."""
-    pytest.importorskip("hatchling", reason="hatchling is needed: pip install '.[test]'")
+    pytest.importorskip("hatchling", reason="hatchling is needed: pip install '.[thorough]'")
     build = "import sys; from hatchling.build import build_wheel; build_wheel(sys.argv[1])"
     subprocess.run([sys.executable, "-c", build, str(tmp_path)], cwd=ROOT, check=True)
     (wheel,) = tmp_path.glob("*.whl")

@@ -1,43 +1,72 @@
-"""Every example runs and asserts what it claims."""
+"""Every example runs, and what it claims holds."""
 
 import itertools
+import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import workbench as wb
+from tests.tiers import few
 from workbench.experiments import find
 
-EXAMPLES = sorted(p.stem for p in (Path(__file__).parents[1] / "examples").glob("[0-9]*.py"))
-
-
-LONG = ("15_how_well_a_person_is_known", "17_posterior_of_scape")  # held by tests below, as long
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.thorough) if n in LONG else n for n in EXAMPLES]
+FOLDER = Path(__file__).parents[1] / "examples"
+EXAMPLES = sorted(path.stem for path in FOLDER.glob("[0-9]*.py"))
+MINUTES = ("15_how_well_a_person_is_known", "17_posterior_of_scape")
+QUICK = (
+    "01_polynomial",
+    "02_known_correspondences",
+    "03_what_joints_cannot_see",
+    "05_one_camera",
+    "07_many_solvers",
+    "11_parts_of_a_pose",
+    "36_a_file_of_your_own",
 )
-def test_it_runs(name: str) -> None:
-    import_module(f"examples.{name}")
+Claim = Callable[[Any], None]
+CLAIMS: dict[str, list[Claim]] = {}
 
 
-def test_the_cubic_is_found_within_its_spread() -> None:
-    example = import_module("examples.01_polynomial")
+def claims_of(name: str) -> Callable[[Claim], Claim]:
+    def register(claim: Claim) -> Claim:
+        CLAIMS.setdefault(name, []).append(claim)
+        return claim
+
+    return register
+
+
+@pytest.mark.parametrize("name", few((n for n in EXAMPLES if n not in MINUTES), keep=QUICK))
+def test_example_runs_and_its_claims_hold(name: str) -> None:
+    example = import_module(f"examples.{name}")
+    try:
+        for claim in CLAIMS.get(name, ()):
+            claim(example)
+    finally:
+        del sys.modules[f"examples.{name}"]  # and the memory that it holds
+
+
+def test_claims_are_made_of_examples_that_exist() -> None:
+    assert set(CLAIMS) <= set(EXAMPLES)
+
+
+@claims_of("01_polynomial")
+def the_cubic_is_found_within_its_spread(example: Any) -> None:
     off = np.abs(example.solution.values["w"] - example.truth) / example.spread
     assert example.solution.converged
     assert off.max() < 4
 
 
-def test_the_body_is_found_within_the_noise() -> None:
-    example = import_module("examples.02_known_correspondences")
+@claims_of("02_known_correspondences")
+def the_body_is_found_within_the_noise(example: Any) -> None:
     assert example.solution.converged
     assert example.error.mean() < 0.0007  # 85 parameters average 1,107 noisy coordinates
 
 
-def test_joints_leave_thirty_two_directions_unseen() -> None:
-    example = import_module("examples.03_what_joints_cannot_see")
+@claims_of("03_what_joints_cannot_see")
+def joints_leave_thirty_two_directions_unseen(example: Any) -> None:
     assert example.diagnosis.rank == 40
     assert len(example.diagnosis.null_directions) == 32
     assert len(example.twists) == 17
@@ -45,8 +74,8 @@ def test_joints_leave_thirty_two_directions_unseen() -> None:
     assert example.skin_moved > 1e-5
 
 
-def test_soft_tissue_follows_a_motion() -> None:
-    example = import_module("examples.37_soft_tissue")
+@claims_of("37_soft_tissue")
+def soft_tissue_follows_a_motion(example: Any) -> None:
     assert example.same
     assert example.explained > 0.7
     once = [far for (_, times), far in sorted(example.farthest.items()) if times == 1]
@@ -55,16 +84,16 @@ def test_soft_tissue_follows_a_motion() -> None:
     assert once == sorted(once), "the heavier, the farther"
 
 
-def test_one_camera_sees_across_and_not_along() -> None:
-    example = import_module("examples.05_one_camera")
+@claims_of("05_one_camera")
+def one_camera_sees_across_and_not_along(example: Any) -> None:
     one, two = example.errors["one camera"].mean(axis=0), example.errors["two cameras"].mean(axis=0)
     assert one[2] > 4 * one[0]
     assert two.max() < 10  # mm
     assert example.sigmas["one camera"][2] > 5 * example.sigmas["two cameras"][2]
 
 
-def test_bundle_adjustment_is_invariant_to_similarities() -> None:
-    example = import_module("examples.29_the_gauge_of_bundle_adjustment")
+@claims_of("29_the_gauge_of_bundle_adjustment")
+def bundle_adjustment_is_invariant_to_similarities(example: Any) -> None:
     kinds = [direction.kind for direction in example.diagnosis.null_directions]
     assert sorted(kinds) == ["rotation"] * 3 + ["scale"] + ["translation"] * 3
     first = example.remedies[0]
@@ -74,8 +103,8 @@ def test_bundle_adjustment_is_invariant_to_similarities() -> None:
     assert example.solution.converged
 
 
-def test_a_sequence_shares_a_shape_and_fills_gaps() -> None:
-    example = import_module("examples.12_a_video")
+@claims_of("12_a_video")
+def a_sequence_shares_a_shape_and_fills_gaps(example: Any) -> None:
     assert example.together.converged
     assert example.together.trace[-1].linear_algebra == "band cholesky"
     alone, together = example.errors["frame by frame"], example.errors["as a sequence"]
@@ -87,9 +116,9 @@ def test_a_sequence_shares_a_shape_and_fills_gaps() -> None:
     assert spread["as a sequence"] < spread["frame by frame"] / 3
 
 
-def test_a_file_of_ones_own_is_taken_by_the_commands() -> None:
-    setup = find(str(Path(__file__).parents[1] / "examples" / "36_a_file_of_your_own.py")).setup()
-    example = import_module("examples.36_a_file_of_your_own")
+@claims_of("36_a_file_of_your_own")
+def a_file_of_ones_own_is_taken_by_the_commands(example: Any) -> None:
+    setup = find(str(FOLDER / "36_a_file_of_your_own.py")).setup()
     found = dict(setup.start) | wb.solve(setup.problem, setup.start).values
     places = example.body.joints(**{n: found[n] for n in ("pose", "betas", "trans")})
     assert np.abs(places[example.ankles, 1] - 0.08).max() < 0.005
@@ -97,16 +126,16 @@ def test_a_file_of_ones_own_is_taken_by_the_commands() -> None:
     assert wb.diagnose(setup.problem.without(*setup.priors), found).rank == 3
 
 
-def test_each_term_of_training_closes_directions() -> None:
-    example = import_module("examples.13_training_term_by_term")
+@claims_of("13_training_term_by_term")
+def each_term_of_training_closes_directions(example: Any) -> None:
     assert example.data.shape == (4320, 2700)
     assert example.open_with == {"E_D": 31, "E_D + E_T": 16, "E_D + E_T + E_P": 12}
     kinds = {direction.kind for direction in example.data.null_directions}
     assert kinds == {"shift", "gauge"}  # every one of them has a name
 
 
-def test_robust_kernels_leave_outliers_alone() -> None:
-    example = import_module("examples.06_outliers")
+@claims_of("06_outliers")
+def robust_kernels_leave_outliers_alone(example: Any) -> None:
     squares, huber, geman = (example.errors[name].mean() for name in example.KERNELS)
     assert squares > 100  # mm
     assert squares > 5 * huber > 10 * geman
@@ -114,15 +143,15 @@ def test_robust_kernels_leave_outliers_alone() -> None:
     assert example.rho["Geman-McClure"].max() < 1
 
 
-def test_every_solver_ends_in_the_same_place() -> None:
-    example = import_module("examples.07_many_solvers")
+@claims_of("07_many_solvers")
+def every_solver_ends_in_the_same_place(example: Any) -> None:
     for name, end in example.ends.items():
         np.testing.assert_allclose(end, [1, 1], atol=1e-5, err_msg=name)
     assert example.calls["gauss-newton"] < example.calls["steepest-descent"] / 3
 
 
-def test_the_posterior_leans_and_laplace_does_not() -> None:
-    example = import_module("examples.08_posterior")
+@claims_of("08_posterior")
+def the_posterior_leans_and_laplace_does_not(example: Any) -> None:
     assert example.posterior.usable
     a, k, c = example.lean
     assert a > 1.2
@@ -132,8 +161,8 @@ def test_the_posterior_leans_and_laplace_does_not() -> None:
     assert inside.all()
 
 
-def test_training_is_fitting_with_the_template_free() -> None:
-    example = import_module("examples.09_training_in_a_sentence")
+@claims_of("09_training_in_a_sentence")
+def training_is_fitting_with_the_template_free(example: Any) -> None:
     assert example.solution.converged
     assert example.before > 0.009  # m
     assert example.after < 0.001
@@ -141,15 +170,15 @@ def test_training_is_fitting_with_the_template_free() -> None:
     assert max(example.noticed.values()) < 1e-9
 
 
-def test_a_cloud_without_names_is_fitted_round_by_round() -> None:
-    example = import_module("examples.10_depth_map")
+@claims_of("10_depth_map")
+def a_cloud_without_names_is_fitted_round_by_round(example: Any) -> None:
     assert example.errors[-1] < example.errors[0] / 4
     assert example.gaps[-1] < 10  # mm, between points that are as far apart
     assert example.front.mean() < 30
 
 
-def test_parts_of_a_pose_are_free_by_name_and_made_of_anything() -> None:
-    example = import_module("examples.11_parts_of_a_pose")
+@claims_of("11_parts_of_a_pose")
+def parts_of_a_pose_are_free_by_name_and_made_of_anything(example: Any) -> None:
     labels = [example.root.free.label(i) for i in range(6)]
     assert labels == [*(f"trans[{a}]" for a in "xyz"), *(f"pose[pelvis, {a}]" for a in "xyz")]
     held = example.placed.values["pose"][1:]
@@ -166,8 +195,8 @@ def test_parts_of_a_pose_are_free_by_name_and_made_of_anything() -> None:
     np.testing.assert_allclose(np.asarray(J), here.jacobian, atol=1e-9)
 
 
-def test_three_body_models_are_fitted_to_the_same_points() -> None:
-    example = import_module("examples.14_three_body_models")
+@claims_of("14_three_body_models")
+def three_body_models_are_fitted_to_the_same_points(example: Any) -> None:
     assert len(example.FRAMES) == 12
     for frame in example.FRAMES:
         places, seen, held = example.keypoints(frame)
@@ -186,9 +215,8 @@ def test_three_body_models_are_fitted_to_the_same_points() -> None:
     assert 10 < example.apart["SCAPE"].mean() < example.apart["BlendSCAPE"].mean() < 30  # mm
 
 
-@pytest.mark.thorough
-def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
-    example = import_module("examples.15_how_well_a_person_is_known")
+@claims_of("15_how_well_a_person_is_known")
+def a_second_camera_narrows_what_is_known_of_a_person(example: Any) -> None:
     for posterior in example.posteriors.values():
         assert posterior.usable
         assert posterior.size == posterior.problem.free.size == 3 + 3 + 24 + 10
@@ -211,9 +239,8 @@ def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
         assert (abs(example.reference - middle) < 2 * example.sds[name]).all()
 
 
-@pytest.mark.thorough
-def test_joints_tell_pose_and_shape_of_scape() -> None:
-    example = import_module("examples.17_posterior_of_scape")
+@claims_of("17_posterior_of_scape")
+def joints_tell_pose_and_shape_of_scape(example: Any) -> None:
     posterior = example.posterior
     assert posterior.usable
     assert posterior.size == posterior.problem.free.size == 28
@@ -229,8 +256,8 @@ def test_joints_tell_pose_and_shape_of_scape() -> None:
     assert "chain of nearly two million evaluations" in " ".join(example.__doc__.split())
 
 
-def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
-    example = import_module("examples.16_nine_numbers_or_three")
+@claims_of("16_nine_numbers_or_three")
+def nine_numbers_cost_more_except_for_one_small_turn(example: Any) -> None:
     assert example.SEEDS == 20
     medians = {key: np.median(counts) for key, counts in example.iterations.items()}
     for case in example.CASES:
@@ -259,8 +286,8 @@ def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
             assert example.at_best[case, form, solver] == example.SEEDS
 
 
-def test_free_vertices_come_nearer_to_a_scanned_person_than_the_model() -> None:
-    example = import_module("examples.18_a_body_on_a_scan")
+@claims_of("18_a_body_on_a_scan")
+def free_vertices_come_nearer_to_a_scanned_person_than_the_model(example: Any) -> None:
     assert not example.warnings
     assert max(example.model) < 15  # mm
     seen, hidden = np.array(example.free) / np.array(example.model)
@@ -268,16 +295,15 @@ def test_free_vertices_come_nearer_to_a_scanned_person_than_the_model() -> None:
     assert hidden < 1
 
 
-def test_scans_registered_together_come_nearer_to_the_truth() -> None:
-    example = import_module("examples.28_scans_together")
+@claims_of("28_scans_together")
+def scans_registered_together_come_nearer_to_the_truth(example: Any) -> None:
     assert example.costs == sorted(example.costs, reverse=True)
     for apart, together in zip(example.found["apart"], example.found["together"], strict=True):
         assert together < 0.97 * apart
 
 
-def test_a_motion_comes_back_from_its_files(capsys: pytest.CaptureFixture[str]) -> None:
-    example = import_module("examples.33_motions_and_their_files")
-    capsys.readouterr()
+@claims_of("33_motions_and_their_files")
+def a_motion_comes_back_from_its_files(example: Any) -> None:
     found, fast, body = example.found, example.fast, example.body
     assert found.bones is not None
     assert fast.seconds == pytest.approx(2.0)
@@ -287,9 +313,8 @@ def test_a_motion_comes_back_from_its_files(capsys: pytest.CaptureFixture[str]) 
     assert np.abs(found.joints()[:, example.order] - fast.joints(body)).max() < 1e-6
 
 
-def test_an_arm_gets_the_skeleton_that_moved_it(capsys: pytest.CaptureFixture[str]) -> None:
-    example = import_module("examples.32_a_skeleton_from_meshes")
-    capsys.readouterr()
+@claims_of("32_a_skeleton_from_meshes")
+def an_arm_gets_the_skeleton_that_moved_it(example: Any) -> None:
     assert example.body.n_joints == 5
     assert max(example.found.rms, example.held_out) < 1e-8  # m
     assert example.gaps.min(axis=1).max() < 1e-6
@@ -298,8 +323,8 @@ def test_an_arm_gets_the_skeleton_that_moved_it(capsys: pytest.CaptureFixture[st
     assert "along (0.00, 0.00, 1.00)" in slides
 
 
-def test_a_second_camera_and_ten_markers_are_chosen() -> None:
-    example = import_module("examples.30_what_to_measure_next")
+@claims_of("30_what_to_measure_next")
+def a_second_camera_and_ten_markers_are_chosen(example: Any) -> None:
     second, overall = example.second, example.overall
     assert len(second.ranking) == 36
     assert 0.1 < second.before.sd < 0.3  # m
@@ -313,8 +338,8 @@ def test_a_second_camera_and_ten_markers_are_chosen() -> None:
     assert 0 < len(example.shared) < 10
 
 
-def test_a_scan_says_more_of_a_hand_than_its_skeleton() -> None:
-    example = import_module("examples.31_a_scanned_hand")
+@claims_of("31_a_scanned_hand")
+def a_scan_says_more_of_a_hand_than_its_skeleton(example: Any) -> None:
     assert example.ranks == {"16 joints": 23, "21 points": 38}
     means = {name: off.mean() for name, off in example.errors.items()}  # mm
     assert means["scan"] < means["21 points"] < 3
@@ -325,8 +350,90 @@ def test_a_scan_says_more_of_a_hand_than_its_skeleton() -> None:
     assert median < 0.5
 
 
-def test_a_hand_is_found_from_joints_and_finger_tips() -> None:
-    example = import_module("examples.34_a_hand")
+@claims_of("34_a_hand")
+def a_hand_is_found_from_joints_and_finger_tips(example: Any) -> None:
     assert all(solution.converged for solution in example.solutions)
     assert np.median(example.medians) < 2  # mm, with 2 mm of noise
     assert example.apart < 1e-12  # m
+
+
+@claims_of("20_ablated_smpl")
+def every_ablation_is_seen_and_no_fit_makes_up_for_it(example: Any) -> None:
+    assert example.away["no blend weights"].max() > 50  # mm
+    assert 1 < example.away["no pose blend shapes"].mean() < 5
+    assert example.away["no shape blend shapes"].mean() > 30
+    assert all(left > 1 for left in example.residuals_left.values())
+
+
+@claims_of("21_pose_blends")
+def blend_shapes_are_of_the_joints_that_turned(example: Any) -> None:
+    assert example.turned == ["left_elbow", "left_knee", "right_hip", "right_knee", "right_wrist"]
+    assert not example.at_rest.any()
+    assert 10 < example.largest < 60  # mm
+    off = {
+        name: np.linalg.norm(v - example.surfaces["SMPL"], axis=1).mean()
+        for name, v in example.surfaces.items()
+    }
+    assert off["dual quaternions alone"] < off["linear blending alone"]
+
+
+@claims_of("22_linear_blending_fails")
+def linear_blending_fails_as_the_laws_say(example: Any) -> None:
+    assert example.off_the_law < 1e-12
+    assert example.off_the_integral < 1e-3
+    linear, dual, smpl = (example.wrist[name][-1] for name in example.ways)
+    assert linear < smpl < 1
+    np.testing.assert_allclose(dual, 1, atol=1e-12)
+    at_right_angles = example.bends.searchsorted(np.pi / 2 - 1e-9)
+    lost = [-example.elbow[name][at_right_angles] for name in example.ways]
+    assert max(lost[1:]) < 0.8 * lost[0]
+
+
+@claims_of("23_predicting_blend_shapes")
+def only_rotation_elements_come_back_after_one_turn(example: Any) -> None:
+    grown = example.once_round
+    assert abs(grown["LBS + rotation elements (SMPL)"]) < 1e-9  # mm
+    assert grown["LBS + theta"] > 1
+    assert grown["LBS + quaternions"] > 1
+    best, *_, worst = sorted(example.errors, key=example.errors.__getitem__)
+    assert (best, worst) == ("LBS + rotation elements (SMPL)", "linear blending (LBS)")
+
+
+@claims_of("24_shape_directions")
+def shape_directions_explain_and_joints_go_with_them(example: Any) -> None:
+    np.testing.assert_allclose(example.own * example.shares.sum(), example.shares, atol=2e-3)
+    assert (np.diff(example.left, axis=0) <= 1e-15).all()
+    assert example.left[-1].mean() < 0.2 * example.left[0].mean()
+    mean = example.gallery["mean"]
+    for k in range(5):  # straight lines through the mean
+        ends = [example.gallery[f"betas[{k}] {sign}3 sd"] for sign in "+-"]
+        assert np.abs(sum(ends) / 2 - mean).max() < 0.01
+    assert example.moved.max() > 0.1  # m
+    assert example.wrong.max() > 0.03
+
+
+@claims_of("24_shape_directions")
+def the_numbers_of_a_body_are_counted(example: Any) -> None:
+    published = {name: count for name, (count, _) in example.PUBLISHED.items()}
+    assert sum(published.values()) == 6_014_970
+    released = example.sizes(6890, 24, 10)
+    assert released["posedirs"] == 4_278_690 == 3 * 9 * 23 * 6890
+    assert released["template"] + released["shapedirs"] == 227_370
+    assert sum(released.values()) == 4_836_780
+    for name in ("template", "shapedirs", "posedirs"):
+        assert published[name] == released[name]
+    assert published["weights"] == 3 * 4 * 6890 != released["weights"] == 165_360
+    assert published["J_regressor"] == 3 * 6890 * 23 * 3 != 23 * 6890 == 158_470
+    for name in ("posedirs", "weights", "J_regressor"):
+        assert example.PUBLISHED[name][1]
+    body = example.body
+    sizes = example.sizes(body.n_vertices, body.n_joints, body.n_betas)
+    assert {name: array.size for name, array in example.here.items()} == sizes
+
+
+@claims_of("25_separate_parts")
+def parts_come_off_and_the_tree_holds(example: Any) -> None:
+    assert example.numbers == (144, 75)
+    assert example.no_gaps.max() < 1e-11
+    assert example.gaps.max() > 0.02
+    assert example.errors["a tree"].mean() < example.errors["separate parts"].mean()

@@ -13,6 +13,8 @@ from tests.fitting.test_scan_terraces import from_behind, rounded
 from workbench import load_body
 from workbench.registration import FitStage
 
+pytestmark = pytest.mark.thorough
+
 EXAMPLE = import_module("examples.26_people_seen_by_a_kinect")
 SCRIPT = Path(EXAMPLE.__file__)
 FEW_STAGES = (
@@ -54,7 +56,6 @@ def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
     assert (tmp_path / "people.png").stat().st_size > 10_000
 
 
-@pytest.mark.thorough
 @pytest.mark.skipif(
     "WORKBENCH_KINECT" not in os.environ, reason="set WORKBENCH_KINECT to kinect_people.npz"
 )

@@ -1,4 +1,4 @@
-"""Whoever gives something of the wrong kind reads a sentence of ours, not of CasADi or NumPy."""
+"""Arguments of a wrong kind are refused in our sentences, not in those of CasADi or NumPy."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,7 +33,7 @@ CAMERA = wb.Camera("cam/")
 X = wb.Block("x", (3,))
 PROBLEM = wb.Problem([gaussian(X.symbol)], "x")
 
-NONE_OF_IT: dict[str, Any] = {
+WRONG_KINDS: dict[str, Any] = {
     "SX": cs.SX.sym("q", 3),
     "text": "abc",
     "None": None,
@@ -155,22 +155,22 @@ CALLS: dict[str, Callable[[Any], object]] = {
 }
 
 
-@pytest.mark.parametrize("call", CALLS.values(), ids=list(CALLS))
-def test_what_is_of_the_wrong_kind_is_told_in_a_sentence(call: Callable[[Any], object]) -> None:
-    told = []
-    for value in NONE_OF_IT.values():
-        try:
-            call(value)
-        except wb.WorkbenchError as error:  # any other exception fails, with its own words
-            told.append(str(error))
-    assert told
-    assert not [words for words in told if "Wrong number or type of arguments" in words]
+def test_arguments_of_wrong_kinds_get_errors_of_the_workbench() -> None:
+    for name, call in CALLS.items():
+        messages = []
+        for kind, value in WRONG_KINDS.items():
+            try:
+                call(value)
+            except wb.WorkbenchError as error:
+                messages.append(str(error))
+            except Exception as error:
+                pytest.fail(f"{name} of {kind}: {type(error).__name__}: {error}")
+        assert messages, f"{name} takes everything"
+        raw = [words for words in messages if "Wrong number or type of arguments" in words]
+        assert not raw, f"{name} repeats what CasADi says: {raw[0]}"
 
 
-# What the field tried, one by one.
-
-
-def test_what_is_no_body_has_no_sliders_and_no_card(tmp_path: Path) -> None:
+def test_pages_of_bodies_refuse_other_objects(tmp_path: Path) -> None:
     body = scape(BODY)
     with pytest.raises(BadArgument, match="the page of sliders is made of a SkinnedBody"):
         sliders_page("small")  # type: ignore[arg-type]
@@ -183,7 +183,7 @@ def test_what_is_no_body_has_no_sliders_and_no_card(tmp_path: Path) -> None:
     assert body.landmark_names("coco") == BODY.landmark_names("coco")
 
 
-def test_transposed_symbols_are_named() -> None:
+def test_transposed_symbols_are_refused() -> None:
     bare = wb.Block("p", (24, 3)).symbol
     with pytest.raises(BadResidual, match=r"matrix \(3, N\).* not \(24, 3\); transpose it"):
         keypoints(bare.T, CAMERA, np.zeros((24, 2)), np.ones(24), sigma=1.0)
@@ -194,7 +194,7 @@ def test_transposed_symbols_are_named() -> None:
         edges(JOINTS, np.zeros((24, 3)), [[0, 1], [1, 2]], sigma=1.0, confidence=trust.T)
 
 
-def test_a_free_block_that_nobody_reads() -> None:
+def test_free_blocks_must_be_read() -> None:
     y = wb.Block("y", (2,))
     text = r"no residual and no constraint reads the block 'y'.*they read x\. Do not free"
     with pytest.raises(UnreadBlock, match=text):
@@ -207,7 +207,7 @@ def test_a_free_block_that_nobody_reads() -> None:
         wb.Problem([gaussian(X.symbol)], [X])  # type: ignore[list-item]
 
 
-def test_points_that_are_not_listed() -> None:
+def test_points_must_be_listed() -> None:
     text = r"reads placeholder\(vertices\), a symbol that stands for points.*points=\(points"
     with pytest.raises(BadResidual, match=text):
         wb.Residual("r", cs.vec(SURFACE.symbol), 1.0, "m")
@@ -219,7 +219,7 @@ def test_points_that_are_not_listed() -> None:
         wb.Residual("r", cs.vec(SURFACE.symbol), 1.0, points=SURFACE)  # type: ignore[arg-type]
 
 
-def test_a_residual_is_derived_by_blocks_once_it_is_written_in_them() -> None:
+def test_graph_of_a_residual_is_differentiable_by_blocks() -> None:
     pose = SYMBOLS[0]
     residual = landmarks(JOINTS, BODY.joints(), sigma=0.01)
     assert cs.jacobian(residual.expression, pose).nnz() == 0  # a placeholder is a symbol of its own
@@ -234,7 +234,7 @@ def test_a_residual_is_derived_by_blocks_once_it_is_written_in_them() -> None:
     np.testing.assert_allclose(numbers, expected, atol=1e-12)  # of lengths of order 1 m
 
 
-def test_keypoints_bring_the_units_and_labels_of_their_camera() -> None:
+def test_keypoints_have_units_and_labels_of_their_camera() -> None:
     seen = keypoints(JOINTS, CAMERA, np.zeros((24, 2)), np.ones(24), sigma=1.0)
     problem = wb.Problem([seen], ("trans", "cam/focal", "cam/rotation"))
     assert [block.unit for block in problem.free.blocks] == ["m", "px", "rad"]
@@ -245,7 +245,7 @@ def test_keypoints_bring_the_units_and_labels_of_their_camera() -> None:
     assert wb.Problem([other], "x", blocks=[mine]).free.label(1) == "x[b]"
 
 
-def test_sets_of_landmarks_that_nobody_could_ask_for() -> None:
+def test_landmark_sets_are_checked() -> None:
     one = wb.Landmarks(("a",), np.eye(1, BODY.n_vertices))
     for body in (BODY, scape(BODY)):
         with pytest.raises(BadBody, match="called 'joints' could not be reached"):
@@ -257,7 +257,7 @@ def test_sets_of_landmarks_that_nobody_could_ask_for() -> None:
         assert replace(body, landmarks={"mine": one}).landmark("mine").shape == (1, 3)
 
 
-def test_of_many_names_the_first_are_told() -> None:
+def test_long_lists_of_names_are_truncated() -> None:
     assert [joined("abc"[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
     assert some_of(["a", "b"]) == "a, b"
     assert some_of(list("abcdefg")) == "a, b, c, d, e and 2 more"

@@ -1,6 +1,6 @@
-"""One thread, unless told otherwise; and others keep theirs."""
+"""How many threads BLAS and our own loops use."""
 
-import time
+import threading
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -14,7 +14,7 @@ def counts() -> set[int]:
 
 
 @pytest.mark.parametrize(("said", "threads"), [(None, 1), ("2", 2)])
-def test_the_limit_holds_inside_and_is_lifted(
+def test_thread_limit_holds_inside_and_is_lifted(
     monkeypatch: pytest.MonkeyPatch, said: str | None, threads: int
 ) -> None:
     monkeypatch.delenv("WORKBENCH_THREADS", raising=False)
@@ -29,24 +29,28 @@ def test_the_limit_holds_inside_and_is_lifted(
 
 
 @pytest.mark.parametrize("said", ["0", "many", "-1", "1.5"])
-def test_a_count_is_a_count(monkeypatch: pytest.MonkeyPatch, said: str) -> None:
+def test_thread_counts_that_are_none_are_refused(
+    monkeypatch: pytest.MonkeyPatch, said: str
+) -> None:
     monkeypatch.setenv("WORKBENCH_THREADS", said)
     with pytest.raises(WorkbenchError, match="1 or more"):
         thread_count()
 
 
-def test_the_libraries_are_named() -> None:
+def test_libraries_are_named() -> None:
     assert all("threads" in text for text in blas_libraries())
 
 
-def test_what_was_begun_is_waited_for() -> None:
+def test_for_each_waits_for_all_parts_when_one_raises() -> None:
     """Also if the part of this thread raises: others write to memory that must not go before."""
     ended = []
+    raised = threading.Event()
 
     def compute(part: int) -> None:
         if part == 0:
+            raised.set()
             raise KeyboardInterrupt
-        time.sleep(0.05)
+        assert raised.wait(60)
         ended.append(part)
 
     with pytest.raises(KeyboardInterrupt):

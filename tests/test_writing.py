@@ -28,7 +28,7 @@ def write(path: Path, text: str) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
-def test_what_a_killed_writer_leaves_is_swept_by_the_next(tmp_path: Path) -> None:
+def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
     path = tmp_path / "me [1].obj"
     subprocess.run([sys.executable, "-c", KILLED, str(path)], timeout=60, check=False)
     (left,) = tmp_path.iterdir()
@@ -40,7 +40,7 @@ def test_what_a_killed_writer_leaves_is_swept_by_the_next(tmp_path: Path) -> Non
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_what_a_living_writer_writes_is_left_alone(
+def test_temporary_files_of_living_writers_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "me.obj"
@@ -56,14 +56,14 @@ def test_what_a_living_writer_writes_is_left_alone(
     assert path.read_text() == "first"
 
 
-def test_long_names_have_temporaries_too(tmp_path: Path) -> None:
+def test_long_file_names_have_short_temporary_names(tmp_path: Path) -> None:
     path = tmp_path / ("长" * 80 + ".txt")
     write(path, "whole")
     assert [found.name for found in tmp_path.iterdir()] == [path.name]
     assert len(os.fsencode(temporary_prefix(path))) < 200
 
 
-def test_large_arrays_are_stored_as_they_are(
+def test_large_arrays_are_stored_uncompressed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Zeros shrink a thousand times, and what grows as much when it is read is refused."""

@@ -3,7 +3,8 @@
 The environment decides: WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and
 WORKBENCH_CACHE (else XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder that libraries
 are kept in. They are never needed: whoever asks for a library can compute the same numbers in
-another way.
+another way. What is loaded runs with all rights of the user, so that a folder or a library which
+belongs to somebody else, or which others can write to, is not used.
 """
 
 import ctypes
@@ -12,10 +13,12 @@ import logging
 import os
 import shlex
 import shutil
+import stat
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -29,7 +32,10 @@ from workbench.writing import write_file
 LOG = logging.getLogger(__name__)
 NATIVE = ("-march=native", "-mcpu=native")  # what compilers call the processor they run on
 FLAGS = ("-O2", "-ffp-contract=fast", "-fPIC", "-shared", "-fvisibility=hidden", "-w")
-LONGEST = 120  # seconds that a compiler may take
+LONGEST = 60.0  # seconds that a compiler may take for a library
+ANSWER = 5.0  # seconds in which it says its version
+OTHERS = stat.S_IWGRP | stat.S_IWOTH  # may write
+HUNG: set[tuple[str, ...]] = set()  # compilers that did not end in this process
 
 
 class NoLibrary(WorkbenchError):
@@ -68,15 +74,26 @@ def find_compiler() -> Compiler:
     found = [(path, *c[1:]) for c in candidates if c and (path := shutil.which(c[0]))]
     if not found:
         raise NoLibrary("no C compiler on the PATH (gcc, clang, cc), and none named by CC")
+    answer = _asked(tuple(found[0]))
+    if isinstance(answer, str):
+        raise NoLibrary(answer)
+    return answer
+
+
+@cache  # a compiler that hangs costs its time once
+def _asked(command: tuple[str, ...]) -> Compiler | str:
+    """The compiler that this command is, or why it is none."""
     why = ""
     for native in NATIVE:  # its macros name its version and every instruction set
         try:
-            macros = _output([*found[0], native, "-dM", "-E", "-x", "c", os.devnull])
+            macros = _output([*command, native, "-dM", "-E", "-x", "c", os.devnull], ANSWER)
         except NoLibrary as error:
             why = str(error)
-            continue
-        return Compiler(found[0], native, macros)
-    raise NoLibrary(why)
+            if isinstance(error.__cause__, subprocess.TimeoutExpired):
+                break
+        else:
+            return Compiler(command, native, macros)
+    return why
 
 
 def cache_folder() -> Path:
@@ -107,18 +124,25 @@ def library(
     digest of the file itself, so that one which is damaged is never loaded. Raises NoLibrary.
     """
     compiler = find_compiler()
+    if compiler.command in HUNG:
+        raise NoLibrary(f"{compiler.command[0]} took over {LONGEST:.0f} s before")
     flags = (*FLAGS, compiler.native, *more)
     key = _digest("\0".join((source, *compiler.command, compiler.target, *flags)).encode())
-    folder = cache_folder()
-    for kept in sorted(folder.glob(f"{name}-{key}-*.so")) if folder.is_dir() else ():
+    for kept in _kept(f"{name}-{key}-*.so"):
         try:
+            _check_own(kept)
             if _digest(kept.read_bytes()) != kept.stem.rsplit("-", 1)[-1]:
                 raise NoLibrary("it is damaged")
             return _loaded(kept, trusted)
         except (NoLibrary, OSError) as error:
             LOG.warning("not using %s: %s", kept, error)
             _discard(kept)
-    return _compiled(name, key, source, [*compiler.command, *flags], trusted)
+    try:
+        return _compiled(name, key, source, [*compiler.command, *flags], trusted)
+    except NoLibrary as error:
+        if isinstance(error.__cause__, subprocess.TimeoutExpired):
+            HUNG.add(compiler.command)
+        raise
 
 
 def library_or_none(
@@ -164,6 +188,28 @@ def source_beside(package: str, name: str) -> str:
     return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
+def _kept(pattern: str) -> list[Path]:
+    """The libraries of this name in the cache; none if it cannot be trusted."""
+    folder = cache_folder().resolve()
+    if not folder.is_dir():
+        return []
+    try:
+        _check_own(folder)
+    except NoLibrary as error:
+        LOG.warning("not using %s: %s", folder, error)
+        return []
+    return sorted(folder.glob(pattern))
+
+
+def _check_own(path: Path) -> None:
+    """Raise NoLibrary if somebody else could have written this file or folder."""
+    found = path.lstat()
+    if found.st_uid != os.geteuid():
+        raise NoLibrary("it belongs to another user; set WORKBENCH_CACHE to a folder of your own")
+    if found.st_mode & OTHERS:
+        raise NoLibrary(f"others can write to it; run chmod go-w {shlex.quote(str(path))}")
+
+
 def _compiled(
     name: str, key: str, source: str, command: list[str], trusted: Callable[[ctypes.CDLL], bool]
 ) -> ctypes.CDLL:
@@ -172,13 +218,15 @@ def _compiled(
         with tempfile.TemporaryDirectory(prefix="workbench-") as private:
             text, made = Path(private, f"{name}.c"), Path(private, f"{name}.so")
             text.write_text(source, encoding="utf-8")
-            _output([*command, text.name, "-o", made.name], private)
+            _output([*command, text.name, "-o", made.name], LONGEST, private)
             compiled = made.read_bytes()
             try:
-                path = cache_folder() / f"{name}-{key}-{_digest(compiled)}.so"
-                path.parent.mkdir(parents=True, exist_ok=True)
+                path = cache_folder().resolve() / f"{name}-{key}-{_digest(compiled)}.so"
+                path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                _check_own(path.parent)
                 write_file(path, compiled)
-            except (OSError, BadFile) as error:
+                path.chmod(0o600)
+            except (OSError, BadFile, NoLibrary) as error:
                 LOG.warning("compiled for this process only: %s", error)
                 return _loaded(made, trusted)
             try:
@@ -201,11 +249,11 @@ def _loaded(path: Path, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
     return loaded
 
 
-def _output(command: list[str], folder: str | None = None) -> str:
-    """The output of a command. Raises NoLibrary if it fails."""
+def _output(command: list[str], seconds: float, folder: str | None = None) -> str:
+    """The output of a command. Raises NoLibrary if it fails or takes longer."""
     try:
         done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=False
+            command, cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NoLibrary(f"{command[0]} does not run: {error}") from error

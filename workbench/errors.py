@@ -51,9 +51,17 @@ def _items(several: list[object] | tuple[object, ...], most: int, levels: int) -
     return f"{left}{', '.join(parts + more)}{comma}{right}"
 
 
+def message_of(error: object) -> str:
+    """What an error says; also of one of a user's own whose text cannot be made."""
+    try:
+        return str(error)
+    except Exception as why:
+        return f"its message cannot be made: {type(why).__name__} in __str__"
+
+
 def cut(text: object, most: int = LONGEST_MESSAGE) -> str:
     """A text, or what an error says, cut to `most` characters and printable on any terminal."""
-    full = str(text) or type(text).__name__
+    full = message_of(text) or type(text).__name__
     short = full if len(full) <= most else f"{full[:most]}..."
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in short)
 

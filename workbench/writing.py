@@ -1,4 +1,9 @@
-"""Writing files whole or not at all."""
+"""Writing files whole or not at all.
+
+A checkpoint or stored result that cannot be written is reported once, as a warning in the log, and
+the work goes on (`Keeping`); an output that a command promised is an error. HDF5 may only write to
+memory: after a failed write to a disk it crashes the process when Python exits.
+"""
 
 import hashlib
 import logging

@@ -14,8 +14,8 @@ from builder.site.signatures import fields, is_property, of_class, of_function
 WORD = re.compile(r"[A-Za-z_]\w*")
 PLOT, CAPTION = "plot_", "caption_"  # the names of a figure's functions begin so
 INTRODUCTION = (
-    "Every public name of the workbench has a page, under the room that defines it. The names in "
-    "the first table are what most programs need: after `import workbench as wb` they are "
+    "Every public name of the workbench has a page, under the package that defines it. The "
+    "names in the first table are what most programs need: after `import workbench as wb` they are "
     "`wb.solve` and so on, and each has an example that was run when this site was built."
 )
 

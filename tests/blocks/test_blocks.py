@@ -1,41 +1,38 @@
-"""A block's symbol, its memory, and the names of its entries."""
+"""Blocks, their symbols and names; packing their values into a vector and back."""
 
 import copy
 import pickle
-from typing import Any
 
 import casadi as cs
 import numpy as np
 import pytest
 
-from workbench.blocks import Block
-from workbench.errors import BadBlock
-
-
-@pytest.mark.parametrize(
-    ("shape", "inside"),
-    [((), (1, 1)), ((4,), (4, 1)), ((5, 3), (3, 5)), ((2, 5, 3), (3, 10)), ((0,), (0, 1))],
+from workbench.blocks import Block, Layout
+from workbench.errors import (
+    BadBlock,
+    MissingValue,
+    NonFiniteValue,
+    NotNumbers,
+    ShapeMismatch,
+    UnknownName,
 )
-def test_the_symbol_has_the_axes_reversed(shape: tuple[int, ...], inside: tuple[int, int]) -> None:
-    block = Block("b", shape)
-    assert block.symbol.shape == inside
-    assert block.size == np.prod(shape, dtype=int)
 
 
-def test_an_array_and_its_symbol_are_the_same_memory() -> None:
+def test_symbol_has_the_axes_reversed() -> None:
+    for shape, inside in [((), (1, 1)), ((4,), (4, 1)), ((5, 3), (3, 5)), ((2, 5, 3), (3, 10))]:
+        block = Block("b", shape)
+        assert block.symbol.shape == inside
+        assert block.size == np.prod(shape, dtype=int)
+
+
+def test_array_and_symbol_share_their_memory_layout() -> None:
     block = Block("points", (5, 3))
     array = np.random.default_rng(0).normal(size=(5, 3))
     column_by_column = cs.Function("f", [block.symbol], [cs.vec(block.symbol)])
     np.testing.assert_array_equal(np.asarray(column_by_column(array.T)).ravel(), array.ravel())
 
 
-def test_the_symbol_is_made_once_and_never_shared() -> None:
-    one, other = Block("b", (3,)), Block("b", (3,))
-    assert one.symbol is one.symbol
-    assert not cs.is_equal(one.symbol, other.symbol)
-
-
-def test_entries_have_names() -> None:
+def test_entries_are_named_by_labels_and_axes() -> None:
     pose = Block("pose", (2, 3), "rad", ("pelvis", "right_ankle"))
     assert pose.entry(5) == "[right_ankle, z]"
     assert Block("betas", (4,)).entry(2) == "[2]"
@@ -45,43 +42,140 @@ def test_entries_have_names() -> None:
     assert Block("observed", (4, 2), "px").entry(3) == "[1, 1]"
 
 
-def test_labels_must_be_one_per_row() -> None:
-    with pytest.raises(BadBlock, match="'pose' has 2 rows but 3 labels"):
-        Block("pose", (2, 3), labels=("a", "b", "c"))
+def test_block_is_made_of_a_symbol() -> None:
+    for symbol, shape in [((4, 1), (4,)), ((3, 5), (5, 3))]:
+        bare = cs.MX.sym("bare", *symbol)
+        block = Block.of(bare)
+        assert (block.name, block.shape, block.symbol_shape) == ("bare", shape, symbol)
+        assert block.symbol is bare
 
 
-@pytest.mark.parametrize(
-    ("symbol", "shape"), [((1, 1), ()), ((4, 1), (4,)), ((3, 5), (5, 3)), ((1, 3), (3, 1))]
+def test_shape_may_be_a_number_or_a_list() -> None:
+    for given, shape in [(np.int64(3), (3,)), ([24, 3], (24, 3))]:
+        block = Block("x", given)
+        assert block.shape == shape
+        assert all(type(length) is int for length in block.shape)
+        assert block.size == np.prod(shape)
+
+
+def test_bad_shapes_are_refused() -> None:
+    for shape in [(3, -1), 1.5, "3", None]:
+        with pytest.raises(BadBlock, match=r"'x'.*shape is whole numbers"):
+            Block("x", shape)
+
+
+def test_copies_have_symbols_of_their_own() -> None:
+    for travel in [copy.copy, lambda b: pickle.loads(pickle.dumps(b))]:
+        block = Block("pose", (2, 3), "rad", ("pelvis", "right_ankle"))
+        _ = block.symbol
+        other = travel(block)
+        assert (other.name, other.shape, other.unit) == (block.name, block.shape, block.unit)
+        assert other.labels == block.labels
+        assert other.symbol.shape == block.symbol.shape
+        assert not cs.is_equal(other.symbol, block.symbol)
+
+
+LAYOUT = Layout(
+    (
+        Block("scale"),
+        Block("pose", (2, 3), "rad", ("pelvis", "right_ankle")),
+        Block("betas", (4,)),
+        Block("walk", (2, 5, 3), "m"),
+        Block("nothing", (0,)),
+    )
 )
-def test_a_bare_symbol_tells_its_block(symbol: tuple[int, int], shape: tuple[int, ...]) -> None:
-    bare = cs.MX.sym("bare", *symbol)
-    block = Block.of(bare)
-    assert (block.name, block.shape, block.symbol_shape) == ("bare", shape, symbol)
-    assert block.symbol is bare
 
 
-@pytest.mark.parametrize(("given", "shape"), [(3, (3,)), (np.int64(3), (3,)), ([24, 3], (24, 3))])
-def test_a_shape_may_be_one_number_or_any_list(given: Any, shape: tuple[int, ...]) -> None:
-    block = Block("x", given)
-    assert block.shape == shape
-    assert all(type(length) is int for length in block.shape)
-    assert block.size == np.prod(shape)
+def some_values() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return {block.name: rng.normal(size=block.shape) for block in LAYOUT.blocks}
 
 
-@pytest.mark.parametrize("shape", [-1, (3, -1), 1.5, (24, 3.0), "3", None, ((1, 2), 3)])
-def test_a_shape_that_is_none_is_refused(shape: Any) -> None:
-    with pytest.raises(BadBlock, match=r"block 'x' has the shape .*, but a shape is whole numbers"):
-        Block("x", shape)
+def test_unpack_inverts_pack() -> None:
+    values = some_values()
+    flat = LAYOUT.pack(values)
+    assert flat.shape == (LAYOUT.size,) == (1 + 6 + 4 + 30,)
+    back = LAYOUT.unpack(flat)
+    assert list(back) == list(LAYOUT.names)
+    for name, value in values.items():
+        np.testing.assert_array_equal(back[name], value)
+        np.testing.assert_array_equal(flat[LAYOUT.slices[name]], value.ravel())
+        assert back[name].shape == value.shape
 
 
-@pytest.mark.parametrize(
-    "travel", [copy.copy, copy.deepcopy, lambda b: pickle.loads(pickle.dumps(b))]
-)
-def test_a_copy_is_another_block_of_the_same_name(travel: Any) -> None:
-    block = Block("pose", (2, 3), "rad", ("pelvis", "right_ankle"))
-    _ = block.symbol
-    other = travel(block)
-    assert (other.name, other.shape, other.unit) == (block.name, block.shape, block.unit)
-    assert other.labels == block.labels
-    assert other.symbol.shape == block.symbol.shape
-    assert not cs.is_equal(other.symbol, block.symbol)
+def test_symbolic_pieces_are_the_blocks_symbols() -> None:
+    x = cs.MX.sym("x", LAYOUT.size)
+    values = some_values()
+    pieces = cs.Function("pieces", [x], LAYOUT.pieces(x))(LAYOUT.pack(values))
+    for block, piece in zip(LAYOUT.blocks, pieces, strict=True):
+        assert piece.shape == block.symbol_shape
+        array = values[block.name].reshape(block.symbol_shape[::-1])
+        np.testing.assert_array_equal(np.asarray(piece), array.T)
+
+
+def test_entries_are_labelled_with_block_row_and_axis() -> None:
+    assert LAYOUT.label(0) == "scale"
+    assert LAYOUT.label(6) == "pose[right_ankle, z]"
+    assert LAYOUT.label(7) == "betas[0]"
+    assert LAYOUT.label(LAYOUT.size - 1) == "walk[1, 4, z]"
+    assert LAYOUT.labels_of(np.array([7, 0])) == ["betas[0]", "scale"]
+    assert LAYOUT.unit(6) == "rad"
+    for i in (-1, LAYOUT.size):
+        with pytest.raises(IndexError):
+            LAYOUT.label(i)
+
+
+def test_unknown_blocks_are_named_with_those_that_exist() -> None:
+    text = "no block is called 'poze'; there are betas, nothing, pose, scale, walk"
+    with pytest.raises(UnknownName, match=text):
+        LAYOUT["poze"]
+    with pytest.raises(UnknownName, match=text):
+        LAYOUT.only(["pose", "poze"])
+    assert LAYOUT.only(["walk", "pose"]).names == ("walk", "pose")
+
+
+def test_missing_values_are_named() -> None:
+    values = some_values()
+    del values["pose"]
+    with pytest.raises(MissingValue, match=r"'pose' \(2, 3\) was given no value.*betas.*walk"):
+        LAYOUT.pack(values)
+
+
+def test_wrong_shapes_are_refused() -> None:
+    with pytest.raises(
+        ShapeMismatch, match=r"block 'pose' has shape \(2, 3\), but was given \(3, 2\)"
+    ):
+        LAYOUT.pack(some_values() | {"pose": np.zeros((3, 2))})
+    with pytest.raises(ShapeMismatch):
+        LAYOUT.pack(some_values() | {"pose": np.zeros(6)})
+
+
+def test_values_that_are_not_finite_are_refused() -> None:
+    for bad in [np.nan, -np.inf]:
+        pose = np.zeros((2, 3))
+        pose[1] = bad
+        with pytest.raises(NonFiniteValue, match=rf"'pose' holds {bad} at \[right_ankle, x\]"):
+            LAYOUT.pack(some_values() | {"pose": pose})
+        with pytest.raises(NonFiniteValue, match="its only entry"):
+            LAYOUT.pack(some_values() | {"scale": np.array(bad)})
+
+
+def test_values_that_are_no_numbers_are_refused() -> None:
+    for value, found in [
+        ("abc", "text"),
+        ([[0, 0, 0], [1, 1]], "rows of different lengths"),
+        (None, "something of type NoneType"),
+        (np.zeros((2, 3), complex), "complex numbers"),
+        (LAYOUT["pose"].symbol, "a symbol; give its numbers"),
+    ]:
+        with pytest.raises(
+            NotNumbers, match=f"block 'pose' must be an array of real .*, not {found}"
+        ):
+            LAYOUT.pack(some_values() | {"pose": value})  # type: ignore[dict-item]
+
+
+def test_numbers_of_any_precision_are_packed() -> None:
+    for dtype in [bool, np.longdouble]:
+        pose = np.arange(6).reshape(2, 3).astype(dtype)
+        flat = LAYOUT.pack(some_values() | {"pose": pose})
+        np.testing.assert_array_equal(flat[LAYOUT.slices["pose"]], pose.ravel())

@@ -35,7 +35,7 @@ def one() -> tuple[Setup, Values]:
     return fitted(seen(person(1)))
 
 
-def test_without_offsets_it_is_laplace(one: tuple[Setup, Values]) -> None:
+def test_depth_without_offsets_is_laplace(one: tuple[Setup, Values]) -> None:
     """The camera looks along -z from 4 m: depth is 4 - root_z, linear in betas and trans."""
     setup, values = one
     found = depth_interval(setup, values, 0.0)
@@ -57,7 +57,8 @@ def test_without_offsets_it_is_laplace(one: tuple[Setup, Values]) -> None:
     assert f"{wider.low:.2f} to {wider.high:.2f} m" in str(wider)
 
 
-def test_offsets_count_as_far_as_they_move_the_fit(one: tuple[Setup, Values]) -> None:
+@pytest.mark.thorough
+def test_depth_lever_matches_refits(one: tuple[Setup, Values]) -> None:
     """Keypoints are moved one after another, and Gauss and Newton's step follows them; the whole
     fit does so up to the curvature that this method leaves out.
     """
@@ -87,7 +88,8 @@ def test_offsets_count_as_far_as_they_move_the_fit(one: tuple[Setup, Values]) ->
     assert np.linalg.norm(moves[:6]) == pytest.approx(np.linalg.norm(refitted), rel=0.25)
 
 
-def test_what_is_known_makes_it_narrower(one: tuple[Setup, Values]) -> None:
+@pytest.mark.thorough
+def test_known_stature_narrows_depth(one: tuple[Setup, Values]) -> None:
     photo = seen(person(1)).photographs[0]
     unknown_lens = Observations(tuple(BODY.landmark_names("coco")), (replace(photo, K=None),))
     tall = float(stature(BODY, person(1)["betas"]))
@@ -100,7 +102,7 @@ def test_what_is_known_makes_it_narrower(one: tuple[Setup, Values]) -> None:
     assert narrow.sd < usual.sd < 0.5 * wide.sd
 
 
-def test_a_fit_of_one_image_tells_it(one: tuple[Setup, Values]) -> None:
+def test_fit_of_one_image_measures_depth(one: tuple[Setup, Values]) -> None:
     setup, values = one
     told = {measure.name: measure for measure in setup.measures(values)}
     found = depth_interval(setup, values)
@@ -111,7 +113,7 @@ def test_a_fit_of_one_image_tells_it(one: tuple[Setup, Values]) -> None:
     assert FOUND in setup.notes
 
 
-def test_two_images_have_no_one_distance() -> None:
+def test_two_images_have_no_depth_interval() -> None:
     truth = person(2)
     shots = [seen(truth, name=name).photographs[0] for name in ("one", "two")]
     both = Observations(tuple(BODY.landmark_names("coco")), tuple(shots))

@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 import workbench as wb
+from tests.tiers import few
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.cli.marker_fits import Worn, fit_markers
@@ -48,7 +49,7 @@ def person(seed: int, frames: int, noise: float = 0.001) -> tuple[Values, Array]
     return dressed_person(BODY, WORN, poses, rng, noise, 0.05, 0.005)
 
 
-def test_the_default_set_is_on_the_outside_of_the_named_side() -> None:
+def test_default_markers_are_on_the_named_side() -> None:
     for name in ("small", "default"):
         body = wb.load_body(name)
         worn = default_markers(body)
@@ -66,21 +67,10 @@ def test_the_default_set_is_on_the_outside_of_the_named_side() -> None:
         np.testing.assert_allclose(outwards, out)
 
 
-def test_normals_point_outwards() -> None:
-    outside = BODY.template + 0.001 * vertex_normals(BODY.template, BODY.faces)
-    faces = BODY.template[BODY.faces]
-    moved = outside[BODY.faces]
-
-    def volume(corners: Array) -> float:
-        a, b, c = corners.transpose(1, 0, 2)
-        return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6)
-
-    assert volume(moved) > volume(faces) > 0
-
-
-def test_shape_offsets_and_poses_are_found() -> None:
+@pytest.mark.thorough
+def test_shape_offsets_and_poses_are_recovered() -> None:
     """With hardly any noise and many frames, everything comes back that markers can see."""
-    truth, observed = person(1, 8, noise=1e-4)
+    truth, observed = person(1, 6, noise=1e-4)
     setup = marker_fit(observed, BODY, WORN, sigma=1e-4)
     solution = marker_solver().solve(setup.problem, setup.start)
     values = setup.start | solution.values
@@ -94,7 +84,7 @@ def test_shape_offsets_and_poses_are_found() -> None:
     assert any("distance to marker" in m.name for m in setup.measures(values))
 
 
-def test_offsets_of_known_height_are_wide_along_the_surface_alone() -> None:
+def test_offset_prior_is_wide_along_the_surface() -> None:
     dressed = WORN.on(BODY)
     term = offset_prior(dressed, WORN, 0.005, across=0.001)
     problem = wb.Problem([term], ("offsets",))
@@ -116,7 +106,8 @@ def test_offsets_of_known_height_are_wide_along_the_surface_alone() -> None:
         offset_prior(replace(dressed, faces=dressed.faces[bare]), WORN, 0.005, across=0.001)
 
 
-def test_known_heights_find_markers_that_were_moved_along_the_surface() -> None:
+@pytest.mark.thorough
+def test_known_heights_recover_moved_markers() -> None:
     rng = np.random.default_rng(3)
     poses = draw_poses(shipped_gaussian(), 3, rng)
     truth, observed = dressed_person(BODY, WORN, poses, rng, 0.001, 0.0, 0.005, on_the_surface)
@@ -131,26 +122,26 @@ def test_known_heights_find_markers_that_were_moved_along_the_surface() -> None:
     assert off[1] < 0.9 * off[0]
 
 
-def test_mosh_poses_every_frame_with_shape_and_offsets_held() -> None:
-    truth, observed = person(2, 20)
-    observed[7, 2:] = np.nan  # a frame that shows two markers
+def test_mosh_poses_every_frame() -> None:
+    truth, observed = person(2, 6)
+    observed[3, 2:] = np.nan  # a frame that shows two markers
     said: list[str] = []
-    found = mosh(observed, BODY, WORN, frames=6, sigma=0.001, progress=said.append)
-    assert found.pose.shape == (20, 24, 3)
-    assert np.isnan(found.pose).all(axis=(1, 2)).tolist() == [t == 7 for t in range(20)]
-    assert np.isnan(found.errors[7]).all()
-    assert len(found.frames) == 6
-    assert 7 not in found.frames
-    assert any("6 of 20 frames" in line for line in said)
-    assert "frame 19 of 19" in said[-1]
+    found = mosh(observed, BODY, WORN, frames=3, sigma=0.001, progress=said.append)
+    assert found.pose.shape == (6, 24, 3)
+    assert np.isnan(found.pose).all(axis=(1, 2)).tolist() == [t == 3 for t in range(6)]
+    assert np.isnan(found.errors[3]).all()
+    assert len(found.frames) == 3
+    assert 3 not in found.frames
+    assert any("3 of 6 frames" in line for line in said)
+    assert "frame 5 of 5" in said[-1]
     joints = BODY.joints(found.pose, found.betas, found.trans)
     true = BODY.joints(truth["pose"], truth["betas"], truth["trans"])
-    off = np.delete(np.linalg.norm(joints - true, axis=2), 7, axis=0)
-    assert np.median(off) < 0.008
+    off = np.delete(np.linalg.norm(joints - true, axis=2), 3, axis=0)
+    assert np.median(off) < 0.012
 
 
-@pytest.mark.parametrize("turn", [0.0, np.pi / 2, np.pi])
-def test_the_start_does_not_mind_which_way_a_person_faces(turn: float) -> None:
+@pytest.mark.parametrize("turn", few([np.pi / 2, np.pi], 1))
+def test_marker_start_is_invariant_to_facing(turn: float) -> None:
     _, observed = person(3, 2)
     c, s = np.cos(turn), np.sin(turn)
     turned = observed @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
@@ -159,7 +150,7 @@ def test_the_start_does_not_mind_which_way_a_person_faces(turn: float) -> None:
     np.testing.assert_allclose(other, plain, atol=1e-3)
 
 
-def test_frames_that_are_alike_are_not_chosen_twice() -> None:
+def test_spread_frames_skips_alike_frames() -> None:
     _, observed = person(4, 6, noise=1e-6)
     observed = np.nan_to_num(observed, nan=0.5)
     again = np.concatenate([np.repeat(observed[:1], 20, axis=0), observed[1:]])
@@ -168,7 +159,8 @@ def test_frames_that_are_alike_are_not_chosen_twice() -> None:
     assert spread_frames(again[:3], 12).tolist() == [0, 1, 2]
 
 
-def test_informative_frames_leave_less_variance_than_frames_that_are_alike() -> None:
+@pytest.mark.thorough
+def test_informative_frames_prefer_new_poses() -> None:
     _, observed = person(5, 8)
     again = np.concatenate([np.repeat(observed[:1], 6, axis=0), observed[1:]])
     chosen = informative_frames(BODY, WORN, sigma=0.001)(again, 4)
@@ -176,7 +168,7 @@ def test_informative_frames_leave_less_variance_than_frames_that_are_alike() -> 
     assert (chosen >= 6).sum() >= 3
 
 
-def test_what_cannot_be_fitted_is_refused() -> None:
+def test_bad_markers_are_refused() -> None:
     _, observed = person(6, 3)
     with pytest.raises(BadArgument, match=r"shape \(T, 41, 3\)"):
         marker_fit(observed[:, :5], BODY, WORN)
@@ -189,7 +181,7 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         mosh(np.full((3, 41, 3), np.nan), BODY, WORN)
 
 
-def test_marker_sets_say_what_is_wrong_with_them(tmp_path: Path) -> None:
+def test_bad_marker_sets_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadArgument, match="the markers 'a' and 'b' are on the same vertex 3"):
         MarkerSet.of(BODY, {"a": 3, "c": 4, "b": 3})
     with pytest.raises(BadArgument, match="has the vertices 0 to 368"):
@@ -211,7 +203,7 @@ def test_marker_sets_say_what_is_wrong_with_them(tmp_path: Path) -> None:
             read_marker_set(path, BODY)
 
 
-def test_labels_are_matched_by_name() -> None:
+def test_marker_labels_are_matched_by_name() -> None:
     worn, places, notes = matched(["subject:LFHD", "C7", "*12"], WORN)
     assert worn.names == ("LFHD", "C7")
     assert places == (0, 1)
@@ -225,9 +217,8 @@ def written(path: Path, **arrays: object) -> Path:
     return path
 
 
-@pytest.mark.parametrize("scale", [1.0, 1000.0])
-@pytest.mark.parametrize("z_up", [False, True])
-def test_files_of_markers(tmp_path: Path, scale: float, z_up: bool) -> None:
+@pytest.mark.parametrize(("scale", "z_up"), [(1.0, False), (1000.0, True)])
+def test_marker_files_guess_unit_and_axis(tmp_path: Path, scale: float, z_up: bool) -> None:
     standing = np.repeat(BODY.template[WORN.vertices][None], 3, axis=0)
     standing[:, :, 0] *= 0.3  # arms down
     standing += [0.2, 1.0, 0.1]
@@ -253,9 +244,8 @@ def test_files_of_markers(tmp_path: Path, scale: float, z_up: bool) -> None:
         read_markers(path, up="w")
 
 
-@pytest.mark.parametrize(
-    ("arrays", "why"),
-    [
+def test_damaged_marker_files_are_refused(tmp_path: Path) -> None:
+    for arrays, why in [
         ({"labels": ["a", "b"]}, "markers missing"),
         ({"markers": np.zeros((2, 2, 3))}, "labels missing"),
         ({"markers": np.zeros((2, 3, 3)), "labels": ["a", "b"]}, "labels has shape"),
@@ -266,15 +256,13 @@ def test_files_of_markers(tmp_path: Path, scale: float, z_up: bool) -> None:
         ({"markers": 1e9 * np.eye(3)[None], "labels": ["a", "b", "c"]}, "no body"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "b"], "fps": 0.0}, "fps is 0"),
         ({"markers": np.array([["a"]]), "labels": ["a"]}, "markers"),
-    ],
-    ids=str,
-)
-def test_damaged_files_are_explained(tmp_path: Path, arrays: Values, why: str) -> None:
-    with pytest.raises(BadFile, match=rf"m\.npz .*{why}"):
-        read_markers(written(tmp_path / "m.npz", **arrays))
+    ]:
+        with pytest.raises(BadFile, match=rf"m\.npz .*{why}"):
+            read_markers(written(tmp_path / "m.npz", **arrays))
 
 
-def test_the_command_writes_the_motion_of_every_frame(
+@pytest.mark.thorough
+def test_command_writes_the_motion_of_every_frame(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, observed = person(7, 14)
@@ -311,7 +299,8 @@ def test_the_command_writes_the_motion_of_every_frame(
     assert (len(motion), motion.fps, motion.joint_names) == (14, 30.0, BODY.joint_names)
 
 
-def test_the_experiment_is_synthetic_and_says_so() -> None:
+@pytest.mark.thorough
+def test_marker_experiment_is_called_synthetic() -> None:
     setup = find("markers", {"body": "small", "frames": "4", "seed": "1"}).setup()
     assert setup.synthetic
     assert setup.made_of is not None
@@ -324,7 +313,8 @@ def test_the_experiment_is_synthetic_and_says_so() -> None:
         find("markers", {"missing": "1.5"}).setup()
 
 
-def test_the_diagnosis_names_what_markers_do_not_see() -> None:
+@pytest.mark.thorough
+def test_diagnosis_of_markers_finds_null_directions() -> None:
     """Without priors, a hand turns in itself: three markers beside it say nothing of it."""
     setup = find("markers", {"body": "small", "frames": "1"}).setup()
     alone = diagnose(setup.problem.without(*setup.priors), setup.start)

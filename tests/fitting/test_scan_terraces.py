@@ -42,8 +42,9 @@ def rounded(points: Array, camera: Scanner) -> Array:
     return np.asarray(camera.place + (points - camera.place) * (terrace / depth)[:, None])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 1])
-def test_normals_are_of_the_surface_and_not_of_terraces(seed: int) -> None:
+def test_normals_ignore_terraces_of_depth_cameras(seed: int) -> None:
     body = load_body("small")
     simulated = from_behind(body, 0.02, seed)
     (camera,) = simulated.scanners

@@ -39,7 +39,7 @@ def talking(face: wb.SkinnedBody) -> wb.Motion:
     return wb.Motion(pose, trans, 30.0, face.joint_names, betas, expression)
 
 
-def test_it_moves_surface_and_joints(face: wb.SkinnedBody, talking: wb.Motion) -> None:
+def test_expression_moves_surface_and_joints(face: wb.SkinnedBody, talking: wb.Motion) -> None:
     betas = np.zeros((T, 20))
     betas[:, :6], betas[:, 10:13] = talking.betas, talking.expression
     np.testing.assert_allclose(talking.betas_on(face), betas)
@@ -52,7 +52,7 @@ def test_it_moves_surface_and_joints(face: wb.SkinnedBody, talking: wb.Motion) -
     assert np.abs(talking.vertices(face) - still.vertices(face)).max() > 1e-3
 
 
-def test_what_a_body_lacks_is_said(face: wb.SkinnedBody, talking: wb.Motion) -> None:
+def test_bodies_without_a_face_are_noted(face: wb.SkinnedBody, talking: wb.Motion) -> None:
     assert talking.named(face).notes == ()
     long = replace(talking, betas=np.ones(12), expression=np.ones((T, 30))).named(face)
     assert (len(long.betas), long.expression.shape) == (10, (T, 10))  # type: ignore[union-attr]
@@ -64,7 +64,7 @@ def test_what_a_body_lacks_is_said(face: wb.SkinnedBody, talking: wb.Motion) -> 
     assert named.betas_on(small).shape == (10,)
 
 
-def test_a_glb_shows_it(face: wb.SkinnedBody, talking: wb.Motion, tmp_path: Path) -> None:
+def test_glb_plays_the_expression(face: wb.SkinnedBody, talking: wb.Motion, tmp_path: Path) -> None:
     """The file is played by hand: morph targets, then nodes and inverse bind matrices."""
     write_glb(tmp_path / "a.glb", talking, face, shapes=2)
     played = played_by_hand(tmp_path / "a.glb", talking.pose)
@@ -111,7 +111,7 @@ def played_by_hand(path: Path, pose: NDArray[np.float64]) -> NDArray[np.float64]
     return np.array(found)
 
 
-def test_one_face_becomes_another(face: wb.SkinnedBody, talking: wb.Motion) -> None:
+def test_expression_is_converted_to_another_face(face: wb.SkinnedBody, talking: wb.Motion) -> None:
     """The target has the same surface, with other directions of expression."""
     mixed, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(10, 10)))
     directions = face.shapedirs.copy()
@@ -122,11 +122,12 @@ def test_one_face_becomes_another(face: wb.SkinnedBody, talking: wb.Motion) -> N
     assert found.motion.expression.shape == (T, 10)
     still = replace(found.motion, expression=None)
     off = np.linalg.norm(still.vertices(other) - talking.vertices(face), axis=2)
-    print(found.mean(), off.mean())
     assert found.mean() < 0.2 * off.mean()
 
 
-def test_its_amass_file_keeps_it(face: wb.SkinnedBody, talking: wb.Motion, tmp_path: Path) -> None:
+def test_expression_survives_its_file(
+    face: wb.SkinnedBody, talking: wb.Motion, tmp_path: Path
+) -> None:
     wb.save_motion(tmp_path / "a.npz", talking)
     again = wb.read_motion(tmp_path / "a.npz", body=face)
     np.testing.assert_allclose(again.vertices(face), talking.vertices(face), atol=1e-9)

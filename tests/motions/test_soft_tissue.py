@@ -5,13 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import workbench as wb
+from tests.motions.test_expressions import played_by_hand
 from workbench.bodies.body_mass import body_mass_index
+from workbench.cli.app import app
 from workbench.errors import BadArgument, BadFile
-from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue
+from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue, write_glb
 from workbench.motions.accelerations import GRAVITY, MovingFrames
 from workbench.motions.soft_tissue import companion, surface_as_landmarks
+from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
 from workbench.motions.tissue_inputs import input_names, tissue_inputs
 from workbench.synthetic.motions_made_up import made_up_motion
 
@@ -22,22 +26,17 @@ MOTION = made_up_motion(BODY, 1.0)
 HEAVY = np.array([0.0, 0.0, 2.0])
 
 
-def test_without_coefficients_it_is_smpl_to_the_last_bit() -> None:
+def test_tissue_is_linear_in_exaggeration() -> None:
     here = replace(MOTION[:8], betas=HEAVY)
     bare = here.vertices(BODY)
     assert np.array_equal(TISSUE.vertices(BODY, here, exaggeration=0.0), bare)
     assert np.array_equal(TISSUE.surface(BODY, here, np.zeros((8, TISSUE.n_coefficients))), bare)
-    assert not np.array_equal(TISSUE.vertices(BODY, here), bare)
-
-
-def test_exaggeration_is_a_factor() -> None:
-    bare = MOTION.vertices(BODY)
-    once, three = (TISSUE.vertices(BODY, MOTION, many) - bare for many in (1.0, 3.0))
+    once, three = (TISSUE.vertices(BODY, here, many) - bare for many in (1.0, 3.0))
     np.testing.assert_allclose(three, 3 * once, atol=1e-12)
     assert 0.001 < np.linalg.norm(once, axis=-1).max() < 0.1
 
 
-def test_it_is_stable_and_bounded_whatever_the_motion() -> None:
+def test_tissue_is_stable_and_bounded() -> None:
     """Ten seconds of jumps, three times as far: never beyond what bounded inputs can do."""
     assert TISSUE.spectral_radius < 1
     rng = np.random.default_rng(0)
@@ -57,13 +56,13 @@ def test_it_is_stable_and_bounded_whatever_the_motion() -> None:
     assert 0.5 < np.abs(forces).max() < 1
 
 
-def test_heavier_people_move_more() -> None:
+def test_tissue_of_heavier_people_moves_more() -> None:
     light, heavy = sorted((-HEAVY, HEAVY), key=lambda betas: body_mass_index(BODY, betas))
     assert TISSUE.gain(BODY) == 1
     assert TISSUE.gain(BODY, heavy) > 1 > TISSUE.gain(BODY, light)
 
 
-def test_what_a_point_feels() -> None:
+def test_forces_on_points_match_mechanics() -> None:
     """Nothing at rest; in free fall it is pulled upwards as strongly as gravity pulls it down."""
     times = np.arange(30) / 60
     pose = np.zeros((30, SMALL.n_joints, 3))
@@ -82,7 +81,7 @@ def test_what_a_point_feels() -> None:
     np.testing.assert_allclose(spinning.angular_velocities[:, 0], [[0, 2, 0]] * 30, atol=1e-9)
 
 
-def test_in_symbols_it_is_the_same_surface() -> None:
+def test_symbolic_tissue_is_the_same_surface() -> None:
     rng = np.random.default_rng(0)
     phi, N = rng.standard_normal(2), SMALL.n_vertices
     names = input_names(SMALL.joint_names, 0, 0)
@@ -101,7 +100,7 @@ def test_in_symbols_it_is_the_same_surface() -> None:
     np.testing.assert_allclose(came, right, atol=1e-12)
 
 
-def test_files(tmp_path: Path) -> None:
+def test_tissue_survives_its_file(tmp_path: Path) -> None:
     save_tissue(tmp_path / "mine.npz", TISSUE)
     again = load_tissue(tmp_path / "mine.npz")
     for name in ("directions", "first", "second", "response", "part"):
@@ -115,7 +114,7 @@ def test_files(tmp_path: Path) -> None:
         load_tissue(tmp_path / "other.npz")
 
 
-def test_what_does_not_fit_is_said() -> None:
+def test_bad_tissue_is_refused() -> None:
     with pytest.raises(BadArgument, match=r"'default'.*1229 vertices.*not that of body 'small'"):
         TISSUE.vertices(SMALL, MOTION)
     with pytest.raises(BadArgument, match=r"tissue.prepared\(motion\) splines it"):
@@ -133,7 +132,38 @@ def test_what_does_not_fit_is_said() -> None:
         TISSUE.vertices(scape, MOTION)  # type: ignore[arg-type]
 
 
-def test_the_inputs_are_named() -> None:
-    names = input_names(BODY.joint_names, int(TISSUE.part.max()) + 1, TISSUE.n_betas)
-    assert len(names) == TISSUE.response.shape[1] == len(set(names))
-    assert isinstance(TISSUE, SoftTissue)
+SHORT = made_up_motion(BODY, seconds=0.1, seed=1)
+
+
+def test_body_with_tissue_is_the_model_of_tissue(tmp_path: Path) -> None:
+    assert isinstance(BODY, wb.SkinnedBody)
+    body, betas = with_tissue(BODY, TISSUE), betas_with_tissue(BODY, TISSUE, SHORT, 2.0)
+    expected = TISSUE.vertices(BODY, SHORT, 2.0)
+    assert np.abs(expected - SHORT.vertices(BODY)).max() > 1e-3
+    by = displaced_by(TISSUE, betas)
+    rest = body.vertices(None, betas) - BODY.vertices(None, betas[:, : BODY.n_betas])
+    np.testing.assert_allclose(by, rest, atol=1e-12)
+    at = SHORT.pose, betas, SHORT.trans
+    np.testing.assert_allclose(body.vertices(*at), expected, atol=1e-9)
+    np.testing.assert_allclose(body.joints(*at), SHORT.joints(BODY), atol=1e-9)
+    write_glb(tmp_path / "a.glb", SHORT, body, betas=betas)
+    assert np.abs(played_by_hand(tmp_path / "a.glb", SHORT.pose) - expected).max() < 1e-5
+
+
+@pytest.mark.thorough
+def test_command_shows_tissue(tmp_path: Path) -> None:
+    wb.save_motion(tmp_path / "walk.npz", SHORT)
+    out = ["--page", str(tmp_path / "walk.html"), "--out", str(tmp_path / "walk.glb")]
+    said = CliRunner().invoke(
+        app, ["motion", str(tmp_path / "walk.npz"), "--tissue", "--exaggeration", "2", *out]
+    )
+    assert said.exit_code == 0, said.output
+    text = (tmp_path / "walk.html").read_text()
+    by = displaced_by(TISSUE, betas_with_tissue(BODY, TISSUE, TISSUE.prepared(SHORT), 2.0))
+    most = 1e3 * np.linalg.norm(by, axis=2).max()
+    for shown in (" ".join(said.output.split()), text):
+        assert "The soft tissue is simulated, and was learned from no measurement of peo" in shown
+        assert f"{most:.0f} mm at most, 2 times as far as the model says" in shown
+    assert "Charts are shown" not in text
+    assert len(text) > 1e5
+    assert (tmp_path / "walk.glb").stat().st_size > 1e5

@@ -31,18 +31,18 @@ from tests.problem.sequences import (
     of_frame,
     values,
 )
+from tests.tiers import THOROUGH, few
 from workbench import residuals
 from workbench.errors import BadArgument, BadBounds, BadResidual, UnknownName, WorkbenchError
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.residuals import geman_mcclure, huber, of_norms
 from workbench.residuals.frames import Frames
 from workbench.sampling import fixed
-from workbench.solvers.wrapping import rewrapped
 
 ONCE = ("shape prior",)
 
 
-@pytest.fixture(params=["array", "blocks of frames"])
+@pytest.fixture(params=["blocks of frames", pytest.param("array", marks=THOROUGH)])
 def storage(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param != "array":
         in_blocks_of_frames(monkeypatch)
@@ -77,22 +77,23 @@ def assert_frames(
 # The numbers.
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
-def test_frames_that_are_one_problem_repeated(count: int, storage: str) -> None:
+@pytest.mark.parametrize("storage", ["array", "blocks of frames"], indirect=True)
+@pytest.mark.parametrize("count", [1, 5])
+def test_sequence_of_a_repeated_frame(count: int, storage: str) -> None:
     each = [frame()] * count
-    between = SMOOTH if count > 2 else SMOOTH[:1] if count == 2 else ()
+    between = SMOOTH if count > 2 else ()
     whole = wb.sequence(each, shared=SHARED, between=between)
     assert_frames(whole, each, values(count))
     assert isinstance(whole.linearize(values(count)).jacobian, np.ndarray) == (storage == "array")
 
 
-def test_the_jacobian_is_that_of_differences() -> None:
+def test_jacobian_of_a_sequence_matches_differences() -> None:
     whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
     assert_jacobian(whole, *whole.split(values(3)), 1e-8)
 
 
-@pytest.mark.parametrize("shared", [(), "betas", OF_CAMERA, ("trans", "betas")], ids=str)
-def test_whatever_is_shared(shared: str | tuple[str, ...], storage: str) -> None:
+@pytest.mark.parametrize("shared", few([("trans", "betas"), (), "betas", OF_CAMERA], 2), ids=str)
+def test_sequence_shares_any_blocks(shared: str | tuple[str, ...], storage: str) -> None:
     given = values(3)
     names = (shared,) if isinstance(shared, str) else shared
     for name in frame().known:
@@ -107,14 +108,14 @@ def test_whatever_is_shared(shared: str | tuple[str, ...], storage: str) -> None
     assert_frames(whole, each, given, ONCE if "betas" in names else ())
 
 
-def test_what_is_shared_may_be_free_and_what_each_has_may_be_fixed(storage: str) -> None:
+def test_shared_blocks_may_be_free(storage: str) -> None:
     one = frame().freeing("pose", "left/focal", "left/rotation")
     whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
     assert whole.free.names == ("pose", "left/focal", "left/rotation")
     assert_frames(whole, [one] * 3, values(3))
 
 
-def test_a_camera_missing_in_a_frame(storage: str) -> None:
+def test_frames_may_miss_a_camera(storage: str) -> None:
     each = [frame(), frame(), frame().without("image"), frame()]
     whole = wb.sequence(each, shared=SHARED, between=SMOOTH)
     assert whole.rows["image"].stop - whole.rows["image"].start == 3 * 16
@@ -125,7 +126,7 @@ def test_a_camera_missing_in_a_frame(storage: str) -> None:
     assert {int(label.split("[")[1].split(",")[0]) for label in labels} == {0, 1, 3}
 
 
-def test_a_frame_that_reads_blocks_of_its_own(storage: str) -> None:
+def test_frames_may_have_blocks_of_their_own(storage: str) -> None:
     """The second frame alone has a marker, whose offset is free there."""
     offset = wb.Block("offset", (3,), "m")
     marker = wb.Residual(
@@ -153,7 +154,7 @@ def counted(count: int, seed: int, **more: object) -> wb.Problem:
     return wb.Problem((replace(data, **more), prior), ("pose", "trans"))
 
 
-def test_residuals_of_one_name_with_other_numbers_of_rows(storage: str) -> None:
+def test_residuals_of_frames_may_differ_in_rows(storage: str) -> None:
     each = [counted(2, 0), counted(3, 1), counted(1, 2), counted(3, 3)]
     whole = wb.sequence(each, shared="betas", between=SMOOTH[:1])
     assert whole.rows["joints"] == slice(0, 27)
@@ -161,7 +162,7 @@ def test_residuals_of_one_name_with_other_numbers_of_rows(storage: str) -> None:
     assert whole.row_label(8) == "joints[1, 2]"
 
 
-def test_weights_are_symbols_in_one_frame_and_numbers_in_another(storage: str) -> None:
+def test_weights_of_frames_may_differ(storage: str) -> None:
     sure = wb.Block("certain", (3,))
     each = [
         counted(3, 0),
@@ -177,8 +178,8 @@ def test_weights_are_symbols_in_one_frame_and_numbers_in_another(storage: str) -
     assert_frames(whole, each, given, ())
 
 
-@pytest.mark.parametrize("kernel", [huber(0.7), of_norms(geman_mcclure)], ids=["huber", "norms"])
-def test_kernels_are_those_of_frames(kernel: residuals.Kernel, storage: str) -> None:
+@pytest.mark.parametrize("kernel", [of_norms(geman_mcclure)], ids=["norms"])
+def test_kernels_of_norms_act_on_frames(kernel: residuals.Kernel, storage: str) -> None:
     each = [
         counted(3, 0, kernel=kernel),
         counted(2, 1, kernel=kernel),
@@ -198,7 +199,7 @@ def test_sigmas_are_those_of_frames() -> None:
     assert_frames(whole, each, values(3), ())
 
 
-def test_what_reads_only_what_is_shared_counts_once() -> None:
+def test_shared_priors_count_once() -> None:
     whole = wb.sequence([frame()] * 4, shared=SHARED)
     assert whole.rows["shape prior"].stop - whole.rows["shape prior"].start == 2
     alone = wb.sequence([frame()] * 4, shared=OF_CAMERA)
@@ -220,7 +221,7 @@ def test_what_reads_only_what_is_shared_counts_once() -> None:
     assert_frames(heard, said, values(3), ())
 
 
-def test_problems_that_were_built_one_by_one_have_symbols_of_their_own() -> None:
+def test_frames_built_one_by_one_share_names() -> None:
     """Blocks go by their names: a loop that makes a Block in each turn is a usual thing."""
 
     def built(mean: float) -> wb.Problem:
@@ -250,8 +251,8 @@ CHOICES = (
 )
 
 
-@pytest.mark.parametrize("free", CHOICES, ids=str)
-def test_entries_are_free_in_part(free: tuple[str, ...], storage: str) -> None:
+@pytest.mark.parametrize("free", few(CHOICES, 2), ids=str)
+def test_sequence_of_free_entries(free: tuple[str, ...], storage: str) -> None:
     whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
     part = whole.freeing(*free)
     here = assert_numbers(part, values(3))
@@ -262,7 +263,8 @@ def test_entries_are_free_in_part(free: tuple[str, ...], storage: str) -> None:
     np.testing.assert_allclose(here.dense, J[:, chosen], rtol=0, atol=1e-10 * np.abs(J).max())
 
 
-def test_frames_that_are_free_in_part_make_a_sequence_that_is(storage: str) -> None:
+@pytest.mark.thorough
+def test_sequence_of_frames_free_in_part(storage: str) -> None:
     one = frame().freeing("pose[joint1]", "betas[1]", "trans")
     whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
     labels = [whole.free.label(i) for i in range(whole.free.size)]
@@ -277,41 +279,10 @@ def test_frames_that_are_free_in_part_make_a_sequence_that_is(storage: str) -> N
     assert_numbers(whole, values(3))
 
 
-def test_the_order_of_what_is_free_changes_nothing(storage: str) -> None:
-    given = values(3)
-    found = []
-    for free in (
-        ("trans", "pose", "betas"),
-        ("betas", "trans", "pose"),
-        ("pose", "betas", "trans"),
-    ):
-        whole = wb.sequence([frame().freeing(*free)] * 3, shared=SHARED, between=SMOOTH)
-        assert whole.free.names == free
-        here = whole.linearize(given)
-        step = whole.free.unpack(here.step(1e-3))
-        found.append((here.cost, step, wb.solve(whole, given)))
-    for cost, step, solution in found[1:]:
-        assert cost == pytest.approx(found[0][0], rel=1e-13)
-        assert solution.cost == pytest.approx(found[0][2].cost, rel=1e-12)
-        for name in FREE:
-            np.testing.assert_allclose(step[name], found[0][1][name], atol=1e-9)
-            np.testing.assert_allclose(solution.values[name], found[0][2].values[name], atol=1e-6)
-
-
-def test_costs_of_many_points_are_those_one_by_one() -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
-    x, fixed = whole.split(values(3))
-    many = x + 0.1 * np.random.default_rng(0).standard_normal((5, len(x)))
-    expected = [0.5 * np.sum(whole.residual(one, fixed) ** 2) for one in many]
-    np.testing.assert_allclose(whole.costs(x, fixed)(many), expected, rtol=1e-10)
-    H = whole.hessian_at(x, fixed)
-    assert H.shape == (len(x), len(x))
-
-
 # Bounds and constraints.
 
 
-def test_bounds_are_of_each_frame_and_the_narrowest_of_what_is_shared() -> None:
+def test_bounds_of_frames_and_of_shared_blocks() -> None:
     terms, blocks = frame().residuals, (SEEN, PIXELS, SURE)
     one = wb.Problem(terms, FREE, {"pose": (-1.0, 2.0), "betas": (-3.0, 2.0)}, blocks)
     other = wb.Problem(terms, FREE, {"pose[joint1]": (-0.5, 0.5), "betas": (-2.0, 3.0)}, blocks)
@@ -329,7 +300,7 @@ def test_bounds_are_of_each_frame_and_the_narrowest_of_what_is_shared() -> None:
         wb.sequence([one, apart], shared=SHARED)
 
 
-def test_bounds_hold_in_the_solution(storage: str) -> None:
+def test_solution_of_a_sequence_respects_bounds(storage: str) -> None:
     one = wb.Problem(
         frame().residuals,
         FREE,
@@ -350,7 +321,7 @@ def lifted(t: int) -> wb.Constraint:
     return wb.Constraint("lifted", TRANS.symbol[1], 0.1 * t, np.inf, "m", tolerance=1e-6 * (t + 1))
 
 
-def test_constraints_of_frames_are_constraints_of_the_sequence() -> None:
+def test_constraints_of_frames_are_stacked() -> None:
     # The distance of two joints is one in all frames; the height is another in each.
     gap = JOINTS.symbol[:, 2] - JOINTS.symbol[:, 0]
     apart = wb.Constraint("apart", cs.sumsqr(gap), 0.0, 4.0, "m^2", (JOINTS,))
@@ -380,24 +351,10 @@ def test_constraints_of_frames_are_constraints_of_the_sequence() -> None:
             [given["betas"][0]],
         ]
     )
-    function = cs.Function(
-        "c",
-        [b.symbol for b in whole.known.values()],
-        [cs.vertcat(*(c.graph() for c in whole.constraints))],
-    )
-    by_graph = function(
-        *(
-            given[name].reshape(-1, 3).T
-            if block.shape[-1:] == (3,) and block.framed
-            else given[name].reshape(block.symbol_shape, order="F")
-            for name, block in whole.known.items()
-        )
-    )
-    np.testing.assert_allclose(np.asarray(by_graph).ravel(), expected, atol=1e-12)
-    for solver in (wb.Ipopt(), wb.Sqp()):
-        found = solver.solve(whole, given)
-        assert found.converged, found.message
-        assert (found.values["trans"][:, 1] > [-1e-6, 0.1 - 1e-6, 0.2 - 1e-6]).all()
+    np.testing.assert_allclose(here.values, expected, atol=1e-12)
+    found = wb.Ipopt().solve(whole, given)
+    assert found.converged, found.message
+    assert (found.values["trans"][:, 1] > [-1e-6, 0.1 - 1e-6, 0.2 - 1e-6]).all()
 
 
 # Names.
@@ -418,16 +375,9 @@ def test_every_entry_and_row_has_a_name() -> None:
     assert "shape prior[1]" in rows
     assert "smooth(pose)[1 to 2, joint2, y]" in rows
     assert "smooth(trans, order 2)[0 to 2, x]" in rows
-    with pytest.raises(IndexError):
-        whole.row_label(whole.size)
-
-
-def test_values_come_back_with_a_row_for_each_frame() -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED)
     given = values(3)
     back = whole.values(*whole.split(given))
     assert back["pose"].shape == (3, 3, 3)
-    assert back["betas"].shape == (2,)
     for name, value in given.items():
         np.testing.assert_array_equal(back[name], value)
 
@@ -449,7 +399,7 @@ def feet(frames: Frames) -> wb.Residual:
     return wb.Residual("feet", gap, 0.01, "m", points=(one, other), labels=("x", "y", "z"))
 
 
-def test_between_frames_stands_whatever_is_written(storage: str) -> None:
+def test_residuals_between_frames_match_formulas(storage: str) -> None:
     each = [frame()] * 4
     between = (
         residuals.smooth(JOINTS, sigma=0.05),
@@ -477,7 +427,7 @@ def test_between_frames_stands_whatever_is_written(storage: str) -> None:
 # Solutions.
 
 
-def test_a_solution_of_six_frames_is_the_dense_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_banded_solution_is_the_dense_one(monkeypatch: pytest.MonkeyPatch) -> None:
     given = values(6)
     plain, blocked = both_storages(
         lambda: wb.sequence([frame()] * 6, shared=SHARED, between=SMOOTH), monkeypatch
@@ -511,10 +461,8 @@ def decays() -> tuple[list[wb.Problem], wb.Values]:
 LOCAL = [name for name, solver in wb.SOLVERS.items() if not solver.abilities.is_global]
 
 
-@pytest.mark.parametrize("name", LOCAL)
-def test_where_nothing_is_shared_each_frame_ends_at_its_own_minimum(
-    name: str, storage: str
-) -> None:
+@pytest.mark.parametrize("name", few(LOCAL, ("trust-region", "gauss-newton", "scipy-trf")))
+def test_unshared_frames_are_solved_apart(name: str, storage: str) -> None:
     each, start = decays()
     alone = [
         wb.LevenbergMarquardt(gradient_tolerance=1e-10).solve(
@@ -529,6 +477,7 @@ def test_where_nothing_is_shared_each_frame_ends_at_its_own_minimum(
     np.testing.assert_allclose(found.values["x"], [one.values["x"] for one in alone], atol=1e-4)
 
 
+@pytest.mark.thorough
 def test_stages_of_entries(storage: str) -> None:
     whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
     given = values(3)
@@ -538,25 +487,8 @@ def test_stages_of_entries(storage: str) -> None:
     assert found.cost == pytest.approx(wb.solve(whole, given).cost, rel=1e-8)
 
 
-def test_rotation_vectors_of_a_frame_are_wrapped() -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED)
-    given = values(3)
-    x, fixed = whole.split(given)
-    turned = whole.free.unpack(x)
-    v = turned["pose"][1, 2].copy()
-    turned["pose"][1, 2] = v * (1 + 2 * np.pi / np.linalg.norm(v))
-    y = whole.free.pack(turned)
-    np.testing.assert_allclose(
-        np.sum(whole.residual(y, fixed) ** 2) - np.sum(whole.residual(x, fixed) ** 2),
-        np.sum((turned["pose"][1, 2] / 0.3) ** 2) - np.sum((v / 0.3) ** 2),
-        atol=1e-8,
-    )
-    assert len(whole.rotations) == 9
-    back = rewrapped(whole, y, lambda _: True)
-    np.testing.assert_allclose(whole.free.unpack(back)["pose"], given["pose"], atol=1e-9)
-
-
-def test_shapes_are_sampled_and_approximated(storage: str) -> None:
+@pytest.mark.thorough
+def test_laplace_of_shared_shape(storage: str) -> None:
     whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
     at = values(3)
     at |= wb.solve(whole, at).values
@@ -564,36 +496,22 @@ def test_shapes_are_sampled_and_approximated(storage: str) -> None:
     held = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))  # all else stays where it is
     near = wb.laplace(whole, at, "betas", rest=fixed)
     np.testing.assert_allclose(near.sd, held, rtol=0.1)  # of a few thousand draws
-    drawn = wb.sample(whole, at, "betas", rest=fixed, steps=60, ensembles=2, walkers=16, seed=1)
-    assert drawn.draws.shape[-1] == 2
-    assert np.isfinite(drawn.draws).all()
-    spread = drawn.draws.reshape(-1, 2).std(axis=0)
-    assert (spread < 3 * held).all()
-    assert (spread > held / 3).all()
 
 
 # Bad input.
 
 
-def test_what_makes_no_sequence_is_said() -> None:
+def test_bad_sequences_are_refused() -> None:
     wider = residuals.gaussian(wb.Block("pose", (4, 3)).symbol, name="pose prior")
     other = wb.Problem((wider,), ("pose",))
     with pytest.raises(BadArgument, match="at least one frame"):
         wb.sequence([])
     with pytest.raises(WorkbenchError, match="the frames of a sequence"):
         wb.sequence([frame(), "frame"])  # type: ignore[list-item]
-    with pytest.raises(WorkbenchError, match="the frames of a sequence"):
-        wb.sequence(frame())  # type: ignore[arg-type]
-    with pytest.raises(
-        BadArgument, match=r"'pose' has the shape \(4, 3\) in frame 2 and \(3, 3\) in frame 0"
-    ):
+    with pytest.raises(BadArgument, match="'pose' has the shape"):
         wb.sequence([frame(), frame(), other])
-    with pytest.raises(
-        BadArgument, match="'betas' is not free in the same entries in frame 1 as in frame 0"
-    ):
+    with pytest.raises(BadArgument, match="'betas' is not free"):
         wb.sequence([frame(), frame().freeing("pose", "trans")])
-    with pytest.raises(BadArgument, match="'pose' is not free in the same entries in frame 1"):
-        wb.sequence([frame(), frame().freeing("pose[joint1]", "betas", "trans")])
     with pytest.raises(UnknownName, match=r"no block is called 'beta'.*betas"):
         wb.sequence([frame()] * 2, shared="beta")
     with pytest.raises(BadArgument, match=r"function from Frames to a Residual.* of type str"):
@@ -602,16 +520,14 @@ def test_what_makes_no_sequence_is_said() -> None:
         wb.sequence([frame()] * 2, between=[lambda frames: frames["pose"].symbol])  # type: ignore[list-item,return-value]
 
 
-def test_residuals_of_one_name_are_of_one_kind() -> None:
+def test_residuals_of_one_name_must_be_alike() -> None:
     with pytest.raises(BadResidual, match="'joints' has another kernel in frame 1 than in frame 0"):
         wb.sequence([counted(3, 0), counted(3, 1, kernel=huber(1.0))])
     with pytest.raises(BadResidual, match="'joints' has another unit in frame 1"):
         wb.sequence([counted(3, 0), counted(3, 1, unit="mm")])
-    with pytest.raises(BadResidual, match="'joints' has another rows_per_point in frame 1"):
-        wb.sequence([counted(3, 0), counted(3, 1, rows_per_point=1)])
 
 
-def test_values_of_another_number_of_frames_are_refused() -> None:
+def test_values_of_other_frames_are_refused() -> None:
     whole = wb.sequence([frame()] * 3, shared=SHARED)
     with pytest.raises(WorkbenchError, match=r"'trans' has shape \(3, 3\), but was given \(2, 3\)"):
         whole.linearize(values(2))
@@ -621,14 +537,7 @@ def test_values_of_another_number_of_frames_are_refused() -> None:
         whole.linearize(given)
 
 
-def test_no_residual_reads_symbols_of_single_frames() -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED, between=(*SMOOTH, feet))
-    read = {s.name() for s in cs.symvar(whole.graph())}
-    assert read == set(whole.known)
-    assert all(whole.known[name].framed == (name not in SHARED) for name in read)
-
-
-def test_what_the_frames_would_not_see_cannot_be_replaced_for_all_rows() -> None:
+def test_residuals_of_frames_refuse_replaced_weights() -> None:
     x = wb.Block("x", (2,))
     one = wb.Problem([wb.Residual("off", x.symbol - 1.0, 0.5)], ("x",))
     problem = wb.sequence([one] * 3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.errors import BadArgument, BadMesh, UnknownName
+from workbench.errors import BadArgument, UnknownName
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
@@ -28,7 +28,7 @@ def ended(motion: Similarity) -> Alignment:
     return Alignment(motion, Stopped.SETTLED, (IcpIterate(motion, 0.0, 0.0, 1.0, 0.0),))
 
 
-def test_what_stays_where_it_began_is_as_far_off_as_it_was_turned() -> None:
+def test_basin_map_measures_turns_and_distances() -> None:
     told: list[tuple[int, int]] = []
     found = basin_map(ended, POINTS, TRUTH, ("z",), 45.0, progress=lambda *at: told.append(at))
     assert found.angles[:, 0].tolist() == [-135, -90, -45, 0, 45, 90, 135, 180]
@@ -44,7 +44,7 @@ def test_what_stays_where_it_began_is_as_far_off_as_it_was_turned() -> None:
     assert told == [(k, 8) for k in range(1, 9)]
 
 
-def test_starts_about_two_axes_turn_about_the_first_one_first() -> None:
+def test_starts_about_two_axes_compose() -> None:
     starts: list[Similarity] = []
 
     def align(start: Similarity) -> Alignment:
@@ -72,30 +72,22 @@ def of(found: dict[float, bool]) -> BasinMap:
     )
 
 
-def test_the_reach_ends_at_the_first_start_that_is_lost() -> None:
+def test_reach_ends_at_the_first_lost_start() -> None:
     assert of({-60: True, -30: True, 0: True, 30: True, 60: True, 90: True}).reach == 90
     assert of({-60: False, -30: True, 0: True, 30: True, 60: True, 90: True}).reach == 30
     assert of({-30: True, 0: True, 30: False}).reach == 0
     assert np.isnan(of({-30: True, 0: False, 30: True}).reach)
 
 
-def test_the_table_has_a_row_for_each_start() -> None:
-    assert list(of({-30: False, 0: True}).rows()) == [
-        ("y_deg", "found", "turned_deg", "off_mm", "iterations", "stopped"),
-        ("-30", "no", "0.0000", "1000.0000", "7", "SETTLED"),
-        ("0", "yes", "0.0000", "0.0000", "7", "SETTLED"),
-    ]
+def test_grid_has_no_start_twice() -> None:
+    for step, count in [(180.0, 2), (120.0, 3), (100.0, 3), (30.0, 12)]:
+        angles = grid(["y"], step)[:, 0]
+        assert len(angles) == len({angle % 360 for angle in angles}) == count
+        assert 0 in angles
+        assert np.all(np.diff(angles) == step)
 
 
-@pytest.mark.parametrize(("step", "count"), [(180.0, 2), (120.0, 3), (100.0, 3), (30.0, 12)])
-def test_the_grid_has_no_start_twice(step: float, count: int) -> None:
-    angles = grid(["y"], step)[:, 0]
-    assert len(angles) == len({angle % 360 for angle in angles}) == count
-    assert 0 in angles
-    assert np.all(np.diff(angles) == step)
-
-
-def test_what_makes_no_grid_is_told() -> None:
+def test_bad_grids_are_refused() -> None:
     with pytest.raises(UnknownName, match="no axis is called 'w'; there are x, y, z"):
         grid(["w"], 30.0)
     with pytest.raises(BadArgument, match="several different ones, not 'y and y'"):
@@ -107,7 +99,8 @@ def test_what_makes_no_grid_is_told() -> None:
             grid(["y"], step)
 
 
-def test_an_ellipsoid_has_half_turns_besides_the_truth() -> None:
+@pytest.mark.thorough
+def test_ellipsoid_has_known_basins() -> None:
     """Known basins: an ellipsoid looks the same after a half-turn about each of its axes."""
     import trimesh
 
@@ -124,7 +117,7 @@ def test_an_ellipsoid_has_half_turns_besides_the_truth() -> None:
 TRUE = Similarity(np.eye(3), np.zeros(3))
 
 
-def test_points_are_spread_evenly_over_the_area() -> None:
+def test_random_points_are_uniform_over_area() -> None:
     """A big triangle and a small one: points by area, means at the centroids, true normals."""
     vertices = np.array([[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 5], [1, 0, 5], [0, 0, 6.0]])
     faces = np.array([[0, 1, 2], [3, 4, 5]])
@@ -139,8 +132,3 @@ def test_points_are_spread_evenly_over_the_area() -> None:
     assert np.mean(within.sum(axis=1) <= 1.5) == pytest.approx(0.25, abs=0.02)
     np.testing.assert_allclose(normals[big], np.tile([0, 0, 1.0], (big.sum(), 1)), atol=1e-15)
     np.testing.assert_allclose(normals[~big], np.tile([0, -1.0, 0], ((~big).sum(), 1)), atol=1e-15)
-
-
-def test_a_mesh_without_area_has_no_points() -> None:
-    with pytest.raises(BadMesh, match="no area"):
-        random_surface_points(np.zeros((3, 3)), np.array([[0, 1, 2]]), 5, RNG)

@@ -1,6 +1,7 @@
 """Bodies in clothes: a loose distance comes nearer to the shape below them than a plain one."""
 
 import numpy as np
+import pytest
 
 from workbench import load_body
 from workbench.blocks import Values
@@ -18,6 +19,8 @@ from workbench.synthetic import (
     scan,
     scanners,
 )
+
+pytestmark = pytest.mark.thorough
 
 BODY = load_body("small")
 STAGE = (FitStage(800, 0.01, 0.03, starts=1, iterations=40, settled=0.001),)
@@ -49,7 +52,7 @@ def off(person: ScannedPerson, made: SimulatedScan, form: Form) -> tuple[float, 
     return float(np.linalg.norm(found - true)), 1e3 * float(np.linalg.norm(apart, axis=1).mean())
 
 
-def test_clothing_is_read_as_shape_and_less_so_by_a_loose_distance() -> None:
+def test_loose_distance_reads_less_clothing_as_shape() -> None:
     clothes = [dressed(seed, 0.03) for seed in range(20, 26)]
     plain = np.array([off(*one, distance) for one in clothes])
     less = np.array([off(*one, loose(0.3)) for one in clothes])
@@ -60,6 +63,6 @@ def test_clothing_is_read_as_shape_and_less_so_by_a_loose_distance() -> None:
     assert (less < plain).sum(axis=0).min() >= 5  # of 6
 
 
-def test_without_clothes_a_plain_distance_is_nearer() -> None:
+def test_plain_distance_is_nearer_without_clothes() -> None:
     naked = dressed(24, 0.0)
     assert off(*naked, distance)[1] < off(*naked, loose(0.3))[1]

@@ -60,6 +60,7 @@ def errors(values: wb.Values) -> np.ndarray:
     return 1e3 * np.linalg.norm(found - truth, axis=1)
 
 
+@pytest.mark.thorough
 def test_a_hand_turned_any_way_is_found_from_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,6 +87,7 @@ def test_a_hand_turned_any_way_is_found_from_the_command_line(
     assert 1e3 * np.median(np.abs(away)) < 1
 
 
+@pytest.mark.thorough
 def test_a_skeleton_starts_the_fit_and_counts_in_it() -> None:
     truth, simulated = made()
     rng = np.random.default_rng(2)
@@ -98,6 +100,7 @@ def test_a_skeleton_starts_the_fit_and_counts_in_it() -> None:
     assert errors(fit.values).mean() < 1.5
 
 
+@pytest.mark.thorough
 def test_a_scan_determines_what_points_leave_open() -> None:
     """All 48 numbers of the pose, of which 16 joints see 23, and 21 points 38."""
     truth, simulated = made()

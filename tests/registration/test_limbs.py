@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 
 from tests.registration.test_free_vertices import body, sampled
-from workbench import load_body
 from workbench.blocks import Values
 from workbench.fitting.body_priors import pose_gaussian
-from workbench.priors.poses import shipped_mixture
-from workbench.registration import FitStage, FreeVertices, Progress, fit_model
+from workbench.registration import FitStage, FreeVertices, fit_model
 from workbench.registration.free_vertices import BODY, MODEL_STAGES, Settled
-from workbench.registration.limbs import limb_poses, limbs, other_limbs, with_limb_at_mean
+from workbench.registration.limbs import limbs, other_limbs, with_limb_at_mean
 from workbench.solvers import Solution
 
 MODEL = MODEL_STAGES[:1]
 
 
-def test_limbs_of_a_person_are_arms_and_legs() -> None:
+def test_limbs_are_arms_and_legs() -> None:
     names = body().joint_names
     firsts = {names[limb[0]] for limb in limbs(body().parents)}
     assert firsts == {
@@ -30,14 +28,7 @@ def test_limbs_of_a_person_are_arms_and_legs() -> None:
     assert [names[joint] for joint in forearm] == ["left_elbow", "left_wrist", "left_hand"]
 
 
-def test_limbs_of_a_hand_are_its_fingers() -> None:
-    hand = load_body("hand")
-    found = limbs(hand.parents)
-    assert len(found) == 5
-    assert {len(limb) for limb in found} == {3}
-
-
-def test_other_joints_keep_their_rotations() -> None:
+def test_joints_beside_a_limb_keep_rotations() -> None:
     limb = limbs(body().parents)[0]
     pose = np.random.default_rng(0).standard_normal((24, 3))
     moved = with_limb_at_mean(body(), pose, limb)
@@ -47,16 +38,8 @@ def test_other_joints_keep_their_rotations() -> None:
     np.testing.assert_array_equal(moved[list(limb)], mean[np.array(limb) - 1])
 
 
-def test_poses_of_limbs_are_those_of_the_prior_and_of_its_components() -> None:
-    """A hand has a prior of its own, of which there is no mixture."""
-    mean, *others = limb_poses(body())
-    assert {pose.shape for pose in (mean, *others)} == {(23, 3)}
-    np.testing.assert_array_equal(np.ravel(others), np.ravel(shipped_mixture().means))
-    hand = load_body("hand")
-    assert [pose.shape for pose in limb_poses(hand)] == [(hand.n_joints - 1, 3)]
-
-
-def test_a_fit_of_the_body_tries_other_poses_of_limbs() -> None:
+@pytest.mark.thorough
+def test_fit_tries_other_poses_of_limbs() -> None:
     """What it finds takes the place of the hypothesis that it comes from, and tells its start."""
     truth, names = body().start(), body().joint_names
     pose, folded = truth["pose"].copy(), truth["pose"].copy()
@@ -77,27 +60,9 @@ def test_a_fit_of_the_body_tries_other_poses_of_limbs() -> None:
         assert here.cost == pytest.approx(fit.cost)  # of the stage's own problem
 
 
-def test_runs_of_limbs_end_when_the_fit_is_stopped() -> None:
-    """Nothing more is told, and what was found is returned."""
-    told: list[Progress] = []
-
-    def stop(one: Progress) -> bool:
-        told.append(one)
-        return len(told) == 8
-
-    stage = FitStage(200, 0.02, 0.05, 1, 4, limbs=1)
-    start = body().start()
-    scan = sampled(body().vertices(**start), n=200)
-    fit = fit_model(
-        body(), scan, starts=lambda body, scan: (start,), stages=(stage, stage), progress=stop
-    )
-    assert len(told) == 8
-    assert (told[-1].stage, told[-1].start, told[-1].starts) == (1, 1, 1)
-    assert "callback" in fit.stopped
-
-
+@pytest.mark.thorough
 @pytest.mark.parametrize(("limbs_too", "right"), [(False, False), (True, True)])
-def test_a_forearm_that_was_folded_the_wrong_way_is_unfolded(limbs_too: bool, right: bool) -> None:
+def test_wrongly_folded_forearm_is_unfolded(limbs_too: bool, right: bool) -> None:
     truth, names = body().start(), body().joint_names
     pose, folded = truth["pose"].copy(), truth["pose"].copy()
     pose[names.index("left_elbow")] = [0, -1.2, 0]
@@ -113,7 +78,8 @@ def test_a_forearm_that_was_folded_the_wrong_way_is_unfolded(limbs_too: bool, ri
     assert (off < 0.03) == right
 
 
-def test_a_fit_that_is_right_already_stays_as_it_is() -> None:
+@pytest.mark.thorough
+def test_right_fit_keeps_its_limbs() -> None:
     there = sampled(body().vertices(), n=200)
     noise = 0.005 * np.random.default_rng(1).standard_normal(there.points.shape)
     fit = FreeVertices(body(), replace(there, points=there.points + noise))

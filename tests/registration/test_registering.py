@@ -52,9 +52,7 @@ def whole(body: SkinnedBody, truth: Array) -> Registration:
     return register(body, cloud(body, truth), recipe=Recipe(FIT_STAGES))
 
 
-def test_a_person_is_found_and_what_was_found_is_told(
-    body: SkinnedBody, truth: Array, whole: Registration
-) -> None:
+def test_person_is_registered(body: SkinnedBody, truth: Array, whole: Registration) -> None:
     assert np.linalg.norm(whole.vertices - truth, axis=1).mean() < 0.01  # m
     assert whole.facing == pytest.approx(TURN, abs=0.05)
     assert [stage.name for stage in whole.stages] == ["model", "free"]
@@ -67,19 +65,21 @@ def test_a_person_is_found_and_what_was_found_is_told(
     assert not whole.findings
 
 
-def test_every_stage_brings_the_surface_nearer_to_the_points(whole: Registration) -> None:
+def test_every_stage_lowers_the_median_distance(whole: Registration) -> None:
     medians = [stage.median for stage in whole.stages]
     assert medians == sorted(medians, reverse=True)
 
 
-def test_the_model_alone_is_the_body_of_the_values(body: SkinnedBody, truth: Array) -> None:
+@pytest.mark.thorough
+def test_model_alone_is_the_body_of_the_values(body: SkinnedBody, truth: Array) -> None:
     found = register(body, cloud(body, truth), recipe=QUICK)
     assert [stage.name for stage in found.stages] == ["model"]
     np.testing.assert_array_equal(found.vertices, found.model)
     np.testing.assert_allclose(found.model, body.vertices(**found.values), atol=1e-15)
 
 
-def test_a_triangle_body_is_registered_by_its_model() -> None:
+@pytest.mark.thorough
+def test_triangle_bodies_are_registered() -> None:
     scape = load_body("small-scape")
     scan = cloud(load_body("small"), load_body("small").vertices())
     found = register(scape, scan, recipe=Recipe((FitStage(200, 0.02, 0.1, 1, 5),)))
@@ -87,14 +87,16 @@ def test_a_triangle_body_is_registered_by_its_model() -> None:
     assert found.vertices.shape == (scape.n_vertices, 3)
 
 
-def test_what_one_side_hides_rests_on_the_priors(body: SkinnedBody, truth: Array) -> None:
+@pytest.mark.thorough
+def test_hidden_side_is_less_certain(body: SkinnedBody, truth: Array) -> None:
     half = from_one_side(cloud(body, truth, 2000), np.array([0.0, 0.0, 1.0]))
     found = register(body, half, recipe=QUICK)
     assert 0.2 < found.seen.mean() < 0.8
     assert found.sd[~found.seen].mean() > found.sd[found.seen].mean()
 
 
-def test_points_at_the_boundary_are_left_out(body: SkinnedBody, truth: Array) -> None:
+@pytest.mark.thorough
+def test_boundary_points_are_left_out(body: SkinnedBody, truth: Array) -> None:
     half = from_one_side(cloud(body, truth, 2000), np.array([0.0, 0.0, 1.0]))
     found = register(body, half, recipe=Recipe(FIT_STAGES, model_alone, boundary=0.01))
     assert found.left_out > 0
@@ -105,7 +107,7 @@ def test_points_at_the_boundary_are_left_out(body: SkinnedBody, truth: Array) ->
         Recipe(boundary=-1.0)
 
 
-def test_ctrl_c_ends_a_registration(body: SkinnedBody, truth: Array) -> None:
+def test_interrupt_ends_a_registration(body: SkinnedBody, truth: Array) -> None:
     def press(at: Progress) -> None:
         if at.start == 2:
             os.kill(os.getpid(), signal.SIGINT)
@@ -118,13 +120,15 @@ def test_ctrl_c_ends_a_registration(body: SkinnedBody, truth: Array) -> None:
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_registration_can_be_sent_to_another_process(whole: Registration) -> None:
+@pytest.mark.thorough
+def test_registration_can_be_pickled(whole: Registration) -> None:
     again = pickle.loads(pickle.dumps(whole))
     np.testing.assert_array_equal(again.vertices, whole.vertices)
     assert again.stages == whole.stages
 
 
-def test_a_file_is_read_and_registered(body: SkinnedBody, truth: Array, tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_scan_file_is_registered(body: SkinnedBody, truth: Array, tmp_path: Path) -> None:
     write_scan(str(tmp_path / "scan.xyz"))
     found = registered(body, QUICK, Reading(), ScanJob("scan", tmp_path / "scan.xyz"))
     assert isinstance(found, RegisteredScan)
@@ -132,7 +136,7 @@ def test_a_file_is_read_and_registered(body: SkinnedBody, truth: Array, tmp_path
     assert any("taken to be m" in note for note in found.notes)
 
 
-def test_what_is_wrong_with_one_scan_is_its_answer(
+def test_failure_of_one_scan_is_its_answer(
     body: SkinnedBody, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "bad.obj").write_text("v 0 0 0\n")
@@ -157,7 +161,7 @@ def test_what_is_wrong_with_one_scan_is_its_answer(
         registered(body, QUICK, Reading(), job)
 
 
-def test_a_body_faces_where_its_root_is_turned_to() -> None:
+def test_facing_follows_the_root() -> None:
     about_y = np.array([0.0, 0.5, 0.0])
     np.testing.assert_allclose(facing(about_y, np.zeros(3)), [np.sin(0.5), 0, np.cos(0.5)])
     np.testing.assert_allclose(facing(about_y, about_y), [0, 0, 1], atol=1e-15)
@@ -180,7 +184,7 @@ def test_names_of_jobs_are_names_of_folders() -> None:
     assert (of_array.name, other.name) == ("people-of-anna", "one")
 
 
-def test_how_files_are_read_is_checked_before_any_is() -> None:
+def test_reading_is_checked_before_files() -> None:
     with pytest.raises(UnknownName, match="no unit is called 'ft'"):
         Reading(unit="ft")
     with pytest.raises(UnknownName, match="no axis is called 'w'"):
@@ -189,7 +193,8 @@ def test_how_files_are_read_is_checked_before_any_is() -> None:
         Reading(most=10)
 
 
-def test_ctrl_c_while_the_result_is_judged_is_not_lost(
+@pytest.mark.thorough
+def test_interrupt_while_judging_is_not_lost(
     body: SkinnedBody, truth: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import workbench.registration.registering as module
@@ -207,7 +212,7 @@ def test_ctrl_c_while_the_result_is_judged_is_not_lost(
         signal.signal(signal.SIGINT, before)
 
 
-def test_what_nothing_touches_is_not_registered(body: SkinnedBody, tmp_path: Path) -> None:
+def test_scan_without_contact_is_not_registered(body: SkinnedBody, tmp_path: Path) -> None:
     write_scan(str(tmp_path / "scan.xyz"))
     numbers = np.loadtxt(tmp_path / "scan.xyz")
     numbers[:, 3:] *= -1  # normals that point inwards

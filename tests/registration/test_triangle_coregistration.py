@@ -15,7 +15,6 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
-from workbench.registration.coregistration import ScansInMemory
 from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import (
     Bends,
@@ -58,7 +57,7 @@ def away(state: TriangleState) -> float:
     return float(np.linalg.norm(state.vertices - made()[2], axis=2).mean())
 
 
-def test_edges_before_stitching_are_those_of_the_deformations() -> None:
+def test_edges_before_stitching_follow_deformations() -> None:
     rng, b = np.random.default_rng(0), start()
     pose, betas = 0.3 * rng.standard_normal((b.n_joints, 3)), rng.standard_normal(b.n_betas)
     symbols = [block.symbol for block in b.blocks()[:2]]
@@ -68,7 +67,8 @@ def test_edges_before_stitching_are_those_of_the_deformations() -> None:
     assert_allclose(np.asarray(found).T, wanted, atol=1e-14)
 
 
-def test_no_block_raises_the_joint_cost() -> None:
+@pytest.mark.thorough
+def test_triangle_cost_is_monotone_over_blocks() -> None:
     log = run(PLAN).log
     assert [entry.block for entry in log] == ["persons", "bends", "registrations"] * 2
     for entry in log:
@@ -77,10 +77,12 @@ def test_no_block_raises_the_joint_cost() -> None:
         assert sum(before.after.values()) == pytest.approx(sum(after.before.values()))
 
 
-def test_registrations_come_nearer_to_the_truth_than_with_the_model_held() -> None:
+@pytest.mark.thorough
+def test_learned_triangles_improve_registrations() -> None:
     assert away(run(PLAN)) < 0.9 * away(run(replace(PLAN, blocks=())))
 
 
+@pytest.mark.thorough
 def test_bends_are_learned_before_stitching() -> None:
     skinned, rng, ratio = body(), np.random.default_rng(4), 0.02
     poses = 0.25 * rng.standard_normal((12, skinned.n_joints, 3))  # those of `start`
@@ -117,21 +119,9 @@ def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("which", [0, 1])
-def test_what_an_unknown_does_to_edges_has_its_adjoint_and_its_blocks(which: int) -> None:
-    state, rng = run(PLAN), np.random.default_rng(1)
-    unknown, _ = unknowns(state.body, state.poses)[which]
-    n, rows = unknown.prior.shape[0], 2 * state.body.n_faces
-    x, pull = rng.standard_normal(n), rng.standard_normal((rows, 3))
-    forth = unknown.forth(1, x)
-    assert unknown.back(1, pull) @ x == pytest.approx((pull * forth).sum(), rel=1e-12)
-    grams = unknown.grams(1)
-    faces = grams @ x.reshape(len(grams), -1, 1)
-    assert_allclose(faces.ravel(), unknown.back(1, forth), rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("which", [0, 1])
-def test_the_joint_step_solves_the_normal_equations(which: int) -> None:
+def test_joint_step_solves_the_normal_equations(which: int) -> None:
     state, rng = run(PLAN), np.random.default_rng(1)
     unknown, own = unknowns(state.body, state.poses)[which]
     N, s = state.body.n_vertices, 0.01
@@ -154,41 +144,11 @@ def test_the_joint_step_solves_the_normal_equations(which: int) -> None:
     assert np.abs(slope).max() < 1e-7 * np.abs(began).max()
 
 
-def test_both_forms_are_the_same_at_a_weight_of_one_and_differ_elsewhere() -> None:
-    scans, _, _, _ = made()
-    state = run(PLAN)
-
-    def costs(plan: TrianglePlan) -> dict[str, float]:
-        return TriangleCoregistration(start(), scans, plan).costs(state, start_of(scans))
-
-    alone, all_of_them = replace(PLAN, symmetric=False), PLAN
-    assert costs(alone) == costs(all_of_them)
-    four, priors = (costs(replace(plan, weight=4.0)) for plan in (alone, all_of_them))
-    one = costs(PLAN)
-    for term in one:
-        assert four[term] == pytest.approx(one[term] * (4 if term == "E_C" else 1))
-        assert priors[term] == pytest.approx(one[term] * (1 if term == "E_S" else 4))
-
-
-def start_of(scans: ScansInMemory) -> TriangleBody:
-    _, fits, _, _ = made()
-    return TriangleCoregistration(start(), scans, PLAN).first(fits, apart()).body
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
+def test_bad_triangle_plans_are_refused() -> None:
+    for change, told in [
         ({"rounds": 0}, "one round or more, not 0"),
         ({"bends": 0.0}, "bends is above zero, not 0"),
         ({"blocks": ("templates",)}, "no block is called 'templates'; give persons and bends"),
-    ],
-)
-def test_bad_plans_are_refused(change: dict[str, object], told: str) -> None:
-    with pytest.raises(BadArgument, match=told):
-        replace(PLAN, **change)  # type: ignore[arg-type]
-
-
-def test_subjects_are_numbered_without_gaps() -> None:
-    scans, _, _, _ = made()
-    with pytest.raises(BadArgument, match="numbered 0, 1, 2"):
-        TriangleCoregistration(start(), replace(scans, subject=2 * scans.subject), PLAN)
+    ]:
+        with pytest.raises(BadArgument, match=told):
+            replace(PLAN, **change)  # type: ignore[arg-type]

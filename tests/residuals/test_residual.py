@@ -1,5 +1,6 @@
 """Names, labels, priors, and residuals that cannot be."""
 
+from functools import partial
 from typing import Any
 
 import casadi as cs
@@ -15,7 +16,7 @@ from workbench.residuals import gaussian, keypoints, landmarks
 X = Block("x", (3,))
 
 
-def test_a_residual_is_named_after_its_function_and_blocks() -> None:
+def test_residual_is_named_after_function_and_blocks() -> None:
     body = smpl_like_body()
     symbols = [block.symbol for block in body.blocks()]
     observed = Block("scan/joints", (24, 3)).symbol
@@ -32,7 +33,7 @@ def test_a_residual_is_named_after_its_function_and_blocks() -> None:
     assert gaussian(symbols[1]).label(2) == "gaussian(betas)[2]"
 
 
-def test_bare_matrices_are_points_too() -> None:
+def test_bare_matrices_are_points() -> None:
     points, observed = Block("p", (4, 3)), Block("o", (4, 3))
     problem = Problem((residuals.vertices(points.symbol, observed.symbol, sigma=0.5),), ("p",))
     p, o = np.random.default_rng(0).normal(size=(2, 4, 3))
@@ -40,7 +41,7 @@ def test_bare_matrices_are_points_too() -> None:
     np.testing.assert_allclose(r, (p - o).ravel() / 0.5, rtol=1e-14)
 
 
-def test_a_keypoint_without_confidence_has_no_say() -> None:
+def test_keypoint_of_confidence_zero_is_ignored() -> None:
     points, observed, confidence = Block("p", (3, 3)), Block("o", (3, 2)), Block("c", (3,))
     camera = Camera()
     residual = keypoints(points.symbol, camera, observed.symbol, confidence.symbol, sigma=2.0)
@@ -59,31 +60,31 @@ def test_a_keypoint_without_confidence_has_no_say() -> None:
 # Gaussians.
 
 
-@pytest.mark.parametrize(
-    "covariance",
-    [0.3, np.array([0.1, 2.0, 0.5]), np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]])],
-    ids=["variance", "variances", "matrix"],
-)
-def test_the_cost_of_a_gaussian_is_minus_its_log_density(covariance: np.ndarray) -> None:
-    mean = np.array([0.5, -1.0, 2.0])
-    problem = Problem((gaussian(X.symbol, mean=mean, covariance=covariance),), ("x",))
-    C = np.asarray(covariance)
-    density = scipy.stats.multivariate_normal(mean, C if C.ndim == 2 else C * np.eye(3))
-    for x in np.random.default_rng(0).normal(size=(5, 3)):
-        cost = problem.linearize({"x": x}).cost
-        constant = density.logpdf(mean)
-        assert cost == pytest.approx(constant - density.logpdf(x), rel=1e-12)
-        full = np.linalg.inv(C if C.ndim == 2 else C * np.eye(3))
-        assert 2 * cost == pytest.approx((x - mean) @ full @ (x - mean), rel=1e-12)
+def test_gaussian_cost_is_minus_log_density() -> None:
+    for covariance in [
+        0.3,
+        np.array([0.1, 2.0, 0.5]),
+        np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]]),
+    ]:
+        mean = np.array([0.5, -1.0, 2.0])
+        problem = Problem((gaussian(X.symbol, mean=mean, covariance=covariance),), ("x",))
+        C = np.asarray(covariance)
+        density = scipy.stats.multivariate_normal(mean, C if C.ndim == 2 else C * np.eye(3))
+        for x in np.random.default_rng(0).normal(size=(5, 3)):
+            cost = problem.linearize({"x": x}).cost
+            constant = density.logpdf(mean)
+            assert cost == pytest.approx(constant - density.logpdf(x), rel=1e-12)
+            full = np.linalg.inv(C if C.ndim == 2 else C * np.eye(3))
+            assert 2 * cost == pytest.approx((x - mean) @ full @ (x - mean), rel=1e-12)
 
 
-def test_the_covariance_comes_back_from_the_linearization() -> None:
+def test_gaussian_covariance_comes_back_from_linearization() -> None:
     C = np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]])
     here = Problem((gaussian(X.symbol, covariance=C),), ("x",)).linearize({"x": np.zeros(3)})
     np.testing.assert_allclose(here.covariance, C, rtol=1e-13, atol=1e-14)
 
 
-def test_a_mean_is_read_in_the_order_of_the_array() -> None:
+def test_mean_is_read_in_the_order_of_arrays() -> None:
     pose = Block("pose", (4, 3))
     mean = np.random.default_rng(0).normal(size=(4, 3))
     for given in (mean, mean.ravel()):
@@ -91,54 +92,36 @@ def test_a_mean_is_read_in_the_order_of_the_array() -> None:
         assert not problem.linearize({"pose": mean}).residual.any()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
+def test_bad_gaussians_are_refused() -> None:
+    for arguments, text in [
         ({"mean": np.zeros(2)}, r"mean of \(2,\)"),
         ({"covariance": np.ones(2)}, r"covariance of \(2,\)"),
-        ({"covariance": np.eye(2)}, r"covariance of \(2, 2\)"),
         ({"covariance": 0.0}, "variances above zero, not 0.0"),
-        ({"covariance": np.array([1.0, -1.0, 1.0])}, "variances above zero, not -1.0"),
-        ({"covariance": np.diag([1.0, -2.0, 1.0])}, "smallest eigenvalue of this one is -2"),
+        ({"covariance": np.diag([1.0, -2.0, 1.0])}, "smallest eigenvalue"),
         ({"covariance": np.triu(np.ones((3, 3)))}, "finite and symmetric"),
-        ({"covariance": np.full((3, 3), np.nan)}, "finite and symmetric"),
-        ({"covariance": np.diag([1.0, np.inf, 1.0])}, "finite and symmetric"),
-        ({"covariance": np.ones((3, 3))}, "smallest eigenvalue of this one is"),
-        ({"covariance": np.inf}, "finite variances above zero, not inf"),
-        ({"covariance": np.array([1.0, np.nan, 1.0])}, "finite variances above zero, not nan"),
-        ({"covariance": "wide"}, "the covariance must be .*, not text"),
-        ({"mean": np.array([0.0, np.nan, 1.0])}, "a finite mean, but entry 1 of it is nan"),
-        ({"mean": np.inf}, "a finite mean, but entry 0 of it is inf"),
-        ({"mean": [1j, 0, 0]}, "the mean must be .*, not complex numbers"),
-    ],
-)
-def test_gaussians_that_are_none_are_refused(arguments: dict, text: str) -> None:
-    with pytest.raises((BadResidual, NotNumbers), match=rf"'gaussian\(x\)'.*{text}"):
-        gaussian(X.symbol, **arguments)
+        ({"mean": np.array([0.0, np.nan, 1.0])}, "finite mean"),
+    ]:
+        with pytest.raises((BadResidual, NotNumbers), match=rf"'gaussian\(x\)'.*{text}"):
+            gaussian(X.symbol, **arguments)
 
 
 # Residuals that cannot be.
 
 
-@pytest.mark.parametrize(
-    "sigma", [0.0, -1.0, np.nan, np.inf, np.ones(2), np.array([1.0, 0.0, 1.0])]
-)
-def test_a_sigma_must_be_above_zero_and_fit(sigma: float) -> None:
-    with pytest.raises(
-        BadResidual,
-        match=r"and above zero, in m: one number, or one for each row \(3\)",
-    ):
-        Residual("x", X.symbol, sigma, "m")
+def test_bad_sigmas_are_refused() -> None:
+    for sigma in [-1.0, np.inf, np.ones(2), np.array([1.0, 0.0, 1.0])]:
+        with pytest.raises(BadResidual, match="above zero, in m"):
+            Residual("x", X.symbol, sigma, "m")
 
 
-def test_a_residual_is_a_column() -> None:
+def test_residual_must_be_a_column() -> None:
     with pytest.raises(BadResidual, match=r"must be a column \(m, 1\), not \(3, 4\); casadi.vec"):
         Residual("x", cs.MX.sym("x", 3, 4), 1.0)
     with pytest.raises(BadResidual, match="has 3 rows but 1 labels"):
         Residual("x", X.symbol, 1.0, labels=("a",))
 
 
-def test_points_and_observations_must_be_as_many() -> None:
+def test_points_and_observations_must_match() -> None:
     body = random_body()
     symbols = [block.symbol for block in body.blocks()]
     points = body.joint_points(*symbols)
@@ -151,31 +134,26 @@ def test_points_and_observations_must_be_as_many() -> None:
         keypoints(points, Camera(), Block("o", (5, 2)).symbol, Block("c", (4,)).symbol, sigma=1.0)
 
 
-@pytest.mark.parametrize(
-    ("expression", "kind"),
-    [
+def test_expressions_of_other_types_are_refused() -> None:
+    for expression, kind in [
         (np.zeros(3), "ndarray"),
-        (cs.DM(3, 1), "DM"),
         (cs.SX.sym("x", 3), "SX"),
         (X, "Block"),
-        (0, "int"),
-    ],
-)
-def test_what_is_no_symbol_is_no_residual(expression: Any, kind: str) -> None:
-    for make in (
-        lambda: Residual("x", expression, 1.0),
-        lambda: gaussian(expression),
-        lambda: landmarks(expression, np.zeros((1, 3)), sigma=1.0),
-    ):
-        hint = "; take its .symbol" if kind == "Block" else "$"
-        with pytest.raises(BadResidual, match=rf"must be a CasADi .* of type {kind}{hint}"):
-            make()
+    ]:
+        for make in (
+            partial(Residual, "x", expression, 1.0),
+            partial(gaussian, expression),
+            partial(landmarks, expression, np.zeros((1, 3)), sigma=1.0),
+        ):
+            hint = "; take its .symbol" if kind == "Block" else "$"
+            with pytest.raises(BadResidual, match=rf"must be a CasADi .* of type {kind}{hint}"):
+                make()
 
 
 # Numbers instead of symbols.
 
 
-def test_observations_may_be_arrays_as_users_see_them() -> None:
+def test_observations_may_be_arrays() -> None:
     body, rng = random_body(), np.random.default_rng(0)
     symbols = [block.symbol for block in body.blocks()]
     points, joints, camera = body.points(*symbols), body.joint_points(*symbols), Camera("c/")
@@ -202,7 +180,7 @@ def test_observations_may_be_arrays_as_users_see_them() -> None:
     assert set(problem(observed).fixed.names) == {block.name for block in camera.blocks}
 
 
-def test_residuals_of_numbers_are_named_after_the_blocks_behind_the_points() -> None:
+def test_residuals_of_numbers_are_named_after_points() -> None:
     body = smpl_like_body()
     joints = body.joint_points(*(block.symbol for block in body.blocks("scan/")))
     name = "landmarks(scan/pose, scan/betas, scan/trans)"
@@ -219,9 +197,8 @@ def holed(shape: tuple[int, ...]) -> np.ndarray:
     return array
 
 
-@pytest.mark.parametrize(
-    ("observed", "confidence", "text"),
-    [
+def test_observations_that_do_not_fit_are_refused() -> None:
+    for observed, confidence, text in [
         (
             np.zeros((2, 5)),
             np.ones(5),
@@ -230,39 +207,25 @@ def holed(shape: tuple[int, ...]) -> np.ndarray:
         (np.zeros((5, 2)), np.ones(4), r"the confidence as .* of shape \(5,\), not of \(4,\)"),
         (holed((5, 2)), np.ones(5), r"row 2 of what was observed is \[nan nan\], and 2 of 5 rows"),
         (np.zeros((5, 2)), holed((5,)), r"row 2 of the confidence is nan, and 2 of 5 rows"),
-        (cs.DM(5, 2), np.ones(5), r"of shape \(5, 2\), not of \(2, 5\)"),
-        (np.zeros((5, 2)), cs.DM(1, 5), r"the confidence as .* of shape \(5,\), not of \(5, 1\)"),
-        ([["a", "b"]] * 5, np.ones(5), "what was observed must be .*, not text"),
         (Block("o", (5, 2)), np.ones(5), "what was observed must be a CasADi .*; take its .symbol"),
-    ],
-)
-def test_observations_that_do_not_fit_are_named(observed: Any, confidence: Any, text: str) -> None:
-    points = Block("p", (5, 3)).symbol
-    with pytest.raises((BadResidual, NotNumbers), match=rf"residual 'keypoints\((p|o)?\)'.*{text}"):
-        keypoints(points, Camera(), observed, confidence, sigma=1.0)
-
-
-def test_no_observations_are_no_rows() -> None:
-    none = residuals.vertices(cs.MX.sym("p", 3, 0), np.zeros((0, 3)), sigma=1.0)
-    assert none.size == 0
+    ]:
+        points = Block("p", (5, 3)).symbol
+        with pytest.raises(
+            (BadResidual, NotNumbers), match=rf"residual 'keypoints\((p|o)?\)'.*{text}"
+        ):
+            keypoints(points, Camera(), observed, confidence, sigma=1.0)
 
 
 # Kernels that are none.
 
 
-@pytest.mark.parametrize("threshold", [-1, 0, np.nan, np.inf, "far", None])
-def test_a_threshold_is_above_zero(threshold: Any) -> None:
-    with pytest.raises(BadResidual, match="huber takes a threshold above zero"):
-        residuals.huber(threshold)
+def test_huber_needs_a_positive_threshold() -> None:
+    for threshold in [0, np.inf, "far"]:
+        with pytest.raises(BadResidual, match="huber takes a threshold above zero"):
+            residuals.huber(threshold)
 
 
-@pytest.mark.parametrize("number", [-1, 0, 0.5])
-def test_a_kernel_without_parameter_takes_none(number: float) -> None:
-    with pytest.raises(BadResidual, match="geman_mcclure is the kernel itself"):
-        residuals.geman_mcclure(number)
-
-
-def test_a_kernel_is_a_function_of_squares() -> None:
+def test_kernel_must_be_a_function() -> None:
     with pytest.raises(BadResidual, match=r"'x' needs a function as its kernel.*, not 1.345"):
         Residual("x", X.symbol, 1.0, kernel=1.345)  # type: ignore[arg-type]
     forgotten = Residual("x", X.symbol, 1.0, kernel=residuals.huber)  # type: ignore[arg-type]

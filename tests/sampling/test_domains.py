@@ -13,7 +13,7 @@ import pytest
 
 import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
-from tests.problem.test_batch import problems
+from tests.problem.test_costs import problems
 from tests.sampling.test_modes import target_of
 from workbench.diagnostics.design import Candidate, with_candidates
 from workbench.errors import BadArgument, BadFile, BadResidual

@@ -6,6 +6,10 @@ share are all of the form
     a(x) = offset + sum over blocks b of A_b x_b,
 
 with arrays flat, row by row. CasADi tells whether an expression has this form.
+
+A row of the map that only copies one entry of a block, which no other row reads, is differentiated
+straight into the Jacobian; other rows are differentiated by the argument and multiplied by the map.
+An argument that is not affine is part of the graph.
 """
 
 from collections.abc import Mapping, Sequence

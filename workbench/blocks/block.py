@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 from operator import index
-from typing import Any
+from typing import Any, NoReturn, Self
 
 import casadi as cs
 import numpy as np
@@ -13,9 +13,25 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Mask
 from workbench.blocks.checks import texts
-from workbench.errors import BadBlock
+from workbench.errors import BadArgument, BadBlock
 
 AXES = ("x", "y", "z")
+
+
+class Symbolic:
+    """What is made of CasADi's symbols, which exist in one process alone; its copy is itself."""
+
+    def __reduce__(self) -> NoReturn:
+        raise BadArgument(
+            f"a {type(self).__name__} cannot be pickled, as its symbols exist in this process "
+            "alone; pickle the function that makes it, or numbers such as those of a solution"
+        )
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,10 @@
-"""Points on a body as residuals see them: a placeholder, and where it comes from."""
+"""Points on a body as residuals see them: a placeholder, and where it comes from.
+
+Residuals are functions of placeholders, so that they need not know a body; each placeholder has a
+source that computes its points. Where the whole graph is needed, `Problem` puts the source's
+expression in the place of the placeholder. A source may have arithmetic alone (`expression` is
+None): then there is no whole graph, and all that uses the chain rule works.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -9,7 +15,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks.backwards import scalars_repeated
-from workbench.blocks.block import Block
+from workbench.blocks.block import Block, Symbolic
 from workbench.blocks.tree import Tree
 from workbench.errors import BadArgument, BadResidual, NotSupported, TwoSymbolsOneName
 
@@ -95,7 +101,7 @@ class PointSource(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class Points(Symbolic):
     """The points that a residual reads: a symbol that stands for the points of a source.
 
     A residual need not know a body. When the whole graph is needed, the problem puts the source's

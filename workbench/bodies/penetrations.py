@@ -1,4 +1,10 @@
-"""How deep parts of a posed body are within each other, measured on its mesh."""
+"""How deep parts of a posed body are within each other, measured on its mesh.
+
+The mesh is cut into parts, each part is closed to a solid, a place is inside if its winding number
+is above one half, and the deepest place is found by branch and bound (`geometry/penetration.py`).
+Triangles on the border of two parts may be long; each place on one belongs to the part of the
+nearest corner.
+"""
 
 from __future__ import annotations
 

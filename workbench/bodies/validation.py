@@ -21,6 +21,7 @@ from workbench.errors import BadBody, NotNumbers
 
 Refuse = Callable[[str], NoReturn]
 Shaped = NDArray[Any] | csr_array
+FARTHEST = 1e3  # m
 ROW_SUM_TOLERANCE = 1e-3  # single-precision files of many small weights reach 1e-5
 
 
@@ -67,6 +68,7 @@ def check(body: Mirrored) -> None:
     if len(body.joint_names) != K:
         refuse(f"joint_names has {len(body.joint_names)} names for {K} joints")
     check_finite(refuse, body, ("template", "shapedirs", "posedirs", "weights", "J_regressor"))
+    check_sizes(refuse, body, ("template", "shapedirs", "posedirs"))
     with np.errstate(over="ignore", invalid="ignore"):  # sums that overflow are not one
         check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
         check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
@@ -154,6 +156,21 @@ def check_finite(refuse: Refuse, body: object, names: Iterable[str]) -> None:
         bad = np.argwhere(~np.isfinite(array))
         if len(bad):
             refuse(f"{name}[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such entries)")
+
+
+def check_sizes(refuse: Refuse, body: object, names: Iterable[str]) -> None:
+    """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST.
+
+    A body of a person in millimetres is refused as well: residuals, priors and starts are in m.
+    """
+    for name in names:
+        array = np.abs(getattr(body, name))
+        if array.size and (largest := float(array.max())) > FARTHEST:
+            vertex = int(np.unravel_index(int(array.argmax()), array.shape)[0])
+            refuse(
+                f"{name} of vertex {vertex} has an entry of {largest:.3g} m, and a body has none "
+                f"beyond {FARTHEST:,.0f} m; `workbench check-body` says which unit the file is in"
+            )
 
 
 def check_rows(refuse: Refuse, name: str, sums: Array, row: str) -> None:

@@ -37,6 +37,7 @@ from workbench.geometry.meshes import READERS, REGISTERED
 from workbench.homes import expanded
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 
+PIXELS = 4.0  # standard deviation of a keypoint of a clip
 FPS = 30.0  # frames per second of a clip that does not say
 
 
@@ -164,7 +165,10 @@ def fit(
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
-        typer.Option(help="Standard deviation of the data; by default 4 px, or 0.002 m in space."),
+        typer.Option(
+            help="Standard deviation of the data; by default 0.4 % of the person's height in "
+            "an image, 4 px in a clip, or 0.002 m in space."
+        ),
     ] = None,
     solver: Annotated[
         str | None,
@@ -231,7 +235,16 @@ def fit(
             focal=focal,
             person=person,
         )
-        fit_video(given.console, first, clip, model, recipe.sigma, given.named, out, mean)
+        fit_video(
+            given.console,
+            first,
+            clip,
+            model,
+            PIXELS if sigma is None else sigma,
+            given.named,
+            out,
+            mean,
+        )
     elif first.is_dir():
         single = {"--compare": compare, "--solver": solver is not None}
         given.mind(single | drawn | moving | of_markers, "it is not for a folder of images")
@@ -271,8 +284,7 @@ def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
         f"{', '.join(str(f.name) for f in files)}?"
     )
     if len(files) > 1:
-        sigma = given.recipe.sigma
-        return keypoint_fit(observed, given.body, question, sigma=sigma, compared=MANY)
+        return keypoint_fit(observed, given.body, question, sigma=given.sigma, compared=MANY)
     return image_fit(
         observed,
         given.body,

@@ -10,7 +10,7 @@ from workbench.fitting.stature import checked_height
 
 def recipe_of(height: float | None, sigma: float | None) -> ByHeight:
     """How one image is fitted, with a known stature, and with another sigma of keypoints."""
-    recipe = ByHeight(sigma=4.0 if sigma is None else sigma)
+    recipe = ByHeight(sigma=sigma)
     if height is None:
         return recipe
     checked_height(height)

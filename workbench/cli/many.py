@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from workbench.cli.bars import Bars
 from workbench.cli.leaving import interrupts_say
-from workbench.cli.output import print_page, say
+from workbench.cli.output import print_page, say, warn_of
 from workbench.fitting.file_jobs import FailedFile, FileJob
 from workbench.reports.entries import Entry
 
@@ -80,6 +80,8 @@ def carry_out(
                     entries[name] = folder.keep(found, keys[found.job])
             bars(files, len(entries) + len(failed), len(keys))
     page = finish([entries[job.name] for job in keys if job.name in entries], failed)
+    for name, entry in entries.items():
+        warn_of(console, entry.facts.get("warnings", ()), f"{name}: ")
     print_page(console, "report", page)
     if failed:
         say(console, f"{len(failed)} of {len(keys)} {files} could not be {done}")

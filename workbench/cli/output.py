@@ -102,3 +102,9 @@ def warn_without_effect(
     """Say that an option changes nothing, or nothing for the names `among`; the command goes on."""
     whom = f" for {escape(', '.join(among))}" if among else ""
     say(console, f"[bold yellow]{option} changes nothing{whom}:[/] {escape(because)}")
+
+
+def warn_of(console: Console, doubts: Iterable[str], of: str = "") -> None:
+    """Print what speaks against a fit, each doubt a line, after the name of what was fitted."""
+    for doubt in doubts:
+        say(console, f"[bold yellow]warning:[/] {escape(of)}{escape(doubt)}")

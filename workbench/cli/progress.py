@@ -8,7 +8,7 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
-from workbench.cli.output import rich_table
+from workbench.cli.output import rich_table, warn_of
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.reports import tables
@@ -67,7 +67,8 @@ class LiveTrace:
 def print_outcome(console: Console, outcome: Outcome) -> None:
     """The summary of a run."""
     solution = outcome.solution
-    good = solution.converged and outcome.better is None
+    good = solution.converged and outcome.better is None and not outcome.doubts
+    warn_of(console, outcome.doubts)
     console.print(
         f"[bold {'green' if good else 'yellow'}]{solution.status.name}[/] after "
         f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "

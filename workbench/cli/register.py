@@ -22,6 +22,7 @@ from workbench.cli.output import (
     print_page,
     rich_table,
     say,
+    warn_of,
     warn_without_effect,
 )
 from workbench.cli.run import Out
@@ -127,11 +128,7 @@ def register(
     work = partial(registered, template, recipe, reading)
 
     def finish(entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
-        page = folder.finish(entries, [rows[entry.name] for entry in entries], failed)
-        for entry in entries:
-            for text in entry.facts["warnings"]:
-                say(console, f"[bold yellow]warning:[/] {escape(entry.name)}: {escape(text)}")
-        return page
+        return folder.finish(entries, [rows[entry.name] for entry in entries], failed)
 
     with executing(console, workers, dask) as executor:
         carry_out(
@@ -163,8 +160,7 @@ def _one(
     for note in found.notes:
         say(console, f"note: {escape(note)}")
     console.print(rich_table(stages_table(found.registration)))
-    for finding in found.registration.findings:
-        say(console, f"[bold yellow]warning:[/] {escape(finding.text)}")
+    warn_of(console, (finding.text for finding in found.registration.findings))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
 

@@ -9,9 +9,10 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.image_mean import FILE, drawing
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import folder_to_write, print_page
+from workbench.cli.output import folder_to_write, print_page, warn_of
 from workbench.cli.progress import LiveTrace
 from workbench.fitting.clips import Clip
+from workbench.fitting.doubts import doubts
 from workbench.fitting.video_mean import video_mean
 from workbench.fitting.videos import video_fit
 from workbench.reports.video_page import motion_arrays, write_video
@@ -50,6 +51,7 @@ def fit_video(
     with LiveTrace(console) as trace:
         solution = solver.solve(setup.problem, setup.start, callback=trace)
     values = {**setup.start, **solution.values}
+    warn_of(console, doubts(setup, values, solution))
     console.print(f"{solution.status.name}: {escape(solution.message)}", highlight=False)
     for one in setup.measures(values):
         console.print(f"{escape(one.name)}: {one.value:.4g} {one.unit}", highlight=False)

@@ -1,5 +1,11 @@
 """Motions from one body to another, and from points in space to a body.
 
+`correspond` brings the target into the rest pose and shape of the source, by joints of the same
+names and then by closest places, and reads off where each vertex lies; that place moves with its
+triangle. The target is then fitted to these places of a sample of its vertices: a few frames that
+differ give the shape, as one sequence, and each frame is a small problem that begins at the one
+before (`tracking`). Named points in space are handled alike (`points_in_space`).
+
 >>> from workbench import load_body
 >>> from workbench.conversion import correspond
 >>> small, default = load_body("small"), load_body("default")

@@ -1,4 +1,8 @@
-"""Running a user's own Python file."""
+"""Running a user's own Python file.
+
+Whatever such a file raises becomes a sentence with the line to blame, and what CasADi says of
+shapes one that says what to do (`user_errors`).
+"""
 
 import importlib.util
 import sys

@@ -14,6 +14,7 @@ from workbench.errors import WorkbenchError
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.relative_costs import as_good, best_cost, excess
 from workbench.experiments.user_errors import user_errors
+from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Measure, Setup, View, expect
 from workbench.interrupts import caused_by
 from workbench.problem import Problem
@@ -60,6 +61,7 @@ class Outcome:
         overlays: the fitted body in each view.
         surface: (N, 3) m, the posed body, if there is one.
         source: the user's file that the run is about.
+        doubts: what speaks against the fit, in sentences.
         stages: the body at the end of each stage, in the first fitted view, if it was solved in
             stages.
         hypotheses: the body of each hypothesis there, if there was more than one start.
@@ -79,6 +81,7 @@ class Outcome:
     overlays: tuple[Overlay, ...]
     surface: Array | None
     source: str = ""
+    doubts: tuple[str, ...] = ()
     stages: tuple[Overlay, ...] = ()
     hypotheses: tuple[Overlay, ...] = ()
 
@@ -173,6 +176,7 @@ def run(
         else (),
         surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
+        doubts=doubts(setup, values, solution) if body else (),
         stages=_at(setup, values, [solution.trace[k].values for k in solution.stages]),
         hypotheses=_at(setup, values, [one.values for one in solution.hypotheses]),
     )

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import BadArgument, BadFile, WorkbenchError, line_of
+from workbench.errors import BadArgument, BadFile, WorkbenchError, line_of, message_of
 
 IN_CASADI = re.compile(r"^\S*casadi\S*:\d+: (Assertion .* failed:\s*)?")  # where in its source
 UNLIKE = re.compile(r"Dimension mismatch for (.+), x is (\d+)x(\d+), while y is (\d+)x(\d+)")
@@ -49,7 +49,7 @@ def _reason(error: BaseException) -> str:
         return str(error)
     if isinstance(error, SystemExit):
         return f"it ends the program (sys.exit({error.code})) where it is read; take that out"
-    said = error.msg if isinstance(error, SyntaxError) else str(error)
+    said = error.msg if isinstance(error, SyntaxError) else message_of(error)
     for kind, instead in NO_NUMBERS.items():
         if isinstance(error, TypeError) and f"'{kind}'" in said:
             return f"{said}; {instead}"

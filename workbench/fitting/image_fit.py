@@ -1,4 +1,12 @@
-"""A body on the keypoints of one image: the setup, and the stages and starts that solve it."""
+"""A body on the keypoints of one image: the setup, and the stages and starts that solve it.
+
+How an image is fitted is a recipe, as data (`image_recipe`): terms, sigmas, stages, priors and a
+solver. Lengths in px are proportional to the height of the person in the image. What a camera
+observed is in fixed blocks, so that images of one kind share one problem with its derived functions
+(`keypoint_problem`). A fit begins at what a small network reads off the keypoints
+(`regressed_start`), and further hypotheses at the resting body and at turned ones. The `strategy`
+of the setup makes the whole solver of the one that the user named.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,7 +22,7 @@ from workbench.fitting.depth_interval import FOUND, depth_measures
 from workbench.fitting.image_recipe import Appearance, ByHeight, ImageRecipe, Recipe
 from workbench.fitting.image_starts import image_starts
 from workbench.fitting.keypoint_problem import KeypointProblem
-from workbench.fitting.keypoints import LEAST_CONFIDENCE, keypoint_setup
+from workbench.fitting.keypoints import LEAST_CONFIDENCE, height_in_view, keypoint_setup
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
 from workbench.residuals.kernels import geman_mcclure, scaled
@@ -123,11 +131,8 @@ def appearance(setup: Setup, values: Values) -> Appearance:
     view = next(view for view in setup.views if not view.held_out)
     body = setup.body
     assert body is not None
-    pose, betas, trans = (values[block.name] for block in body.blocks())
-    stature = float(np.ptp(body.template[:, 1]))
-    found = body.landmark(view.landmarks, pose, betas, trans)
-    depth = float(np.median(view.camera.depths(found, values)))
-    height = float(np.mean(values[view.camera.focal.name])) * stature / max(depth, 1e-3)
+    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    height = height_in_view(setup, view, values)
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
     suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
     return Appearance(height, bool(suspect.any()))

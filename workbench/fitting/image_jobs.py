@@ -11,6 +11,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.depth_interval import FOUND, DepthInterval, depth_interval
+from workbench.fitting.doubts import doubts
 from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.image_recipe import ByHeight
@@ -80,6 +81,7 @@ class FittedImage:
         picture: what is drawn of it.
         seconds: how long the fit took.
         notes: sentences on what the file holds and was not read.
+        doubts: what speaks against the fit, in sentences.
     """
 
     job: FileJob
@@ -93,6 +95,7 @@ class FittedImage:
     picture: Picture
     seconds: float
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
 
 Fitted = FittedImage | FailedFile
@@ -151,6 +154,7 @@ class ImageWork:
             Picture(view.camera.pixels(joints, whole), view.observed, view.confidence),
             solution.seconds,
             tuple(note for note in setup.notes if note != FOUND),
+            doubts(setup, whole, solution),
         )
 
 

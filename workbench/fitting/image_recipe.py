@@ -24,6 +24,7 @@ from workbench.residuals import Residual, bending
 from workbench.residuals.bending import HINGES
 from workbench.solvers import LevenbergMarquardt, Solver, SolveStage
 
+SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen
 KEYPOINTS = "keypoints"  # in the weights of a stage: those of every camera
 LAMBDA_POSE = 404.0, 404.0, 57.4, 4.78
 LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
@@ -175,7 +176,9 @@ class ByHeight:
     photograph, and half of one in its background.
 
     Attributes:
-        sigma: the standard deviation of a keypoint, in px.
+        sigma: the standard deviation of a keypoint, in px; without one, SIGMA times the height, as
+            what detectors and people mark spreads in proportion to the person's size (Lin et al.,
+            Microsoft COCO, 2014).
         outlier: from which distance on a coordinate counts as an outlier, as a share of the
             person's height in the image.
         strict: the same if some keypoints are suspected to be wrong already at the start.
@@ -185,7 +188,7 @@ class ByHeight:
         relative: the standard deviations of keypoints by name, in sigmas.
     """
 
-    sigma: float = 4.0
+    sigma: float | None = None
     outlier: float = 0.08
     strict: float = 0.04
     wide: tuple[float, ...] = ()
@@ -196,6 +199,7 @@ class ByHeight:
     def __call__(self, person: Appearance) -> ImageRecipe:
         """The recipe for a person of this appearance."""
         height = person.height
-        stages = wider(self.sigma, *(share * height for share in self.wide), solver=ROUGHLY)
+        sigma = SIGMA * height if self.sigma is None else self.sigma
+        stages = wider(sigma, *(share * height for share in self.wide), solver=ROUGHLY)
         outlier = height * (self.strict if person.suspect else self.outlier)
-        return ImageRecipe(self.sigma, outlier, self.priors, stages, self.solver, self.relative)
+        return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)

@@ -1,4 +1,9 @@
-"""Reading keypoints from files of detectors, and the cameras that saw them."""
+"""Reading keypoints from files of detectors, and the cameras that saw them.
+
+Detectors differ in the order and the names of their points, which are data in `detector_layouts`.
+Whatever a file holds and no fit reads (keypoints without a landmark, other people, keys of a
+calibration) is named in a sentence among the `notes` of a `Setup`.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -77,7 +82,10 @@ def person_of(
         )
     if person is not None and not 0 <= person < len(people):
         raise no_such_person(path, person, len(people))
-    best = max(range(len(people)), key=lambda i: people[i][:, 2].sum() if len(people[i]) else -1.0)
+    best = max(
+        range(len(people)),
+        key=lambda i: trusted(people[i])[:, 2].sum() if len(people[i]) else -1.0,
+    )
     number = best if person is None else person
     where, given = entries[number]
     if len(people[number]) not in kind.bodies:
@@ -87,6 +95,12 @@ def person_of(
         )
     body = kind.bodies[len(people[number])]
     names, chosen, notes = _with_parts(path, where, given, kind, (body, people[number]))
+    scores, chosen = chosen[:, 2], trusted(chosen)
+    if (scores > 1).any() and not {*scores[np.isfinite(scores)]} <= {0.0, 1.0, 2.0}:
+        notes.append(
+            f"{Path(path).name}: confidences of up to {np.nanmax(scores):g} are scores, of which "
+            "those above 1 count as 1"
+        )
     lost = ~(np.abs(chosen[:, :2]) < FARTHEST).all(axis=1) & (chosen[:, 2] > 0)
     if lost.any():
         row = int(np.argmax(lost))
@@ -94,8 +108,6 @@ def person_of(
             f"{path}: {where} has {names[row]} at {chosen[row, :2].tolist()} with confidence "
             f"{chosen[row, 2]:g}; give px, or confidence 0 if it was not seen"
         )
-    if kind is COCO_FILES and set(np.unique(chosen[:, 2])) <= {0.0, 1.0, 2.0}:
-        chosen = np.column_stack([chosen[:, :2], chosen[:, 2] > 0])  # a visibility flag, 0 1 2
     count = sum(len(one) > 0 for one in people)
     if person is None and count > 1:
         notes.append(
@@ -184,15 +196,19 @@ def _person(path: str | Path, where: str, given: Any) -> Array:
             f"{path}: {where}: keypoints must be three numbers each, u, v and confidence, but "
             f"{numbers.size} numbers are not a multiple of three"
         )
-    points = numbers.reshape(-1, 3)
-    unsure = ~(np.isfinite(points[:, 2]) & (points[:, 2] >= 0))
-    if unsure.any():
-        row = int(np.argmax(unsure))
-        raise BadFile(
-            f"{path}: {where}: keypoint {row} has confidence {points[row, 2]:g}; it must be a "
-            "number from 0 (not seen) to 1"
-        )
-    return points
+    return numbers.reshape(-1, 3)
+
+
+def trusted(points: Array) -> Array:
+    """Keypoints (M, 3) with confidences from 0 to 1, as SPIN's weights c^2 take them.
+
+    COCO's flags 0, 1, 2 and the scores of some detectors are above 1, and count as 1: a score says
+    nothing about px, and must not make a sigma smaller. What is negative or not a number was not
+    seen.
+    """
+    seen = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
+    confidence = np.where(seen, np.minimum(points[:, 2], 1.0), 0.0)
+    return np.column_stack([np.where(seen[:, None], points[:, :2], 0.0), confidence])
 
 
 def _image_size(path: str | Path, data: Any, wanted: Any) -> tuple[int, int] | None:

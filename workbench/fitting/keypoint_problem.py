@@ -35,14 +35,14 @@ class KeypointProblem:
 
     Attributes:
         body: the body that is fitted.
-        sigma: the standard deviation of a keypoint, in px.
+        sigma: the standard deviation of a keypoint, in px: one, or one for each photograph.
         kernel: the robust kernel of keypoints.
         priors: the residuals of a body beside its keypoints.
         relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     body: SkinnedBody | TriangleBody
-    sigma: float = 4.0
+    sigma: float | tuple[float, ...] = 4.0
     kernel: Kernel = quadratic
     priors: Terms = usual_priors
     relative: Relative = alike
@@ -79,10 +79,11 @@ class KeypointProblem:
         cameras = tuple(Camera(name + "/") for name, _, _ in kind)
         terms, priors, blocks = [], list(self.priors(body)), list[Block]()
         free = [pose.name, betas.name, trans.name]
-        for camera, (_, size, out) in zip(cameras, kind, strict=True):
+        sigmas = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(kind)
+        for camera, sigma, (_, size, out) in zip(cameras, sigmas, kind, strict=True):
             if out:
                 continue
-            given = points, camera, names, self.sigma, self.kernel, self.relative(names)
+            given = points, camera, names, sigma, self.kernel, self.relative(names)
             terms.append(camera_residual(*given)[0])
             blocks += camera.blocks
             if size is not None:

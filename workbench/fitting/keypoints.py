@@ -11,6 +11,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.detector_layouts import counted_by_part
+from workbench.fitting.image_recipe import SIGMA
 from workbench.fitting.keypoint_problem import (
     KeypointProblem,
     camera_values,
@@ -32,13 +33,15 @@ def keypoint_fit(
     body: SkinnedBody | TriangleBody,
     question: str,
     *,
-    sigma: float = 4.0,
+    sigma: float | None = 4.0,
     kernel: Kernel = quadratic,
     held_out: Sequence[str] = (),
     reference: Array | None = None,
     compared: tuple[str, ...] = (),
 ) -> Setup:
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
+
+    Without a sigma, it is SIGMA times the height of the person in each image.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
@@ -49,7 +52,12 @@ def keypoint_fit(
 
     Raises BadObservation if the keypoints cannot place the body.
     """
-    of = KeypointProblem(body, sigma, kernel)
+    if sigma is None:
+        placed = keypoint_setup(KeypointProblem(body), observations, question, held_out)
+        heights = [height_in_view(placed, view, placed.start) for view in placed.views]
+        of = KeypointProblem(body, tuple(SIGMA * height for height in heights), kernel)
+    else:
+        of = KeypointProblem(body, sigma, kernel)
     return keypoint_setup(of, observations, question, held_out, reference, compared)
 
 
@@ -98,6 +106,16 @@ def keypoint_setup(
         compared=compared,
         notes=(*observations.notes, *unused(observations, body)),
     )
+
+
+def height_in_view(setup: Setup, view: View, values: Values) -> float:
+    """How high a person at the depth of the body would be in an image, in px."""
+    body = setup.body
+    assert body is not None
+    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    depth = float(np.median(view.camera.depths(found, values)))
+    stature = float(np.ptp(body.template[:, 1]))
+    return float(np.mean(values[view.camera.focal.name])) * stature / max(depth, 1e-3)
 
 
 def unused(observations: Observations, body: Body) -> tuple[str, ...]:

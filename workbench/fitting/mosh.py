@@ -1,6 +1,9 @@
 """MoSh: shape and offsets of markers from a few frames, then the poses of all frames.
 
 Loper, Mahmood and Black, MoSh: Motion and Shape Capture from Sparse Markers, 2014.
+
+Markers are landmarks with offsets, a block of displacements at rest that move with the body. Where
+their height above the skin is known, offsets are uncertain along the skin alone (`offset_prior`).
 """
 
 from collections.abc import Callable

@@ -24,8 +24,9 @@ class BadObservation(WorkbenchError):
 class Photograph:
     """The keypoints that one camera observed, and its calibration.
 
-    Raises BadObservation if a keypoint with a confidence above 0 has no finite position, if a
-    confidence is negative or not finite, or if no keypoint has a confidence above 0.
+    Confidences above 1 count as 1. Raises BadObservation if a keypoint with a confidence above 0
+    has no finite position, if a confidence is negative or not finite, or if no keypoint has a
+    confidence above 0.
 
     Attributes:
         name: the camera's name.
@@ -56,6 +57,7 @@ class Photograph:
                 f"{self.name}: keypoint {row} is {self.pixels[row].tolist()} with confidence "
                 f"{self.confidence[row]}; give finite numbers, or confidence 0 if it was not seen"
             )
+        object.__setattr__(self, "confidence", np.minimum(self.confidence, 1.0))
         if not (self.confidence > 0).any():
             raise BadObservation(
                 f"{self.name}: no keypoint has a confidence above 0; leave out this camera"

@@ -19,6 +19,7 @@ from workbench.fitting.scan_up import up_axis
 from workbench.geometry.upright import TURNS
 
 FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
+FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
 DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
@@ -93,6 +94,11 @@ def read_scan(
 def _read(contents: Contents, suffix: str, unit: str | None, up: str | None, most: int) -> ReadScan:
     contents = cleaned(contents, most)
     cells = outline(contents.points)
+    if len(cells) < FEWEST_PLACES:
+        raise BadScan(
+            "most of its points lie within a fiftieth of its size, so that the others are no part "
+            "of the same thing; remove what is far away"
+        )
     metres, axis = DECLARED.get(suffix, (None, None))
     unit, of_unit = unit_of(cells, unit, metres)
     scale = UNITS[unit]

@@ -20,30 +20,31 @@ def outline(points: Array) -> Array:
     some = points
     if len(points) > MOST:
         some = points[np.random.default_rng(SEED).choice(len(points), MOST, replace=False)]
-    low, high = np.percentile(some, INNER, axis=0)
-    size = float((high - low).max())
-    if not size > 0:
-        return some
-    some = some[((some > low - size) & (some < high + size)).all(axis=1)]
-    means, cell, counts = means_of_cells(some, low, size / CELLS)
+    means, cell, counts = means_of_cells(some, CELLS)
     enough = counts >= SHARE * np.median(counts[cell])
     return np.asarray(means[enough])
 
 
-def means_of_cells(points: Array, origin: Array, width: float) -> tuple[Array, Index, Index]:
-    """Means (C, 3) of the points (N, 3) in each cubic cell that holds some, `width` wide.
+def means_of_cells(points: Array, along: int) -> tuple[Array, Index, Index]:
+    """Means (C, 3) of the points (N, 3) in each cubic cell that holds some.
 
-    Cells meet at the `origin` (3,). Also the cell of each point, (N,), and how many points each
-    cell holds, (C,).
+    There are `along` cells along the longest side of what holds 98 % of the points; points that are
+    farther from it than it is long are left out. Also the cell of each point that is left, (M,),
+    and how many points each cell holds, (C,). Points that are all at one place stay as they are.
     """
-    numbers = np.floor((points - origin) / width).astype(np.int64)
+    low, high = np.percentile(points, INNER, axis=0)
+    size = float((high - low).max())
+    if not size > 0:
+        return points, np.arange(len(points)), np.ones(len(points), dtype=np.int64)
+    inside = points[((points > low - size) & (points < high + size)).all(axis=1)]
+    numbers = np.floor((inside - low) / (size / along)).astype(np.int64)
     numbers -= numbers.min(axis=0)
     _, cell, counts = np.unique(
         np.ravel_multi_index(tuple(numbers.T), tuple(numbers.max(axis=0) + 1)),
         return_inverse=True,
         return_counts=True,
     )
-    sums = np.stack([np.bincount(cell, points[:, axis]) for axis in range(3)], axis=1)
+    sums = np.stack([np.bincount(cell, inside[:, axis]) for axis in range(3)], axis=1)
     return np.asarray(sums / counts[:, None]), cell, counts
 
 

@@ -40,9 +40,7 @@ def normals_of_neighbours(points: Array) -> Array:
     depth cameras round, so that their clouds are flat terraces 1 to 2 cm apart, and the normals of
     a smaller neighbourhood would be those of the terraces.
     """
-    low, high = np.percentile(points, (1, 99), axis=0)
-    size = float((high - low).max())
-    places = means_of_cells(points, low, size / CELLS)[0] if size > 0 else points
+    places = means_of_cells(points, CELLS)[0]
     if len(places) < NEIGHBOURS:
         places = points
     found = np.empty_like(points)

@@ -1,4 +1,9 @@
-"""Fitting a body to the keypoints of a clip: one problem of all frames, which share the shape."""
+"""Fitting a body to the keypoints of a clip: one problem of all frames, which share the shape.
+
+Errors of a detector are alike from frame to frame: `effective_frames` estimates from the residuals
+how many independent frames they are worth, and the data are weighted by this number. Frames that
+are fitted from the one before are only a start, and are solved roughly (`video_start`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

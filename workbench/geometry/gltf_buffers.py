@@ -98,7 +98,7 @@ class _Beside:
         path = self._path(uri, name)
         if path not in self.known:
             try:
-                content = bytes(bounded(path, self.room))
+                content = bounded(path, self.room)
             except OSError as error:
                 raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
             self.room -= len(content)

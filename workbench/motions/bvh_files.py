@@ -44,7 +44,7 @@ def read_bvh(
     check_given(unit, up)
     with taken_for(path, "BVH file of one skeleton", "export it again, or give what is missing"):
         try:
-            text = parse_bvh(bytes(bounded(path, MOST_BYTES)))
+            text = parse_bvh(bounded(path, MOST_BYTES))
             return _motion_of(text, unit, up, fps, Path(path).name)
         except (ValueError, OSError, BadArgument) as error:
             raise BadFile(str(getattr(error, "strerror", None) or error)) from error

@@ -38,7 +38,7 @@ def read_c3d(path: str | Path) -> Trajectories:
     is damaged, or whose header and parameters disagree on what its frames hold.
     """
     with taken_for(path, "C3D file of markers", "export it again"), damage():
-        return parse_c3d(bytes(bounded(path, MOST_BYTES)))
+        return parse_c3d(bounded(path, MOST_BYTES))
 
 
 def parse_c3d(content: bytes) -> Trajectories:

@@ -1,4 +1,9 @@
-"""Motions from skinned, animated glTF files (.glb, .gltf)."""
+"""Motions from skinned, animated glTF files (.glb, .gltf).
+
+The motion of a joint in a frame of the animation is the rigid motion from its bind pose to its pose
+in that frame; nodes between joints and above them are included. Other files that a .gltf names are
+opened only if they are in its folder.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -46,7 +51,7 @@ def read_glb(
     """
     check_given(unit, up)
     with taken_for(path, "motion as glTF", DO), damage():
-        document = document_of(bytes(bounded(path, MOST_BYTES)), Path(path).parent)
+        document = document_of(bounded(path, MOST_BYTES), Path(path).parent)
         try:
             return _motion_of(document, unit, up, fps, Path(path).name)
         except BadArgument as error:

@@ -9,6 +9,7 @@ from workbench.geometry.upright import TURNS
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 OTHERS = {"in": 0.0254, "cmu": 0.0254 / 0.45}  # taken if they are given
 BODY = (0.5, 3.0)  # m, how far the points of one frame reach, from one end to the other
+LIKELY = (0.05, 10.0)  # m, in the unit that a file declares: a hand, several people
 CMU = (20.0, 50.0)  # the same in the unit of the BVH conversions of CMU's recordings, 1 in / 0.45
 ZUP = 1.2  # how much longer a standing person is along the height than along the other sides
 FRAMES = 400  # that are looked at
@@ -38,28 +39,35 @@ def unit_of(
 ) -> tuple[float, str]:
     """Metres in the unit of points (T, M, 3), and why: what was given, what the file says, a guess.
 
-    Raises BadFile for points that are no body's in any unit.
+    A unit that the file says is not taken if no body has this size in it. Raises BadFile for points
+    that are no body's in any unit.
     """
     known = UNITS | OTHERS
     if given is not None:
         return known[given], f"the unit {given} was given"
+    size, instead = float(np.linalg.norm(reach(places))), ""
     if declared is not None and declared in known:
-        return known[declared], f"the unit is {declared}, as the file says"
-    size = float(np.linalg.norm(reach(places)))
+        declared_size = size * known[declared]
+        if LIKELY[0] <= declared_size <= LIKELY[1]:
+            return known[declared], f"the unit is {declared}, as the file says"
+        instead = (
+            f"; the file says {declared}, in which they would reach {declared_size:,.4g} m, as no "
+            "body does"
+        )
     for name, metres in UNITS.items():
         if BODY[0] <= size * metres <= BODY[1]:
             return metres, (
                 f"the unit is taken to be {name}, in which the {what} of a frame reach "
-                f"{size * metres:.2f} m"
+                f"{size * metres:.2f} m{instead}"
             )
     if what != "markers" and CMU[0] <= size <= CMU[1]:
         metres = OTHERS["cmu"]
         return metres, (
             f"the unit is taken to be cmu, {metres:.5f} m, as in BVH conversions of CMU's "
-            f"recordings; in it the {what} of a frame reach {size * metres:.2f} m"
+            f"recordings; in it the {what} of a frame reach {size * metres:.2f} m{instead}"
         )
     raise BadFile(
-        f"the {what} of a frame reach {size:.3g}, which is no body in {joined([*UNITS])}; "
+        f"the {what} of a frame reach {size:.3g}, which is no body in {joined([*UNITS])}{instead}; "
         f"give the unit ({', '.join(known)}), or scale them"
     )
 

@@ -28,7 +28,7 @@ def read_trc(path: str | Path) -> Trajectories:
     Raises BadFile for a file whose header and rows do not fit together.
     """
     with taken_for(path, "TRC file of markers", "export it again"), damage():
-        return parse_trc(bytes(bounded(path, MOST_BYTES)))
+        return parse_trc(bounded(path, MOST_BYTES))
 
 
 def parse_trc(content: bytes) -> Trajectories:

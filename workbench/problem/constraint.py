@@ -8,13 +8,14 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Points, in_blocks
+from workbench.blocks.block import Symbolic
 from workbench.blocks.checks import reals, several
 from workbench.errors import BadConstraint, BadResidual
 from workbench.residuals.residual import blocks_read, check_listed, check_symbolic
 
 
 @dataclass(frozen=True, eq=False)
-class Constraint:
+class Constraint(Symbolic):
     """A named column that is kept between `lower` and `upper`, all three in `unit`.
 
     Limits are one number or one per row. Equal limits make an equation, and an infinite limit is

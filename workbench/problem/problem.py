@@ -10,6 +10,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Points, Tree, Values, in_blocks
+from workbench.blocks.block import Symbolic
 from workbench.blocks.checks import mapping, texts
 from workbench.blocks.layout import all_values
 from workbench.errors import check_known
@@ -31,7 +32,7 @@ from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
 
-class Problem:
+class Problem(Symbolic):
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
 
     Every other block that the residuals read is fixed at its given value. `free` is one name or

@@ -1,4 +1,13 @@
-"""Many similar problems as one: the frames of a video or a motion, the scans of one person."""
+"""Many similar problems as one: the frames of a video or a motion, the scans of one person.
+
+A sequence is a `Problem`. Its residuals are those of the frames, stacked; each records which
+residual of which frame its rows come from, and its graph is CasADi's map of one frame, as small for
+a thousand frames as for one. Names, bounds, diagnosis and sampling therefore need no further code.
+Numbers come from `FrameChain`, which evaluates frames of the same residuals together. The Jacobian
+is a `BlockMatrix` with dense blocks for frames, its normal equations a `BandedMatrix` with the
+shared unknowns as a border; where a band would be mostly zeros (free meshes, or a residual from the
+last frame to the first), they are ordinary sparse matrices.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar

@@ -1,4 +1,11 @@
-"""The damped linear least-squares step, by several factorizations, and which of them to trust."""
+"""The damped linear least-squares step, by several factorizations, and which of them to trust.
+
+Cholesky's factorization of the normal equations is trusted if the condition number of the Jacobian
+with scaled columns is below 1e4; above, QR of the Jacobian takes its place, and the singular value
+decomposition where columns depend on each other. With a sparse Jacobian, LSMR replaces the latter
+two. Each iterate records which was used. Registrations with free vertices need no exact steps and
+take conjugate gradients (`conjugate_gradients`).
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol

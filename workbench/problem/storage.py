@@ -2,6 +2,11 @@
 
 A Jacobian is an array, or sparse (CSC), or, in a sequence of frames, a `BlockMatrix`; its normal
 equations are an array, sparse or a `BandedMatrix`.
+
+A Jacobian is stored sparse if it has more than four million entries of which less than an eighth
+can be nonzero. A dense one that does not fit into the free memory is refused before it is
+allocated, in a sentence that says how much it would need; the run then ends as TOO_LARGE. Singular
+values of a sparse Jacobian come from J'J and are marked as estimates.
 """
 
 import os

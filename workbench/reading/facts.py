@@ -14,10 +14,10 @@ from typing import Any, NoReturn, TypeVar
 from numpy.typing import NDArray
 
 from workbench.errors import BadFile, cut, listed, shown
+from workbench.reading.damage import refuse_what_is_no_file
 
 T = TypeVar("T")
 MOST_BYTES = 2**30  # of a JSON file; the keypoints of COCO take a quarter of that
-PIECE = 2**20  # bytes that are read at once
 # An empty list takes 3 bytes of JSON and 64 bytes of memory. Any JSON may hold a million lists and
 # objects, and one more for every 8 of its bytes, which real ones never reach.
 FREE_LISTS, BYTES_OF_LIST = 10**6, 8
@@ -32,20 +32,16 @@ def json_in(path: str | Path) -> Any:
         raise BadFile(f"{path} cannot be read as JSON: {cut(error)}") from error
 
 
-def bounded(path: str | Path, most: int = MOST_BYTES) -> bytearray:
-    """All bytes of a file or a pipe, if they are not more than `most`. Raises BadFile, OSError.
+def bounded(path: str | Path, most: int = MOST_BYTES) -> bytes:
+    """All bytes of a file, if they are not more than `most`. Raises BadFile, OSError.
 
-    A device such as /dev/zero has no end.
+    Pipes and devices are refused: a pipe may never send anything, and /dev/zero has no end.
     """
-    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_fifo()):
-        raise BadFile("it is a folder or a device")
-    content = bytearray()
-    with Path(path).open("rb") as file:
-        while piece := file.read(PIECE):
-            content += piece
-            if len(content) > most:
-                raise BadFile(f"it has more than {most:,} bytes")
-    return content
+    path = Path(path)
+    refuse_what_is_no_file(path)
+    if path.stat().st_size > most:
+        raise BadFile(f"it has more than {most:,} bytes")
+    return path.read_bytes()
 
 
 def parsed(text: str | bytes | bytearray) -> Any:

@@ -1,4 +1,8 @@
-"""Rigid registration of points to a fixed surface or point cloud by iterated closest points."""
+"""Rigid registration of points to a fixed surface or point cloud by iterated closest points.
+
+Two steps are repeated: `Target.closest` finds contacts, and a form, a function of `icp_steps`,
+turns them into a motion. A step that raises the cost is halved.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,4 +1,9 @@
-"""A scan registered from nothing but its points: a body fitted to it, then free vertices."""
+"""A scan registered from nothing but its points: a body fitted to it, then free vertices.
+
+`fit_model` (stages from many starts), `support`, `doubts` and `FreeVertices` in turn. No fit goes
+uphill from a limb that is folded the wrong way; so other poses of limbs are tried after a stage
+(`limbs`, `unfolding`). Results hold arrays only, so that they may be computed in another process.
+"""
 
 import time
 from collections.abc import Callable, Mapping, Sequence

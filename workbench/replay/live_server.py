@@ -33,6 +33,7 @@ from workbench.replay.tracks import as_numbers
 from workbench.solvers import Iterate, Solution, Solver
 
 ADDRESS = "127.0.0.1"  # of this machine alone
+PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
 LONGEST_NAME = 64  # letters of the name that a page gives to a run
 Ended = dict[str, str] | None  # how it ended; None if nobody listens any more
 Stream = Callable[[BaseHTTPRequestHandler, Solver, Sequence[Values], threading.Event], Ended]
@@ -119,6 +120,12 @@ class LiveServer:
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.0"  # a connection for each request
+            timeout = PATIENCE
+
+            def handle(self) -> None:
+                """Answer, unless the tab is closed or says nothing."""
+                with suppress(ConnectionError, TimeoutError):
+                    super().handle()
 
             def do_GET(self) -> None:
                 """Answer a request of the page."""

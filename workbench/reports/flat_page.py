@@ -1,4 +1,9 @@
-"""A planar figure that answers to the hand, as a page of its own."""
+"""A planar figure that answers to the hand, as a page of its own.
+
+An interactive figure is the third argument of a lecture's `Picture`: a function that makes a page,
+called only where a page is wanted. `course/framing.py` puts it into a frame of no height above the
+still figure, which stays if anything is missing.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path

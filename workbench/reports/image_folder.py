@@ -25,7 +25,7 @@ from workbench.reports.tables import number
 from workbench.reports.thumbnail import thumbnail
 from workbench.writing import write_arrays, write_file
 
-FORMAT = 2  # of what is stored for an image
+FORMAT = 3  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
 TABLE = "fits.csv"
 CLOSE = 3.0  # between costs: the density at the other hypothesis is at least exp(-3), a twentieth
@@ -40,6 +40,7 @@ COLUMNS = (
     "depth, 95 % (m)",
     "height (m)",
     "seconds",
+    "warnings",
 )
 
 
@@ -108,6 +109,7 @@ class ImageFolder:
             "depth_90_m": None if found.interval is None else ends_of(found.interval),
             "height_m": height,
             "seconds": found.seconds,
+            "warnings": found.doubts,
             "notes": found.notes,
         }
         text = as_json(facts)
@@ -125,6 +127,7 @@ class ImageFolder:
             failed=failed,
             ambiguous=sum(_ambiguous(entry) for entry in entries),
             hypotheses=self.work.hypotheses,
+            doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
             found=FOUND,
         )
         write_file(self.place / "index.html", text)
@@ -155,6 +158,7 @@ class ImageFolder:
             "recipe": {"sigma": self.work.recipe.sigma, "outlier": self.work.recipe.outlier},
             "hypotheses": self.work.hypotheses,
             "images": [entry.name for entry in entries],
+            "warnings": {e.name: e.facts["warnings"] for e in entries if e.facts["warnings"]},
             "failed": {one.job.name: one.reason for one in failed},
         }
         files = ["index.html", TABLE, "poses.npz", SUMMARY]
@@ -168,7 +172,7 @@ def table_of(entries: Sequence[Entry]) -> str:
         told = entry.facts
         costs, ends = [*told["costs"], None], told["depth_90_m"] or (None, None)
         row = (entry.name, told["status"], *costs[:2], told["error_px"], told["depth_m"], *ends)
-        rows.append((*row, told["height_m"], told["seconds"]))
+        rows.append((*row, told["height_m"], told["seconds"], "; ".join(told["warnings"])))
     return csv_text(COLUMNS, rows)
 
 
@@ -195,5 +199,6 @@ def _row(entry: Entry) -> dict[str, Any]:
         "ends": "–" if ends is None else f"{ends[0]:.2f} to {ends[1]:.2f}",
         "picture": quote(f"{FITS}/{entry.name}.svg"),
         "height": "–" if told["height_m"] is None else f"{told['height_m']:.2f}",
+        "warnings": told["warnings"],
         "notes": told["notes"],
     }

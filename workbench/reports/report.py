@@ -206,6 +206,7 @@ def run_summary(outcome: Outcome) -> dict[str, Any]:
         "kind": "run",
         "name": outcome.name,
         "synthetic": outcome.setup.synthetic,
+        "warnings": list(outcome.doubts),
         "notes": list(outcome.setup.notes),
         **_ending(outcome.solution),
         "solver": outcome.solver,

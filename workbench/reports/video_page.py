@@ -6,6 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Moving, Setup
 from workbench.replay import recorded_frames
 from workbench.reports import tables
@@ -43,7 +44,7 @@ def write_video(
     moving = setup.moving
     assert moving is not None  # a fit of a clip says what moves
     motion = motion_arrays(moving, values)
-    measures = setup.measures(values)
+    measures, doubted = setup.measures(values), doubts(setup, values, solution)
     text = page(
         "video.html",
         title=title,
@@ -53,6 +54,7 @@ def write_video(
         said="; ".join(text for text in tables.ending_said(solution) if text),
         cost=tables.number(solution.cost, 6),
         measures=tables.measures_table(measures),
+        doubted=doubted,
         moving=moving_figures(setup, values),
         files=FILES,
         recording=recorded_frames(setup, values),
@@ -66,6 +68,7 @@ def write_video(
         "status": solution.status.name,
         "cost": solution.cost,
         "frames": len(motion["poses"]),
+        "warnings": list(doubted),
         "notes": list(setup.notes),
         "measures": [{"name": m.name, "value": m.value, "unit": m.unit} for m in measures],
     }

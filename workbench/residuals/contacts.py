@@ -7,6 +7,9 @@ held, what is compared is an affine function of the vertices,
     q(V) = q_0 + W (V - V_0),
 
 and its derivative W is, for a distance, the derivative of the true distance too.
+
+`Problem.frozen(values)` puts such affine functions in the place of all searches. They have a graph,
+and the diagnosis works with that problem.
 """
 
 from collections.abc import Callable, Mapping

@@ -9,6 +9,10 @@ A kernel is a function of a matrix of squares (d, N), one column for each of N p
 coordinates, and returns factors of the same shape. The kernels below treat every number by
 itself. `of_norms` makes kernels of |r / sigma| out of them, so that a point is an outlier or is
 none, whatever the directions of the axes are.
+
+Weights, such as those of confidences, are outside of the kernel, 1/2 w rho(s): an outlier of low
+confidence is still an outlier, and counts less. The rows of a point are not replaced by |r|, which
+has no derivative at zero.
 """
 
 from collections.abc import Callable

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Points, in_blocks
+from workbench.blocks.block import Symbolic
 from workbench.blocks.checks import reals, several, texts
 from workbench.blocks.points import unlisted
 from workbench.errors import BadResidual, listed
@@ -17,7 +18,7 @@ from workbench.residuals.weights import check_weights, root
 
 
 @dataclass(frozen=True, eq=False)
-class Residual:
+class Residual(Symbolic):
     """A named column of numbers in `unit` that should be zero up to the standard deviation `sigma`.
 
     Problems see it whitened: row i adds 1/2 w_i rho((r_i / sigma_i)^2) to the cost, which is

@@ -1,4 +1,14 @@
-"""A problem's posterior: sampled by emcee, or approximated by Laplace; and what draws are worth."""
+"""A problem's posterior: sampled by emcee, or approximated by Laplace; and what draws are worth.
+
+Draws are usable if the chains have mixed, no mode is missing, and nothing that matters is held
+fixed. Intervals are marginal unless conditional ones are asked for: with at most 21 free numbers
+all are sampled by emcee; with more, Laplace's approximation stands for those that are not named, if
+importance weights confirm it with a clear margin, and otherwise all are drawn by Hamiltonian Monte
+Carlo. Walkers of one ensemble are not independent chains, so R-hat is computed between ensembles
+(`mixing`). Modules: what is sampled (`subspace`), its density (`log_density`) and limits
+(`feasible`), moves, runs and checkpoints (`ensembles`), modes (`descent`, `modes`), the verdict
+(`posterior`).
+"""
 
 from workbench.sampling.conditioning import Conditioning
 from workbench.sampling.contraction import contraction, contraction_bar, prior_deviations

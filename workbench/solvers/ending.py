@@ -1,4 +1,13 @@
-"""How a run ended, judged by the problem at the best point."""
+"""How a run ended, judged by the problem at the best point.
+
+A run has converged if the largest cosine between a column of the Jacobian and the residual, in the
+rows that its unknown can change and after projection on bounds and linearized constraints, is at
+most `gradient_tolerance` (`problem/optimality.py`); a cosine that rounding explains counts as zero.
+An end at which unknowns no longer change the residual, although they did on the way, is LOST
+(`sensitivity`). At a stationary point a direction along which the cost falls makes it a SADDLE, and
+unknowns that grow without slowing down make it a VALLEY; both are said only if evaluations show
+that the cost falls.
+"""
 
 from dataclasses import replace
 

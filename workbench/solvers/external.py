@@ -1,4 +1,9 @@
-"""Functions that CasADi's solvers call and Python computes, and a recorder of their iterates."""
+"""Functions that CasADi's solvers call and Python computes, and a recorder of their iterates.
+
+Where C++ calls Python, an exception counts as a failed evaluation, and Ctrl-C would be lost. So an
+exception is kept, the value is NaN, and it is raised again outside. Numbers pass through shared
+memory.
+"""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias

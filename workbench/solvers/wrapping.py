@@ -1,4 +1,8 @@
-"""Rotation vectors of more than half a turn, replaced by shorter ones of the same rotation."""
+"""Rotation vectors of more than half a turn, replaced by shorter ones of the same rotation.
+
+At a full turn the exponential map has rank 1: only steps along the vector change the rotation. A
+vector is replaced between iterations, unless the cost would rise or a bound forbids it.
+"""
 
 from collections.abc import Callable
 

@@ -12,6 +12,7 @@ All files are checked before any work begins.
 """
 
 import csv
+import io
 from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -29,6 +30,7 @@ from workbench.geometry.solids import volume
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import any_reals, optional, read_expected, wholes
+from workbench.reading.facts import bounded
 from workbench.reading.npy import mapped_array, widened
 from workbench.training.registrations import FARTHEST, Batch
 
@@ -216,11 +218,11 @@ def read_table(path: Path, suffixes: Collection[str] = SUFFIXES) -> tuple[Row, .
     Raises BadFile, which names the line that cannot be read.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            lines = list(reader)
-            columns = tuple(reader.fieldnames or ())
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = io.StringIO(bounded(path).decode("utf-8-sig"), newline="")
+        reader = csv.DictReader(text)
+        lines = list(reader)
+        columns = tuple(reader.fieldnames or ())
+    except (OSError, BadFile, UnicodeDecodeError, csv.Error) as error:
         raise BadFile(
             f"cannot read the subject table {path} ({error}); it is a .csv with the columns file "
             "and subject, and maybe gender and set"

@@ -1,4 +1,10 @@
-"""Loading compiled arithmetic for a kind of body, after trying it out."""
+"""Loading compiled arithmetic for a kind of body, after trying it out.
+
+From 1,000 vertices on, the arithmetic of a vertex (`vertex.py`, an SX function) is written as C
+with loops over groups of vertices around it, compiled once and kept on disk; so is that of a joint.
+Its numbers are compared with NumPy's before it is used (`kernel_trial.py`). Without a compiler, or
+if anything fails, NumPy and CasADi do the same work, and the log says why.
+"""
 
 from __future__ import annotations
 

@@ -11,6 +11,9 @@ and R_i = sum_j w_ij R_j,
 where w_ka is the axis about which the world turns when pose[k, a] grows, and t_k the posed joint
 it turns about. Arrays are packed in chunks of vertices that stay in the processor's cache,
 coordinates first, so that every operation runs along vertices.
+
+Most joints leave a vertex alone. A chunk therefore holds the posedirs only of those joints that
+bend its vertices, and the derivatives by all other joints are zero.
 """
 
 from __future__ import annotations

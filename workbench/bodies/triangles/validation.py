@@ -13,6 +13,7 @@ from workbench.bodies.validation import (
     check_landmarks,
     check_rows,
     check_shapes,
+    check_sizes,
     check_tree,
 )
 from workbench.errors import BadBody, BadMesh
@@ -41,6 +42,7 @@ def check(body: TriangleArrays) -> None:
     if len(body.joint_names) != K:
         refuse(f"joint_names has {len(body.joint_names)} names for {K} joints")
     check_finite(refuse, body, ("template", "shapedirs", "posedirs", "weights", "J_regressor"))
+    check_sizes(refuse, body, ("template",))
     check_rows(refuse, "weights", np.asarray(body.weights.sum(axis=1)), "face")
     check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
     outside = (body.near < 1) | (body.near >= K)

@@ -11,6 +11,7 @@ from workbench.course.packs.likeness import attempted, shapes
 from workbench.course.packs.owners import owner, pack_owner
 from workbench.course.packs.texts import EXAMPLES
 from workbench.errors import BadFile
+from workbench.reading.facts import bounded
 
 ENDINGS = (".py", ".ipynb")
 ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
@@ -185,10 +186,10 @@ def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
 
 def _read(path: Path) -> Sheet:
     try:
-        if path.stat().st_size > LARGEST:
-            return Sheet("", path, "", f"the file has more than {LARGEST // 2**20} MB")
-        text = path.read_text(encoding="utf-8-sig")
+        text = bounded(path, LARGEST).decode("utf-8-sig")
         return Sheet("", path, _code(text) if path.suffix.lower() == ".ipynb" else text)
+    except BadFile as error:
+        return Sheet("", path, "", f"the file cannot be read: {error}")
     except UnicodeDecodeError:
         return Sheet("", path, "", "the file is no text in UTF-8")
     except OSError as error:

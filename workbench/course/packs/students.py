@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from workbench.errors import BadArgument, BadFile
+from workbench.reading.facts import bounded
 
 FIRST, LAST = "first name", ("last name", "surname", "family name")
 JOINED = "first name and last name"
@@ -77,9 +78,10 @@ def _small(name: str) -> str:
 def _read(path: Path, column: str | None) -> tuple[list[str], tuple[str, ...]]:
     """The names in a file, and the titles of the columns that they come from."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
+        text = bounded(path).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError, BadFile) as error:
+        no_text = isinstance(error, UnicodeDecodeError)
+        reason = "it is no text in UTF-8" if no_text else getattr(error, "strerror", None) or error
         raise BadFile(f"cannot read {path}: {reason}") from error
     between = max(",;\t", key=text.partition("\n")[0].count)
     rows = [row for row in csv.reader(text.splitlines(), delimiter=between) if any(row)]

@@ -1,4 +1,12 @@
-"""What to measure next: which candidates leave what matters least uncertain."""
+"""What to measure next: which candidates leave what matters least uncertain.
+
+This depends on Jacobians alone. `candidates` turns each `Candidate` into whitened rows with respect
+to the problem's unknowns; unknowns of its own are integrated out. `uncertainty` updates a square
+root of the covariance by such rows without forming J'J, and keeps null directions apart until
+something determines them. `search` compares all combinations where there are few, and otherwise
+goes greedily and then exchanges: first by how many directions that matter stay undetermined, then
+by the criterion.
+"""
 
 from workbench.diagnostics.design.candidates import Candidate, with_candidates
 from workbench.diagnostics.design.criteria import (

@@ -126,10 +126,13 @@ def total(half: Array) -> float:
     return float(np.linalg.norm(half))
 
 
+# D-optimality: the volume of the ellipsoid of uncertainty, whatever the units.
 d_optimal = Criterion(
     "D-optimality, the mean half axis of the uncertainty ellipsoid", geometric_mean, in_yardsticks
 )
+# A-optimality: the mean variance, in characteristic scales.
 a_optimal = Criterion("A-optimality, the mean variance", root_mean_square, in_yardsticks)
+# E-optimality: the variance along the worst direction, in characteristic scales.
 e_optimal = Criterion("E-optimality, the worst direction", largest, in_yardsticks)
 CRITERIA: Mapping[str, Criterion] = {"d": d_optimal, "a": a_optimal, "e": e_optimal}
 

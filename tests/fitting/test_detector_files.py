@@ -1,0 +1,434 @@
+"""Keypoints as detectors write them: OpenPose, COCO, AlphaPose, MediaPipe."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.bodies.random_bodies import entries
+from tests.fitting.mediapipe_made import dots, mediapipe_results
+from tests.fitting.test_cameras import openpose, person, written
+from workbench import load_body
+from workbench.bodies import HAND_POINTS
+from workbench.bodies.files.joint_names import HANDS as HAND_JOINTS
+from workbench.bodies.files.smpl_layout import body_from
+from workbench.errors import BadFile, UnknownName
+from workbench.fitting import read_clip, read_keypoints, read_observations
+from workbench.fitting.detector_layouts import (
+    COCO_FILES,
+    HALPE_26,
+    HALPE_136,
+    HANDS,
+    MEDIAPIPE_33,
+    OPENPOSE,
+    OPENPOSE_18,
+    OPENPOSE_25,
+    OPENPOSE_135,
+    WHOLE_BODY,
+)
+from workbench.fitting.keypoint_files import read_person
+from workbench.fitting.keypoints import keypoint_fit, unused
+from workbench.fitting.observations import COCO, FEET, BadObservation, Observations, photograph
+
+
+def test_openpose_is_read_by_name(tmp_path: Path) -> None:
+    data = {"version": 1.3, "people": [{"pose_keypoints_2d": person(25)}]}
+    names, points, size = read_keypoints(written(tmp_path / "a.json", data))
+    assert names == OPENPOSE_25
+    assert len(set(names)) == 25
+    assert points[names.index("left_ankle")].tolist() == [114.0, 128.0, 0.9]
+    assert size is None
+
+
+def test_best_seen_person_is_taken(tmp_path: Path) -> None:
+    people = [
+        {"pose_keypoints_2d": person(25, confidence=c, at=a)} for c, a in ((0.3, 0), (0.8, 7))
+    ]
+    file = written(tmp_path / "a.json", {"people": people})
+    assert read_keypoints(file)[1][0, 0] == 7
+    assert read_keypoints(file, person=0)[1][0, 0] == 0
+    with pytest.raises(UnknownName, match="no person is called '2'; there are 0, 1 "):
+        read_keypoints(file, person=2)
+
+
+def test_size_is_that_of_the_persons_image(tmp_path: Path) -> None:
+    data = {
+        "images": [{"id": i, "width": 100 * i, "height": 50} for i in (1, 2)],
+        "annotations": [
+            {"image_id": i, "keypoints": person(17, confidence=0.3 * i)} for i in (1, 2)
+        ],
+    }
+    file = written(tmp_path / "a.json", data)
+    assert read_keypoints(file)[2] == (200, 50)
+    assert read_keypoints(file, person=0)[2] == (100, 50)
+
+
+def test_coco_annotations_bring_the_size_of_their_image(tmp_path: Path) -> None:
+    data = {
+        "images": [{"id": 4, "width": 640, "height": 480}],
+        "annotations": [{"image_id": 4, "keypoints": person(17, confidence=2)}],
+    }
+    names, points, size = read_keypoints(written(tmp_path / "a.json", data))
+    assert names == COCO
+    assert size == (640, 480)
+    assert set(points[:, 2]) == {1.0}  # visibility 2 is no confidence of 2
+
+
+def test_coco_results_are_a_plain_list(tmp_path: Path) -> None:
+    data = [{"image_id": 1, "keypoints": person(17), "score": 0.5}]
+    assert read_keypoints(written(tmp_path / "a.json", data))[1].shape == (17, 3)
+
+
+def test_damaged_keypoint_files_are_refused(tmp_path: Path) -> None:
+    for data, said in [
+        ({"people": []}, "no person's keypoints"),
+        ({"people": [{"pose_keypoints_2d": person(19)}]}, "19 keypoints per person.*25 or 18"),
+        ([], "no person's keypoints"),
+        ({"something": 1}, "no person's keypoints"),
+        (3, "annotations must be a list of objects, not 3"),
+        ([1, 2], r"annotations\[0\] must be an object, not 1"),
+        ({"people": 3}, "people must be a list of objects, not 3"),
+        ({"people": ["x"]}, r"people\[0\] must be an object, not 'x'"),
+        ({"annotations": 3}, "annotations must be a list"),
+        ({"annotations": [{"keypoints": "abc"}]}, "keypoints must be numbers, not 'abc'"),
+        ({"annotations": [{"keypoints": None}]}, "keypoints must be numbers, not None"),
+        ({"annotations": [{"keypoints": [[1], [2, 3]]}]}, "keypoints must be numbers"),
+        ({"annotations": [{"keypoints": [10**400] * 51}]}, "keypoints must be numbers"),
+        ({"annotations": [{"keypoints": [1, 2]}]}, "but 2 numbers are not a multiple of three"),
+        ({"annotations": [{"keypoints": person(17, confidence=-1)}]}, "0 has confidence -1"),
+        ({"annotations": [{"keypoints": person(17, at=float("nan"))}]}, r"nose at \[nan, nan\]"),
+        ({"annotations": [{"keypoints": person(17, at=1e300)}]}, r"has nose at \[1e\+300"),
+        ({"images": [3], "annotations": [{"keypoints": person(17)}]}, r"images\[0\] must be an"),
+        (
+            {
+                "images": [{"id": 1, "width": 0, "height": 5}],
+                "annotations": [{"image_id": 1, "keypoints": person(17)}],
+            },
+            r"the size \[0, 5\]",
+        ),
+        (
+            {
+                "images": [{"id": 1, "width": "x"}],
+                "annotations": [{"image_id": 1, "keypoints": person(17)}],
+            },
+            "size must be numbers",
+        ),
+    ]:
+        with pytest.raises(BadFile, match=said):
+            read_keypoints(written(tmp_path / "a.json", data))
+
+
+def test_keypoints_need_json(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_bytes(b"\xff\x00")
+    with pytest.raises(BadFile, match="cannot be read as JSON"):
+        read_keypoints(tmp_path / "a.json")
+    with pytest.raises(BadFile, match="cannot be read as JSON"):
+        read_keypoints(tmp_path / "missing.json")
+
+
+def test_coinciding_keypoints_are_refused(tmp_path: Path) -> None:
+    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": [5.0, 5.0, 1.0] * 25}]})
+    with pytest.raises(BadObservation, match="coincide"):
+        keypoint_fit(read_observations([file], size=(640, 480)), load_body("small"), "where?")
+
+
+def test_keypoint_that_is_not_finite_is_refused() -> None:
+    points = np.ones((3, 3))
+    points[1, 0] = np.nan
+    with pytest.raises(BadObservation, match="front: keypoint 1 is"):
+        photograph("front", (640, 480), points)
+    points[1, 2] = 0  # not seen: its place does not matter
+    assert photograph("front", (640, 480), points).confidence[1] == 0
+
+
+def test_keypoints_are_ordered_as_the_body() -> None:
+    seen = read_back(("left_knee", "nose"))
+    ordered = seen.ordered(("nose", "tail", "left_knee"))
+    assert ordered.photographs[0].pixels.tolist() == [[1.0, 11.0], [0.0, 0.0], [0.0, 10.0]]
+    assert ordered.photographs[0].confidence.tolist() == [1.0, 0.0, 1.0]
+    with pytest.raises(BadObservation, match="none of the observed keypoints"):
+        seen.ordered(("tail",))
+
+
+def read_back(names: tuple[str, ...]) -> Any:
+
+    points = np.column_stack([np.arange(2), 10 + np.arange(2), np.ones(2)])
+    return Observations(names, (photograph("front", (640, 480), points),))
+
+
+SIZE = (640, 480)
+
+
+def whole_body(**parts: Any) -> dict[str, Any]:
+    image = {"id": 1, "width": SIZE[0], "height": SIZE[1]}
+    return {"images": [image], "annotations": [{"image_id": 1, "keypoints": person(17), **parts}]}
+
+
+def test_hands_of_openpose_are_read_by_name(tmp_path: Path) -> None:
+    hands = {
+        f"hand_{side}_keypoints_2d": person(21, at=at)
+        for side, at in (("left", 300.0), ("right", 500.0))
+    }
+    names, points, _ = read_keypoints(written(tmp_path / "a.json", openpose(**hands)))
+    assert names[25:] == HANDS[0] + HANDS[1]
+    assert len(set(names)) == 25 + 42
+    assert points[names.index("left_index1")].tolist() == [305.0, 310.0, 0.9]
+    assert points[names.index("right_pinky_tip")].tolist() == [520.0, 540.0, 0.9]
+    assert {n for n in names if n in HAND_JOINTS} == set(HAND_JOINTS)  # as SMPL-H calls them
+
+
+def test_coco_wholebody_is_read_in_parts_or_one_list(tmp_path: Path) -> None:
+    parts = {
+        "foot_kpts": person(6, at=200.0),
+        "lefthand_kpts": person(21, at=300.0),
+        "righthand_kpts": person(21, at=400.0),
+        "face_kpts": person(68, at=500.0),
+        "lefthand_valid": True,
+        "face_box": [1, 2, 3, 4],
+    }
+    file = written(tmp_path / "a.json", whole_body(**parts))
+    names, points, size = read_keypoints(file)
+    assert size == SIZE
+    assert set(names) == set(WHOLE_BODY)
+    assert names[17:23] == FEET
+    assert points[names.index("left_heel"), 0] == 202.0
+    assert points[names.index("right_thumb1"), 0] == 401.0
+    assert read_observations([file]).notes == ()
+    one = whole_body(keypoints=person(133))
+    names, points, _ = read_keypoints(written(tmp_path / "b.json", one))
+    assert names == WHOLE_BODY
+    assert points[names.index("right_pinky_tip"), 0] == 100.0 + 132
+
+
+def test_points_that_are_not_read_are_noted(tmp_path: Path) -> None:
+    more = {
+        "hand_left_keypoints_3d": [1.0] * 84,
+        "hand_right_keypoints_2d": person(20),
+        "face_keypoints_2d": [],
+        "person_id": [-1],
+    }
+    file = written(tmp_path / "a.json", openpose(**more))
+    (note,) = read_observations([file], size=SIZE).notes
+    assert note == (
+        "a.json: not read are hand_right_keypoints_2d (20 points), hand_left_keypoints_3d"
+    )
+    again = whole_body(keypoints=person(23), foot_kpts=person(6))
+    (note,) = read_observations([written(tmp_path / "b.json", again)]).notes
+    assert "foot_kpts (6 points)" in note
+
+
+def test_other_people_are_noted(tmp_path: Path) -> None:
+    people = [{"pose_keypoints_2d": person(25, confidence=c)} for c in (0.3, 0.8)]
+    file = written(tmp_path / "a.json", {"people": [*people, {"pose_keypoints_2d": []}]})
+    (note,) = read_observations([file], size=SIZE).notes
+    assert note.startswith("a.json holds 2 people; the one seen best, number 1 counted from 0")
+    assert read_observations([file], size=SIZE, person=0).notes == ()
+
+
+def test_hand_of_one_camera_is_unseen_in_another(tmp_path: Path) -> None:
+    files = [
+        written(tmp_path / "a.json", openpose(hand_left_keypoints_2d=person(21))),
+        written(tmp_path / "b.json", openpose()),
+    ]
+    camera = {
+        "K": [[500, 0, 320], [0, 500, 240], [0, 0, 1]],
+        "R": np.eye(3).tolist(),
+        "t": [0, 0, 3],
+    }
+    cameras = written(tmp_path / "c.json", {"a": camera, "b": camera})
+    seen = read_observations(files, calibration=cameras, size=SIZE)
+    at = [seen.names.index(name) for name in HANDS[0]]
+    assert (seen.photographs[0].confidence[at] == 0.9).all()
+    assert (seen.photographs[1].confidence[at] == 0).all()
+    assert set(HANDS[0]) <= set(seen.observed())
+
+
+def test_fingers_are_fitted_by_bodies_that_have_them(
+    tmp_path: Path,
+) -> None:
+    hands = {f"hand_{side}_keypoints_2d": person(21) for side in ("left", "right")}
+    seen = read_observations([written(tmp_path / "a.json", openpose(**hands))], size=SIZE)
+    (said,) = unused(seen, load_body("small"))
+    assert said == (
+        "Of 67 observed keypoints, 23 are fitted; the landmarks 'coco' of the body 'small' do not "
+        "include the others: 21 of the left hand, 21 of the right hand, neck, mid_hip"
+    )
+    smpl_h = body_from(entries(K=52), "with fingers", "b")
+    (said,) = unused(seen, smpl_h)
+    assert "6 of the left hand, 6 of the right hand" in said  # its root and five tips
+    fitted = keypoint_fit(seen, smpl_h, "which?").views[0]
+    names = smpl_h.landmark_names(fitted.landmarks)
+    assert {n for n, c in zip(names, fitted.confidence, strict=True) if c} >= set(HAND_JOINTS)
+
+
+RESULTS = mediapipe_results()
+LEFT, RIGHT, BODY = dots(21, 1), dots(21, 2), dots(33, 3, visible=True)
+
+
+def px(points: list[dict[str, float]], i: int, confidence: float = 1.0) -> list[float]:
+    return [points[i]["x"] * 640, points[i]["y"] * 480, confidence]
+
+
+@pytest.mark.parametrize("name", ["hands-of-python", "hands-as-messages"])
+def test_mediapipe_hands_are_read_by_name_and_side(tmp_path: Path, name: str) -> None:
+    found = read_person(written(tmp_path / "a.json", RESULTS[name]), size=SIZE)
+    assert found.names == (*HANDS[0], *HANDS[1])
+    at = dict(zip(found.names, found.points.tolist(), strict=True))
+    # WRIST, THUMB_CMC, INDEX_FINGER_MCP, PINKY_TIP have the numbers 0, 1, 5, 20 of MediaPipe's
+    for i, point in ((0, "hand_root"), (1, "thumb1"), (5, "index1"), (20, "pinky_tip")):
+        assert at[f"left_{point}"] == px(LEFT, i)
+        assert at[f"right_{point}"] == px(RIGHT, i)
+    lost = "hand_world_landmarks" in RESULTS[name]
+    assert [note.partition("not read are ")[2] for note in found.notes] == (
+        ["hand_world_landmarks"] if lost else []
+    )
+
+
+def test_mediapipe_bodies_are_read(tmp_path: Path) -> None:
+    file = written(tmp_path / "a.json", RESULTS["bodies-of-python"])
+    best = [sum(p["visibility"] for p in dots(33, seed, visible=True)) for seed in (3, 4)]
+    names, points, size = read_keypoints(file, size=SIZE)
+    assert (names, size) == (MEDIAPIPE_33, SIZE)
+    seen = dots(33, 3 + int(np.argmax(best)), visible=True)
+    assert points[11].tolist() == px(seen, 11, seen[11]["visibility"])
+    assert "holds 2 people" in read_person(file, size=SIZE).notes[0]
+    assert read_keypoints(file, size=SIZE, person=0)[1][7].tolist() == px(
+        BODY, 7, BODY[7]["visibility"]
+    )
+    with pytest.raises(UnknownName, match=r"there are 0, 1 .*holds 2 people"):
+        read_keypoints(file, size=SIZE, person=2)
+    file = written(tmp_path / "b.json", RESULTS["bodies-of-javascript"])
+    assert read_person(file, size=SIZE).notes == ("b.json: not read are world_landmarks",)
+
+
+def test_mediapipe_holistic_has_both_hands(tmp_path: Path) -> None:
+    found = read_person(written(tmp_path / "a.json", RESULTS["holistic"]), size=SIZE)
+    assert len(found.names) == len({*found.names}) == 33 + 42 - 6
+    at = dict(zip(found.names, found.points.tolist(), strict=True))
+    assert at["right_index1"] == px(RIGHT, 5)  # that of the hand, and not of the body
+    assert at["left_index1"] == px(BODY, 19, BODY[19]["visibility"])
+    assert at["left_ring1"] == [0, 0, 0]
+    assert found.notes == ("a.json: not read are face_landmarks",)
+
+
+def test_mediapipe_frames_without_hands_are_gaps(tmp_path: Path) -> None:
+    """A hand that is lost in a frame does not change the points of the clip."""
+    one, whole = dict(RESULTS["hands-of-python"]), RESULTS["hands-of-python"]
+    one |= {"handedness": whole["handedness"][:1], "hand_landmarks": whole["hand_landmarks"][:1]}
+    none: dict[str, Any] = {"handedness": [], "hand_landmarks": []}
+    for i, said in enumerate((whole, one, none, whole)):
+        written(tmp_path / f"frame_{i}.json", said)
+    clip = read_clip(tmp_path, fps=30, size=SIZE)
+    assert clip.names == (*HANDS[0], *HANDS[1])
+    seen = (clip.films[0].confidence > 0).sum(axis=1)
+    assert seen.tolist() == [42, 21, 0, 42]
+
+
+def test_damaged_mediapipe_files_are_refused(tmp_path: Path) -> None:
+    for said, says in [
+        ({"hand_landmarks": [LEFT]}, "1 hands under hand_landmarks, and 0 entries that say which"),
+        (
+            {"hand_landmarks": [LEFT], "handedness": [[{"category_name": "Both"}]]},
+            "is said to be Both|is said to be 'Both'; a hand is Left or Right",
+        ),
+        ({"pose_landmarks": [LEFT]}, "has 21 points; MediaPipe's has 33"),
+        ({"left_hand_landmarks": [{"x": 0.1}] * 21}, "point 0 must have x and y"),
+        ({"left_hand_landmarks": [{"x": "0.1", "y": 1}] * 21}, "must hold numbers"),
+        ({"left_hand_landmarks": [{"x": 1e9, "y": 1}] * 21}, "as fractions of the image"),
+        ({"pose_landmarks": [[{"x": 0, "y": 1, "visibility": -1}] * 33]}, "not from 0 to 1"),
+        ({"pose_landmarks": "33"}, "must be a list of at most"),
+        ({"pose_landmarks": []}, "found no hand and no body"),
+    ]:
+        with pytest.raises(BadFile, match=says):
+            read_keypoints(written(tmp_path / "a.json", said), size=SIZE)
+
+
+def test_mediapipe_needs_the_size_of_the_image(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match=r"fractions of an image.* give --size WIDTHxHEIGHT"):
+        read_keypoints(written(tmp_path / "a.json", RESULTS["holistic"]))
+
+
+def test_mediapipe_hands_of_one_side_are_noted(tmp_path: Path) -> None:
+    said = dict(RESULTS["hands-of-javascript"])
+    said["handedness"] = [said["handedness"][0]] * 2
+    (note,) = read_person(written(tmp_path / "a.json", said), size=SIZE).notes
+    assert "holds 2 left hands; the first is read" in note
+
+
+def test_alphapose_bodies_and_single_hands_are_read(tmp_path: Path) -> None:
+    alone = {"annotations": [{"keypoints": person(21)}]}
+    assert read_keypoints(written(tmp_path / "a.json", alone))[0] == HAND_POINTS
+    cmu = {"version": 0.1, "bodies": [{"joints": person(18, at=7)}, {"joints": person(18)}]}
+    file = written(tmp_path / "b.json", cmu)
+    names, points, _ = read_keypoints(file, person=0)
+    assert names == OPENPOSE_18
+    assert points[0, 0] == 7
+    assert "holds 2 people" in read_observations([file], size=SIZE).notes[0]
+    wrong = {"bodies": [{"joints": person(15)}]}
+    with pytest.raises(BadFile, match="15 keypoints per person; alphapose JSON has 17 or 18"):
+        read_keypoints(written(tmp_path / "c.json", wrong))
+    for i in range(2):
+        (tmp_path / "clip").mkdir(exist_ok=True)
+        (tmp_path / "clip" / f"f{i}.json").write_text(json.dumps(cmu))
+    clip = read_clip(tmp_path / "clip", fps=30, size=SIZE)
+    assert (clip.films[0].confidence > 0).all()
+
+
+# Some numbers and names as the detectors' documents give them.
+KNOWN = (
+    (COCO, {0: "nose", 1: "left_eye", 4: "right_ear", 5: "left_shoulder", 16: "right_ankle"}),
+    (COCO, {9: "left_wrist", 10: "right_wrist", 11: "left_hip", 14: "right_knee"}),
+    (OPENPOSE_25, {0: "nose", 1: "neck", 2: "right_shoulder", 7: "left_wrist", 8: "mid_hip"}),
+    (OPENPOSE_25, {9: "right_hip", 14: "left_ankle", 15: "right_eye", 18: "left_ear"}),
+    (OPENPOSE_25, {19: "left_big_toe", 20: "left_small_toe", 21: "left_heel", 24: "right_heel"}),
+    (HALPE_26, {0: "nose", 17: "head_top", 18: "neck", 19: "mid_hip", 20: "left_big_toe"}),
+    (HALPE_26, {21: "right_big_toe", 22: "left_small_toe", 25: "right_heel"}),
+    (HALPE_136, {26: "face_0", 93: "face_67", 94: "left_hand_root", 115: "right_hand_root"}),
+    (OPENPOSE_135, {1: "left_eye", 17: "neck", 18: "head_top", 19: "left_big_toe"}),
+    (OPENPOSE_135, {24: "right_heel", 25: "left_thumb1", 44: "left_pinky_tip", 65: "face_0"}),
+    (MEDIAPIPE_33, {1: "left_eye_inner", 5: "right_eye", 7: "left_ear", 9: "left_mouth"}),
+    (MEDIAPIPE_33, {11: "left_shoulder", 16: "right_wrist", 17: "left_pinky1", 22: "right_thumb2"}),
+    (MEDIAPIPE_33, {24: "right_hip", 28: "right_ankle", 29: "left_heel", 32: "right_foot_index"}),
+)
+
+
+def test_layouts_have_the_published_order() -> None:
+    for names, known in KNOWN:
+        assert {i: names[i] for i in known} == known
+
+
+def test_layouts_have_as_many_names_as_points() -> None:
+    for layout in [COCO_FILES, OPENPOSE]:
+        assert layout in (COCO_FILES, OPENPOSE)
+        for count, names in layout.bodies.items():  # type: ignore[attr-defined]
+            assert len(names) == len({*names}) == count
+
+
+def file_of(folder: Path, count: int) -> Path:
+    rng = np.random.default_rng(count)
+    flat = np.column_stack([rng.uniform(0, 400, (count, 2)), np.full(count, 0.9)]).ravel()
+    entry = {"image_id": "a.jpg", "category_id": 1, "keypoints": flat.tolist(), "score": 2.5}
+    path = folder / "alphapose-results.json"
+    path.write_text(json.dumps([entry]))
+    return path
+
+
+def test_points_that_a_body_lacks_are_named(tmp_path: Path) -> None:
+    for count, said in [
+        (26, "head_top, mid_hip, neck"),
+        (136, "21 of the left hand, 21 of the right hand, 68 of the face, head_top, mid_hip, neck"),
+        (
+            33,
+            "3 of the left hand, 3 of the right hand, left_eye_inner, left_eye_outer, "
+            "left_foot_index, left_mouth, right_eye_inner, right_eye_outer, right_foot_index, "
+            "right_mouth",
+        ),
+    ]:
+        path = file_of(tmp_path, count)
+        names, points, _ = read_keypoints(path)
+        assert len(names) == len(points) == count
+        (note,) = unused(read_observations([path], size=(400, 400)), load_body("small"))
+        named = note.rpartition("do not include the others: ")[2]
+        assert sorted(named.split(", ")) == sorted(said.split(", "))

@@ -1,0 +1,202 @@
+"""Fits that converged to something absurd are doubted, with the cause where it can be named."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.fitting.doubts import doubts
+from workbench.fitting.image_fit import image_fit
+from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.observations import COCO, Observations, photograph
+from workbench.fitting.setup import Setup
+from workbench.geometry.camera import Camera
+from workbench.solvers import TrustRegion
+
+SIZE = (1920, 1080)
+K = np.array([[1500.0, 0, 960], [0, 1500, 540], [0, 0, 1]])
+FLIP = np.diag([1.0, -1.0, -1.0])  # y down, z forwards
+
+
+def body() -> SkinnedBody:
+    return load_body("small")
+
+
+def person() -> Array:
+    """COCO's keypoints (17, 3) m of a person in an ordinary pose."""
+    rng = np.random.default_rng(3)
+    values = body().start()
+    pose = values["pose"] + 0.15 * rng.normal(size=values["pose"].shape)
+    pose[0] = 0
+    names = body().landmark_names("coco")
+    places = body().landmark("coco", pose, 0.5 * rng.normal(size=values["betas"].shape))
+    return places[[names.index(name) for name in COCO]]
+
+
+def seen(R: Array, t: Array, noise: float = 1.5) -> Array:
+    """The keypoints (17, 3) as u, v and confidence, with noise in px."""
+    camera = Camera("c/")
+    pixels = camera.pixels(person(), camera.values(K=K, R=R, t=t))
+    pixels = pixels + noise * np.random.default_rng(int(1e3 * abs(t[0]))).normal(size=pixels.shape)
+    return np.column_stack([pixels, np.full(len(pixels), 0.9)])
+
+
+def ring() -> list[tuple[Array, Array]]:
+    """Three cameras around the person, world to camera."""
+    found = []
+    for angle, distance in ((0.0, 3.2), (0.9, 3.4), (-1.1, 3.0)):
+        turn = np.array(
+            [
+                [np.cos(angle), 0, -np.sin(angle)],
+                [0, 1, 0],
+                [np.sin(angle), 0, np.cos(angle)],
+            ]
+        )
+        found.append((FLIP @ turn, np.array([0.1 * angle, 0.05, distance])))
+    return found
+
+
+def fitted(setup: Setup) -> tuple[str, ...]:
+    solver = setup.strategy(None) if setup.strategy else TrustRegion(max_iterations=60)
+    solution = solver.solve(setup.problem, setup.start)
+    return doubts(setup, dict(setup.start) | solution.values, solution)
+
+
+def from_one(points: Array, size: tuple[int, int] = SIZE, focal: float | None = 1500.0) -> Setup:
+    given: dict[str, Any] = {} if focal is None else {"K": K * [focal / 1500, focal / 1500, 1]}
+    if focal is not None:
+        given["K"] = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1]])
+        given |= {"R": np.eye(3), "t": np.zeros(3)}
+    photo = photograph("camera", size, points, given)
+    return image_fit(Observations(tuple(COCO), (photo,)), body(), "who?")
+
+
+def from_three(extrinsics: list[tuple[Array, Array]], noise: float = 1.5) -> Setup:
+    """Views by the true cameras, given with these extrinsics."""
+    photos = tuple(
+        photograph(f"c{i}", SIZE, seen(*true, noise), {"K": K, "R": R, "t": t})
+        for i, (true, (R, t)) in enumerate(zip(ring(), extrinsics, strict=True))
+    )
+    return keypoint_fit(Observations(tuple(COCO), photos), body(), "who?")
+
+
+FRONT = (FLIP, np.array([0.0, 0.0, 3.2]))
+
+
+def test_fit_to_good_keypoints_is_not_doubted() -> None:
+    assert fitted(from_one(seen(*FRONT))) == ()
+    assert fitted(from_three(ring())) == ()
+
+
+def exchanged(extrinsics: list[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
+    return [extrinsics[1], extrinsics[0], extrinsics[2]]
+
+
+CONVENTIONS = {
+    "camera-to-world": lambda R, t: (R.T, -R.T @ t),
+    "translations of the cameras seem to be in mm": lambda R, t: (R, 1000 * t),
+    "OpenGL's axes": lambda R, t: (FLIP @ R, FLIP @ t),
+    "camera-to-world, not world-to-camera, with translations in mm": lambda R, t: (
+        R.T,
+        -1000 * R.T @ t,
+    ),
+}
+
+
+@pytest.mark.parametrize("words", CONVENTIONS)
+def test_convention_that_makes_views_agree_is_named(words: str) -> None:
+    setup = from_three([CONVENTIONS[words](R, t) for R, t in ring()])
+    assert any(words in doubt for doubt in fitted(setup)), fitted(setup)
+
+
+def test_order_of_cameras_that_makes_views_agree_is_named() -> None:
+    assert any("in the order 2, 1, 3" in d for d in fitted(from_three(exchanged(ring()))))
+
+
+def test_exchanged_sides_in_one_view_are_named() -> None:
+    photos = [seen(*one) for one in ring()]
+    photos[1] = photos[1][[COCO.index(swap(name)) for name in COCO]]
+    observed = tuple(
+        photograph(f"c{i}", SIZE, points, {"K": K, "R": R, "t": t})
+        for i, (points, (R, t)) in enumerate(zip(photos, ring(), strict=True))
+    )
+    setup = keypoint_fit(Observations(tuple(COCO), observed), body(), "who?")
+    assert any("left and right were exchanged in c1" in doubt for doubt in fitted(setup))
+
+
+def swap(name: str) -> str:
+    return name.replace("left", "#").replace("right", "left").replace("#", "right")
+
+
+def changed(points: Array, **how: Any) -> Array:
+    points = points.copy()
+    if "by" in how:
+        points[:, :2] = points[:, :2] * how["by"] + how.get("plus", 0)
+    if "order" in how:
+        points = points[how["order"]]
+    return points
+
+
+def moved_leg(points: Array) -> Array:
+    points = points.copy()
+    names = list(COCO)
+    points[[names.index("right_knee"), names.index("right_ankle")], :2] += [500, -400]
+    return points
+
+
+ABSURD = {
+    "fractions of the image": lambda p: from_one(changed(p, by=1 / np.array(SIZE))),
+    "order of the points": lambda p: from_one(changed(p, order=np.roll(np.arange(17), 5))),
+    "right leg count as outliers": lambda p: from_one(moved_leg(p)),
+    "m from the camera": lambda p: from_one(p, focal=60_000.0),
+}
+
+
+@pytest.mark.parametrize("words", ABSURD)
+def test_absurd_keypoints_of_one_camera_are_doubted(words: str) -> None:
+    found = fitted(ABSURD[words](seen(*FRONT)))
+    assert any(words in doubt for doubt in found), found
+
+
+@pytest.mark.parametrize("score", [10.0, 90.0])
+def test_scores_above_one_change_no_fit(tmp_path: Path, score: float) -> None:
+    points = seen(*FRONT)
+    found = []
+    for name, factor in (("one", 1 / 0.9), ("score", score)):
+        path = tmp_path / f"{name}.json"
+        keypoints = (points * [1, 1, factor]).ravel().tolist()
+        path.write_text(json.dumps([{"image_id": 1, "category_id": 1, "keypoints": keypoints}]))
+        found.append(read_observations([path], size=SIZE))
+    np.testing.assert_array_equal(
+        found[0].photographs[0].confidence, found[1].photographs[0].confidence
+    )
+    assert not found[0].notes
+    assert any("scores" in note for note in found[1].notes)
+
+
+def test_negative_and_missing_confidences_are_not_seen(tmp_path: Path) -> None:
+    points = seen(*FRONT)
+    points[3, 2], points[4, 0] = -0.02, np.nan
+    path = tmp_path / "odd.json"
+    path.write_text(json.dumps([{"keypoints": points.ravel().tolist()}]))
+    photo = read_observations([path], size=SIZE).photographs[0]
+    assert photo.confidence[3] == photo.confidence[4] == 0
+    assert (photo.confidence > 0).sum() == 15
+
+
+def test_small_and_large_images_of_a_person_give_one_body() -> None:
+    points, found = seen(*FRONT), []
+    for times in (0.1, 1.0):
+        size = (int(times * SIZE[0]), int(times * SIZE[1]))
+        setup = from_one(points * [times, times, 1], size, 1500 * times)
+        assert setup.strategy is not None
+        solution = setup.strategy(None).solve(setup.problem, setup.start)
+        values = dict(setup.start) | solution.values
+        found.append(body().joints(*(values[block.name] for block in body().blocks())))
+    assert np.linalg.norm(found[0] - found[1], axis=1).max() < 0.02  # m

@@ -1,0 +1,362 @@
+"""Scans in every format: what is guessed, repaired and said, and what is refused."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
+from workbench.fitting import BadScan, Scan
+from workbench.fitting.scan_cleaning import FEWEST
+from workbench.fitting.scan_files import ReadScan, read_scan
+from workbench.fitting.scan_surface import normals_of_faces
+from workbench.geometry.meshes import write_mesh
+from workbench.geometry.upright import TURNS
+
+BODY = load_body("small")
+STANDING = BODY.vertices(pose=[[0, 0, 0]] * 16 + [[0, 0, -1.0], [0, 0, 1.0]] + [[0, 0, 0]] * 6)
+FACES = BODY.faces
+SURFACE = np.asarray(
+    trimesh.sample.sample_surface(trimesh.Trimesh(STANDING, FACES, process=False), 4000, seed=0)[0]
+)
+
+
+def saved(path: Path, points: Array = SURFACE, **others: Any) -> Path:
+    if path.suffix == ".npz":
+        np.savez(path, points=points, **others)
+    elif path.suffix == ".npy":
+        np.save(path, points)
+    elif path.suffix == ".csv":
+        np.savetxt(path, points, delimiter=",", header="x,y,z", comments="", fmt="%.17g")
+    else:
+        np.savetxt(path, points, fmt="%.17g")
+    return path
+
+
+def said(read: ReadScan, words: str) -> bool:
+    return any(words in note for note in read.notes)
+
+
+def test_points_survive_their_files(tmp_path: Path) -> None:
+    for suffix in [".npz", ".npy", ".xyz", ".csv"]:
+        read = read_scan(saved(tmp_path / f"scan{suffix}"))
+        np.testing.assert_array_equal(read.scan.points, SURFACE)
+        assert (read.unit, read.up, read.scan.faces, read.scan.normals) == ("m", "y", None, None)
+        assert said(read, "there are no normals")
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_ply_clouds_keep_normals(tmp_path: Path, kind: str) -> None:
+    outwards = SURFACE - SURFACE.mean(axis=0)
+    rows = np.column_stack([SURFACE, 3 * outwards, np.full((len(SURFACE), 3), 7)])  # and colours
+    names = ("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue")
+    header = f"ply\nformat {kind} 1.0\nelement vertex {len(rows)}\n"
+    header += "".join(f"property double {name}\n" for name in names) + "end_header\n"
+    text = "".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist())
+    data = text.encode() if kind == "ascii" else rows.astype("<f8").tobytes()
+    (tmp_path / "scan.ply").write_bytes(header.encode() + data)
+    scan = read_scan(tmp_path / "scan.ply").scan
+    np.testing.assert_array_equal(scan.points, SURFACE)
+    assert scan.normals is not None
+    np.testing.assert_allclose(
+        scan.normals, outwards / np.linalg.norm(outwards, axis=1, keepdims=True), atol=1e-12
+    )
+    assert scan.faces is None
+
+
+def test_pcd_clouds_keep_their_viewpoint(tmp_path: Path) -> None:
+    """In the axes of the scan; and without one, a note says how to give it."""
+    header = "FIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F U\nPOINTS {}\nVIEWPOINT {}\nDATA ascii\n"
+    rows = "".join(f"{x!r} {y!r} {z!r} 7\n" for x, y, z in (1000 * SURFACE @ TURNS["z"]).tolist())
+    camera = np.array([0.5, 1.0, 3.0])
+    there = " ".join(map(repr, (1000 * camera @ TURNS["z"]).tolist()))
+    for viewpoint in (f"{there} 1 0 0 0", "0 0 0 1 0 0 0"):
+        (tmp_path / "scan.pcd").write_text(header.format(len(SURFACE), viewpoint) + rows)
+        read = read_scan(tmp_path / "scan.pcd")
+        np.testing.assert_allclose(read.scan.points, SURFACE, atol=1e-12)
+        assert (read.unit, read.up) == ("mm", "z")
+        assert said(read, "not read are the fields rgb")
+        assert said(read, "names no viewpoint") == (read.camera_position is None)
+        if viewpoint.startswith(there):
+            np.testing.assert_allclose(read.camera_position, camera, atol=1e-12)
+            assert said(read, "turned to the camera")
+    assert read.camera_position is None
+
+
+def test_meshes_survive_their_files(tmp_path: Path) -> None:
+    for suffix in [".ply", ".obj", ".off"]:
+        write_mesh(tmp_path / f"scan{suffix}", STANDING, FACES)
+        scan = read_scan(tmp_path / f"scan{suffix}").scan
+        np.testing.assert_array_equal(scan.points, STANDING)
+        np.testing.assert_array_equal(scan.faces, FACES)
+        np.testing.assert_allclose(
+            np.asarray(scan.normals), normals_of_faces(STANDING, FACES), atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".glb"])
+def test_files_of_trimesh_have_the_same_surface(tmp_path: Path, suffix: str) -> None:
+    """A soup is merged: as many points as the mesh has, and no boundary."""
+    mesh = trimesh.Trimesh(STANDING, FACES, process=False)
+    mesh.export(tmp_path / f"scan{suffix}")
+    read = read_scan(tmp_path / f"scan{suffix}")
+    scan = read.scan
+    assert scan.faces is not None
+    assert scan.weights is not None
+    assert (scan.n_points, len(scan.faces)) == (len(STANDING), len(FACES))
+    np.testing.assert_allclose(scan.weights.sum(), mesh.area, rtol=1e-5)
+    corners = [
+        np.sort(np.round(points[faces].reshape(-1, 9), 5).sum(axis=1))
+        for points, faces in ((scan.points, scan.faces), (STANDING, FACES))
+    ]
+    np.testing.assert_allclose(*corners, atol=1e-4)
+    assert said(read, "merged") == (suffix == ".stl")
+    assert said(read, "as the format prescribes") == (suffix == ".glb")
+
+
+@pytest.mark.parametrize(("unit", "up"), [("m", "y"), ("cm", "z"), ("mm", "-z"), ("in", "x")])
+def test_unit_and_axis_are_guessed(tmp_path: Path, unit: str, up: str) -> None:
+    """Turned and scaled back, the points are the same; so are guesses that are given."""
+    metres = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}[unit]
+    there = np.linalg.inv(TURNS[up])
+    np.testing.assert_allclose(there, TURNS[up].T, atol=0)
+    assert np.linalg.det(there) == pytest.approx(1)
+    path = saved(tmp_path / "scan.npy", SURFACE @ there.T / metres)
+    for read in (read_scan(path), read_scan(path, unit=unit, up=up)):
+        assert (read.unit, read.up) == (unit, up)
+        np.testing.assert_allclose(read.scan.points, SURFACE, atol=1e-12)
+    assert said(read_scan(path), f"the unit is taken to be {unit}")
+    assert said(read_scan(path), f"{up} is taken to be up")
+
+
+def test_stretched_arms_are_not_the_height(tmp_path: Path) -> None:
+    """A person in the rest pose is as wide as tall."""
+    mesh = trimesh.Trimesh(BODY.template, FACES, process=False)
+    points = np.asarray(trimesh.sample.sample_surface(mesh, 4000, seed=0)[0])
+    wide = np.ptp(points, axis=0)
+    assert wide[0] > 0.9 * wide[1]
+    assert read_scan(saved(tmp_path / "scan.npy", points @ TURNS["z"])).up == "z"
+
+
+def test_clutter_does_not_change_the_guesses(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    clutter = SURFACE.mean(axis=0) + rng.uniform(-1.5, 1.5, (1000, 3))  # 20 %
+    dense = np.repeat(SURFACE[SURFACE[:, 1] < SURFACE[:, 1].mean()], 5, axis=0)
+    dense = dense + rng.normal(size=dense.shape) * 0.002
+    read = read_scan(saved(tmp_path / "scan.npy", 1000 * np.concatenate([SURFACE, clutter, dense])))
+    assert (read.unit, read.up) == ("mm", "y")
+    assert said(read, "far from all neighbours")
+
+
+def test_guesses_of_a_hand_are_uncertain(tmp_path: Path) -> None:
+    hand = SURFACE[SURFACE[:, 1] > SURFACE[:, 1].max() - 0.2]
+    read = read_scan(saved(tmp_path / "hand.npy", hand))
+    assert (read.unit, read.up) == ("m", "y")
+    assert said(read, "this is uncertain")
+    assert said(read, "would tell")
+    assert read_scan(saved(tmp_path / "hand.npy", 100 * hand)).unit == "cm"
+
+
+def test_camera_orients_normals(tmp_path: Path) -> None:
+    camera = np.array([0.0, 1.0, 3.0])
+    stored = {"points": 1000 * SURFACE @ TURNS["z"], "camera_position": 1000 * camera @ TURNS["z"]}
+    np.savez(tmp_path / "scan.npz", **stored)
+    np.save(tmp_path / "scan.npy", stored["points"])
+    for read in (
+        read_scan(tmp_path / "scan.npz"),
+        read_scan(tmp_path / "scan.npy", camera_position=stored["camera_position"]),
+    ):
+        assert (read.unit, read.up) == ("mm", "z")
+        assert read.camera_position is not None
+        np.testing.assert_allclose(read.camera_position, camera, atol=1e-12)
+        assert read.scan.normals is not None
+        towards = ((camera - read.scan.points) * read.scan.normals).sum(axis=1)
+        assert (towards >= 0).all()
+        assert said(read, "turned to the camera")
+
+
+def test_normals_in_columns_are_read(tmp_path: Path) -> None:
+    outwards = SURFACE - SURFACE.mean(axis=0)
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    colours = np.full((len(SURFACE), 3), 200.0)
+    both = read_scan(saved(tmp_path / "a.xyz", np.column_stack([SURFACE, outwards, colours])))
+    np.testing.assert_allclose(both.scan.normals, outwards, atol=1e-12)
+    assert said(both, "columns 7 to 9 are not read")
+    assert said(both, "taken for normals")
+    colour = read_scan(saved(tmp_path / "b.csv", np.column_stack([SURFACE, colours])))
+    assert colour.scan.normals is None
+    assert said(colour, "columns 4 to 6 are not read")
+
+
+def test_text_scans_may_have_titles_and_words(tmp_path: Path) -> None:
+    rows = "".join(f"{x!r}; {y!r}; {z!r}; skin\n" for x, y, z in SURFACE.tolist())
+    (tmp_path / "scan.txt").write_text(f"{len(SURFACE)}\n# made by hand\nX;Y;Z;label\n\n{rows}")
+    read = read_scan(tmp_path / "scan.txt")
+    np.testing.assert_array_equal(read.scan.points, SURFACE)
+    assert said(read, "column 4 is not read")
+
+
+def test_several_arrays_must_be_named(tmp_path: Path) -> None:
+    path = tmp_path / "people.npz"
+    np.savez(path, ann=SURFACE, bob=1000 * SURFACE, bob_normals=SURFACE, floor=np.zeros(4))
+    with pytest.raises(
+        BadFile, match="several of its arrays may be the points; name one of ann, bob"
+    ):
+        read_scan(path)
+    read = read_scan(path, name="bob")
+    assert read.unit == "mm"
+    assert said(read, "not read are the arrays ann, floor")
+    assert said(read, "normals are those of the file")
+    with pytest.raises(BadFile, match="no array 'carl'; arrays of points are ann, bob"):
+        read_scan(path, name="carl")
+    with pytest.raises(BadFile, match=r"floor is float64 of shape \(4,\), not points"):
+        read_scan(path, name="floor")
+    with pytest.raises(BadArgument, match="has no arrays with names"):
+        read_scan(saved(tmp_path / "scan.npy"), name="bob")
+
+
+def test_points_left_out_are_noted(tmp_path: Path) -> None:
+    nothing = np.full((7, 3), np.nan)
+    zeros, twice, far = np.zeros((9, 3)), SURFACE[:11], np.array([[900.0, 0, 0]])
+    points = np.concatenate([SURFACE, nothing, zeros, twice, far, [[np.inf, 0, 0]]])
+    read = read_scan(saved(tmp_path / "scan.npy", points))
+    np.testing.assert_array_equal(read.scan.points, SURFACE)
+    assert [note for note in read.notes if "left out" in note or "merged" in note] == [
+        "8 points are NaN, infinite or beyond 1e9, and left out",
+        "9 points are 0 0 0, as missing ones are, and left out",
+        "11 points are in the place of another, and merged with it",
+        "1 point is far from all others, and left out",
+    ]
+
+
+def test_faces_follow_points_that_stay(tmp_path: Path) -> None:
+    """A point without numbers takes its faces along; one without faces goes alone."""
+    points = np.concatenate([[[9.0, 9, 9]], STANDING, STANDING[:1]])
+    points[5] = np.nan
+    faces = FACES + 1
+    np.savez(tmp_path / "scan.npz", vertices=points, faces=faces)
+    read = read_scan(tmp_path / "scan.npz")
+    assert read.scan.faces is not None
+    left = faces[(faces != 5).all(axis=1)]
+    np.testing.assert_array_equal(read.scan.points[read.scan.faces], points[left])
+    assert read.scan.n_points == len(STANDING) - 1
+    assert said(read, "1 point is NaN")
+    assert said(read, "2 points are in no face")
+
+
+@pytest.mark.parametrize("suffix", [".ply"])
+def test_thinned_files_keep_their_area(tmp_path: Path, suffix: str) -> None:
+    mesh = trimesh.Trimesh(STANDING, FACES, process=False).subdivide_loop(2)
+    points, path = np.asarray(mesh.vertices), tmp_path / f"scan{suffix}"
+    assert len(points) > 5000
+    if suffix == ".npy":
+        np.save(path, points)
+    else:
+        write_mesh(path, points, mesh.faces)
+    read = read_scan(path, most=3000)
+    assert read.scan.n_points == 3000
+    assert read.scan.faces is None
+    assert read.scan.weights is not None
+    assert said(read, "at random")
+    assert read.scan.weights.sum() == pytest.approx(mesh.area, rel=0.1)
+    np.testing.assert_array_equal(read.scan.points, read_scan(path, most=3000).scan.points)
+
+
+BAD: dict[str, tuple[Callable[[], Array], str]] = {
+    "empty": (lambda: np.zeros((0, 3)), "it holds no points"),
+    "one point": (lambda: np.ones((1, 3)), f"1 different points are left.*at least {FEWEST}"),
+    "equal points": (lambda: np.ones((500, 3)), "1 different points.*499 points are in the place"),
+    "all NaN": (lambda: np.full((500, 3), np.nan), "0 different points.*500 points are NaN"),
+    "far too large": (lambda: 1e6 * SURFACE, "in none of cm, in, m, mm is this the size of a body"),
+    "far too small": (lambda: 1e-9 * SURFACE, "in none of cm, in, m, mm is this the size"),
+    "two columns": (lambda: SURFACE[:, :2], r"an array of shape \(4000, 2\), not points \(N, 3\)"),
+    "one number": (lambda: np.array(3.0), r"holds float64 of shape \(\), not points"),
+    "truths": (lambda: SURFACE > 0, "holds bool of shape"),
+}
+
+
+def test_damaged_scans_are_refused(tmp_path: Path) -> None:
+    for name in BAD:
+        make, sentence = BAD[name]
+        path = saved(tmp_path / "scan.npy", make())
+        with pytest.raises(WorkbenchError, match=sentence) as raised:
+            read_scan(path)
+        assert str(path) in str(raised.value)
+
+
+def test_bad_scan_arguments_are_refused(tmp_path: Path) -> None:
+    path = saved(tmp_path / "scan.npy")
+    with pytest.raises(UnknownName, match="no unit is called 'feet'; there are cm, in, m, mm"):
+        read_scan(path, unit="feet")
+    with pytest.raises(UnknownName, match="no axis is called 'w'"):
+        read_scan(path, up="w")
+    with pytest.raises(BadScan, match=r"in mm the scan is 0.001\d+ m long, and no body is"):
+        read_scan(path, unit="mm")
+    with pytest.raises(BadArgument, match="three finite numbers"):
+        read_scan(path, camera_position=[1, 2])
+    with pytest.raises(BadArgument, match="at least 1,000 points"):
+        read_scan(path, most=3)
+    with pytest.raises(BadFile, match=r"no format of scans is called '\.fbx'; there are \.csv"):
+        read_scan(tmp_path / "scan.fbx")
+    assert read_scan(path, up="+z").up == "z"
+
+
+FOUR = np.arange(12.0).reshape(4, 3)
+FOUR_NORMALS = np.tile([0.0, 0.6, 0.8], (4, 1))
+TWO_FACES = np.array([[0, 1, 2], [2, 1, 3]])
+AREAS = np.array([1.0, 2.0, 0.0, 4.0])
+
+
+def test_part_of_a_scan_keeps_what_belongs_to_points() -> None:
+    part = Scan(FOUR, FOUR_NORMALS, TWO_FACES, AREAS).some(np.array([False, True, True, True]))
+    assert part.n_points == 3
+    np.testing.assert_array_equal(part.points, FOUR[1:])
+    np.testing.assert_array_equal(part.faces, [[1, 0, 2]])
+    np.testing.assert_array_equal(part.weights, AREAS[1:])
+
+
+def test_bad_scans_are_refused() -> None:
+    for arguments, sentence in [
+        ({"points": np.zeros((0, 3))}, "this one is empty"),
+        ({"points": np.zeros((3, 2))}, r"are \(M, 3\) m, not \(3, 2\)"),
+        ({"points": np.full((2, 3), np.nan)}, r"point 0 is \[nan, nan, nan\]; leave out"),
+        (
+            {"normals": FOUR_NORMALS[:2]},
+            r"the normals of 4 points must have the shape \(4, 3\), not \(2, 3\)",
+        ),
+        ({"normals": 2 * FOUR_NORMALS}, r"normal 0 is .* whose length is not 1; divide"),
+        ({"faces": TWO_FACES.astype(float)}, r"whole numbers \(T, 3\), not float64 \(2, 3\)"),
+        ({"faces": TWO_FACES + 1}, r"face 1 is \[3, 2, 4\], but the points are 0 to 3"),
+        ({"weights": AREAS[:3]}, r"the weights of 4 points must have the shape \(4,\), not \(3,\)"),
+        ({"weights": -AREAS}, r"weight 0 is -1 m\^2, and no area is below 0; give 0"),
+        ({"weights": 0 * AREAS}, "all weights are 0"),
+    ]:
+        with pytest.raises(BadScan, match=sentence):
+            Scan(**{"points": FOUR} | arguments)
+
+
+def test_bad_masks_are_refused() -> None:
+    with pytest.raises(BadScan, match=r"by a mask of shape \(4,\), not by an array of bool"):
+        Scan(FOUR).some(np.array([True]))
+    with pytest.raises(BadScan, match="this one is empty"):
+        Scan(FOUR).some(np.zeros(4, dtype=bool))
+
+
+def test_thinned_scan_keeps_its_area() -> None:
+    rng = np.random.default_rng(0)
+    points, areas = rng.standard_normal((500, 3)), rng.uniform(0.0, 1.0, 500)
+    areas[:100] = 0  # points that do not count are not drawn
+    few = Scan(points, weights=areas).thinned(50)
+    assert few.n_points == 50
+    assert few.weights is not None
+    assert few.weights.sum() == pytest.approx(areas.sum())
+    numbers = [int(np.flatnonzero((points == p).all(axis=1))[0]) for p in few.points]
+    assert min(numbers) >= 100
+    assert len(set(numbers)) == 50
+    ratio = few.weights / areas[numbers]
+    np.testing.assert_allclose(ratio, ratio[0])
