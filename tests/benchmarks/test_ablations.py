@@ -5,6 +5,12 @@ from math import nan
 import numpy as np
 import pytest
 
+from benchmarks.ablations.figures import (
+    caption_pose_in_shape,
+    caption_turn_errors,
+    plot_pose_in_shape,
+    plot_turn_errors,
+)
 from benchmarks.ablations.study import (
     Ablated,
     Sets,
@@ -13,6 +19,8 @@ from benchmarks.ablations.study import (
 )
 from workbench import load_body
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
+from workbench.lectures.material.training_costs import caption_costs, plot_costs
+from workbench.plots.figure import house_style, png, sheet
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -20,7 +28,10 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.estimate import Sigmas
+from workbench.training.progress import LogEntry
 from workbench.training.registrations import InMemory
+
+pytestmark = pytest.mark.thorough
 
 START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3, shape=0.005)
@@ -36,18 +47,18 @@ def results() -> dict[str, Ablated]:
     return {result.name: result for result in found}
 
 
-def test_without_e_y_templates_are_less_even(results: dict[str, Ablated]) -> None:
+def test_templates_are_less_even_without_e_y(results: dict[str, Ablated]) -> None:
     assert results["no E_Y"].asymmetry > 1.2 * results["all terms"].asymmetry
 
 
-def test_without_e_p_blend_shapes_grow_and_fit_noise(results: dict[str, Ablated]) -> None:
+def test_blend_shapes_fit_noise_without_e_p(results: dict[str, Ablated]) -> None:
     whole, without = results["all terms"], results["no E_P"]
     assert without.posedirs_rms > 2 * whole.posedirs_rms
     assert without.training_rms < whole.training_rms
     assert without.held_out_rms > whole.held_out_rms
 
 
-def test_without_pose_normalisation_shape_is_pose(results: dict[str, Ablated]) -> None:
+def test_shape_is_pose_without_pose_normalisation(results: dict[str, Ablated]) -> None:
     raw, normal = results["not pose-normalised"], results["all terms"]
     assert raw.pose_in_shape[0] > 0.5
     assert 1 - normal.pose_in_shape[0] > 5 * (1 - raw.pose_in_shape[0])  # what pose leaves open
@@ -76,9 +87,52 @@ def test_aligned_meshes_lie_on_the_first() -> None:
     assert np.abs(found - found[0]).max() < 0.02
 
 
-def test_edges_tell_the_pose_of_somebody_else_better_than_vertices() -> None:
+def test_edges_tell_poses_better_than_vertices() -> None:
     body = load_body("small")
     poses = np.zeros((6, 24, 3))
     poses[:, 1:] = 0.2 * np.random.default_rng(0).standard_normal((6, 23, 3))
     errors = turn_errors(body, poses, seed=1)
     assert errors["edges"][:, 1:].mean() < 0.7 * errors["vertices"][:, 1:].mean()
+
+
+RESULTS = (
+    Ablated("all terms", 1e-3, 2e-3, 1e-3, 1e-3, (0.01, 0.02, 0.0)),
+    Ablated("not pose-normalised", 1e-3, 2e-3, 1e-3, 1e-3, (0.9, 0.5, 0.3)),
+)
+ERRORS = {"edges": np.full((4, 3), 0.1), "vertices": np.full((4, 3), 0.2)}
+
+
+def test_shares_and_errors_are_drawn_in_their_units() -> None:
+    with house_style():
+        figure, axes = sheet(8, 4, 2)
+        plot_pose_in_shape(RESULTS, ax=axes[0])
+        plot_turn_errors(ERRORS, ax=axes[1])
+        assert png(figure).startswith(b"\x89PNG")
+    heights = [bar.get_height() for bar in axes[0].patches]
+    np.testing.assert_allclose(heights, [1, 2, 0, 90, 50, 30])
+    line = axes[1].get_lines()[0]
+    np.testing.assert_allclose(np.asarray(line.get_xdata()), np.degrees(0.1))
+    assert "4 made-up people" in caption_turn_errors(ERRORS)
+    assert "with not pose-normalised: 90%" in caption_pose_in_shape(RESULTS)
+    assert "with all terms: 2%" in caption_pose_in_shape(RESULTS[:1])
+
+
+ZERO = dict.fromkeys(("E_D", "E_Y", "E_J", "E_P", "E_W"), 0.0)
+LOG = (
+    LogEntry("surfaces", ZERO | {"E_D": 100.0}, ZERO | {"E_D": 10.0, "E_P": 2.0}, {}, 1.0),
+    LogEntry("poses", ZERO | {"E_D": 10.0, "E_P": 2.0}, ZERO | {"E_D": 5.0, "E_P": 2.0}, {}, 1.0),
+)
+
+
+def test_costs_are_drawn_block_by_block() -> None:
+    with house_style():
+        figure, (ax,) = sheet(5, 4)
+        plot_costs(LOG, ax=ax)
+        total = ax.get_lines()[-1].get_ydata()
+        assert png(figure).startswith(b"\x89PNG")
+    np.testing.assert_array_equal(np.asarray(total), [100, 12, 7])
+    assert [line.get_label() for line in ax.get_lines()] == ["E_D", "E_P", "all"]
+    assert "from 100 to 7" in caption_costs(LOG)
+    assert "falls in every block" in caption_costs(LOG)
+    rising = (LOG[0], LogEntry("poses", LOG[0].after, ZERO | {"E_D": 20.0}, {}, 1.0))
+    assert "falls in 1 of 2 blocks" in caption_costs(rising)

@@ -1,98 +1,223 @@
-"""The split of the gym cannot change unseen, looks are written down, and answers judge runs."""
+"""Runs of the gym are judged by answers, and ends that are called converged and are none found."""
 
-import hashlib
-import subprocess
-import sys
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import casadi as cs
+import mpmath as mp
 import numpy as np
 import pytest
 
-from benchmarks.gym import checked, page
-from benchmarks.gym.cases import CASES, NEW
-from benchmarks.gym.looks import HEAD, LOG, looked
+from benchmarks.gym import arithmetic, page
+from benchmarks.gym.arithmetic import IN_DIGITS, IN_DOUBLES, Arithmetic, arithmetic_of, in_digits
+from benchmarks.gym.case import Case, case, setup
+from benchmarks.gym.checked import BROKEN, check, draw, end_of, lines, read
 from benchmarks.gym.peers import ALL, AS_IT_COMES, Peer
-from benchmarks.gym.runs import BUDGET, Kept, least_starts, read, run
-from benchmarks.gym.split import is_even, is_for_tuning, tuning, untouched
+from benchmarks.gym.runs import BUDGET, Kept, least_starts, run
+from benchmarks.gym.runs import read as read_runs
+from benchmarks.gym.split import tuning
 from benchmarks.gym.success import is_solved, target
+from benchmarks.gym.verdicts import GRADIENT, LOST, SADDLE, judge
+from workbench.blocks import Block, Values
 from workbench.comparison.log import KINDS, Observed
 from workbench.comparison.record import Ending, Record
-from workbench.experiments import SUITES
 from workbench.fitting.known import KnownAnswer
-from workbench.solvers import DEFAULT, SOLVERS
+from workbench.fitting.setup import Setup
+from workbench.problem import Problem
+from workbench.solvers import SOLVERS, Abilities, Boxes, Derivative, Evaluations, Iterate, Status
+from workbench.solvers.solution import Solution
 
-PLACE = Path(__file__).parents[2] / "benchmarks"
+pytestmark = pytest.mark.thorough
+
+T = np.linspace(0, 3, 8)
+Expression = Callable[[cs.MX], cs.MX]
 SMALL = tuple(
     one for one in tuning() if one.name in ("arm-planar-3-0", "more-wild-rosenbrock-2, start x 1")
 )
 
 
-def told(problems: tuple[str, ...]) -> str:
-    return hashlib.sha256("\n".join(sorted(problems)).encode()).hexdigest()[:16]
+def posed(expression: Expression, start: tuple[float, ...]) -> Setup:
+    x = Block("x", (len(start),))
+    return setup("made up", expression(x.symbol), x, np.array(start), "here", np.zeros(len(start)))
 
 
-def test_the_split_is_the_one_that_was_committed_before_any_solver_was_changed() -> None:
-    """A problem that is added belongs where its hash says; none may change sides."""
-    assert told(tuple({one.problem for one in untouched()})) == "c5f26e28fc1f135f"
-    assert told(tuple({one.problem for one in tuning(NEW)})) == "a4734a7e15d25739"
-    assert [is_even(name) for name in ("mgh-wood", "mgh-gulf", "beam")] == [True, False, True]
+@dataclass(frozen=True)
+class Claims:
+    """A solver that calls a given point converged."""
+
+    end: tuple[float, ...]
+
+    @property
+    def abilities(self) -> Abilities:
+        return Abilities(Derivative.COST, Boxes.TAKEN)
+
+    def solve(self, problem: Problem, start: Values, *, callback: Any = None) -> Solution:
+        there = {"x": np.array(self.end)}
+        trace = tuple(
+            Iterate(at, problem.linearize(at).cost, 0.0, 0.0, 0.0, Evaluations(), 0.0)
+            for at in ({"x": np.asarray(start["x"])}, there)
+        )
+        return Solution(
+            there,
+            trace[-1].cost,
+            0.0,
+            Status.CONVERGED,
+            "",
+            "claims",
+            Evaluations(),
+            0.0,
+            trace,
+        )
 
 
-def test_both_halves_are_large() -> None:
-    assert len({one.problem for one in untouched()}) >= 60
-    assert len({one.problem for one in tuning(NEW)}) >= 60
-    assert len({one.problem for one in NEW}) >= 120
+def decay(x: cs.MX) -> cs.MX:
+    return cs.exp(-x[0] * cs.DM(T + 0.1)) - cs.DM(np.exp(-T - 0.1))
 
 
-def test_all_starts_of_a_problem_are_on_one_side() -> None:
-    sides: dict[str, set[bool]] = {}
-    for one in CASES:
-        sides.setdefault(one.problem, set()).add(is_for_tuning(one))
-    assert all(len(side) == 1 for side in sides.values())
-    assert {one.name for one in tuning()}.isdisjoint(one.name for one in untouched())
-    assert len(tuning()) + len(untouched()) == len(CASES)
+FALSE = {  # the residual, the start, the end that is claimed, and what is wrong with it
+    "a maximum in x": (
+        lambda x: cs.vertcat(x[0] ** 2 - 1, x[1]),
+        (0.5, 1.0),
+        (0.0, 0.0),
+        f"{LOST} {SADDLE}",
+    ),
+    "a saddle between two minima": (
+        lambda x: cs.vertcat(x[0] * x[1] - 1, 0.1 * x[0], 0.1 * x[1]),
+        (0.5, 0.3),
+        (0.0, 0.0),
+        f"{SADDLE}",
+    ),
+    "the desert of an exponential": (decay, (3.0,), (900.0,), LOST),
+    "a steep point": (decay, (3.0,), (1.5,), GRADIENT),
+    "a point beside the minimum": (decay, (3.0,), (1.0 + 1e-4,), GRADIENT),
+}
+TRUE = {
+    "the minimum": (decay, (3.0,), (1.0,)),
+    "a penalty that is not active": (
+        lambda x: cs.vertcat(x[0] - 1, cs.fmax(0, -x[1])),
+        (0.0, -1.0),
+        (1.0, 2.0),
+    ),
+    "a minimum where the column is zero": (
+        lambda x: cs.vertcat(1 + x[0] ** 2, x[1]),
+        (1.0, 1.0),
+        (0.0, 0.0),
+    ),
+    "an unknown that is not read anywhere": (
+        lambda x: cs.vertcat(x[0] - 1, 0 * x[1]),
+        (0.0, 1.0),
+        (1.0, 1.0),
+    ),
+    "a flat minimum": (lambda x: cs.vertcat(x[0] ** 2, x[1]), (1.0, 1.0), (0.0, 0.0)),
+}
 
 
-def test_nothing_that_was_tuned_on_is_called_untouched() -> None:
-    there = {one.problem for one in untouched()}
-    assert not there & {one.name for one in SUITES["nist"]}
-    functions = {str(one.arguments["function"]) for one in SUITES["more-wild"]}
-    assert not {name for name in there if name.partition("-")[2] in functions}
-    assert not {name for name in there if "rosenbrock" in name and "mgh" in name}
-    assert sum(one.family == "nist" for one in untouched()) == 30
+def in_doubles(problem: Problem, fixed: Any) -> Arithmetic:
+    def residual(x: Any) -> Any:
+        return problem.residual(x, fixed)
+
+    return Arithmetic(IN_DOUBLES, residual, lambda x: np.array(x), 2.0**-52)
 
 
-def test_a_look_is_written_down_before_it_is_taken(tmp_path: Path) -> None:
-    log = tmp_path / "looks.md"
-    assert looked("to try | the\nlog", log) == untouched()
-    looked("again", log)
-    first, second = log.read_text().splitlines()[-2:]
-    assert "| to try / the log |" in first
-    assert "| again |" in second
-    assert len(first.split("|")) == 6
-    with pytest.raises(ValueError, match="say what the look"):
-        looked("  ", log)
-    with pytest.raises(OSError, match="no"):
-        looked("nowhere to write", tmp_path / "no" / "looks.md")
+def verdict(expression: Expression, start: Any, end: Any, kind: str) -> str:
+    found = posed(expression, start)
+    x, fixed = found.problem.split(found.start)
+    to = np.array(end)
+    how = in_doubles(found.problem, fixed) if kind == IN_DOUBLES else None
+    told = judge(found.problem, fixed, to, [x, to], 1e-6, how)
+    assert told.arithmetic == kind
+    return " ".join(told.violations)
 
 
-def test_the_log_of_looks_is_in_the_repository() -> None:
-    text = LOG.read_text()
-    assert text.startswith(HEAD)
-    assert all(len(line.split("|")) == 6 for line in text[len(HEAD) :].splitlines())
+@pytest.mark.parametrize("kind", [IN_DIGITS, IN_DOUBLES])
+def test_false_ends_are_told_from_minima(kind: str) -> None:
+    for expression, start, end, wrong in FALSE.values():
+        assert verdict(expression, start, end, kind) == wrong
+    for expression, start, end in TRUE.values():
+        assert verdict(expression, start, end, kind) == ""
 
 
-def test_the_command_says_that_a_purpose_is_needed() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.gym", "--untouched"],
-        cwd=PLACE.parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "--untouched: expected one argument" in done.stderr
+def made_up(expression: Expression = decay, start: tuple[float, ...] = (3.0,)) -> Case:
+    return case("made-up", "made up", posed, {"expression": expression, "start": start})
+
+
+def test_table_names_solvers_that_end_at_steep_points(tmp_path: Path) -> None:
+    solvers = {"claims": Claims((1.5,)), "levenberg-marquardt": SOLVERS["levenberg-marquardt"]}
+    ends = check([made_up()], solvers, tmp_path / "ends.csv")
+    assert [(end.solver, end.status, end.violations) for end in ends] == [
+        ("claims", "CONVERGED", GRADIENT),
+        ("levenberg-marquardt", "CONVERGED", ""),
+    ]
+    table = list(lines(ends))
+    assert table[0].startswith("2 runs, of which 2 end as CONVERGED; 1 of these ends")
+    assert table[1] == "| solver | runs | CONVERGED | lost | gradient | saddle |"
+    assert table[3] == "| claims | 1 | 1 | 0 | 1 | 0 |"
+    assert "| all | 2 | 2 | 0 | 1 | 0 |" in table
+    assert table[-1].startswith("| gradient | made-up | claims |")
+
+
+def test_checked_ends_are_not_repeated(tmp_path: Path) -> None:
+    file = tmp_path / "ends.csv"
+    first = check([made_up()], {"claims": Claims((1.0,))}, file)
+    assert list(read(file)) == first
+    again = check([made_up()], {"claims": Claims((1.5,))}, file)  # another answer is not asked for
+    assert again == first
+
+
+def test_solvers_that_raise_are_broken() -> None:
+    class Raises(Claims):
+        def solve(self, problem: Problem, start: Values, *, callback: Any = None) -> Solution:
+            raise ZeroDivisionError("on purpose")
+
+    one = made_up()
+    found = end_of(one, one.experiment.setup(), "raises", Raises((0.0,)))
+    assert found.status == BROKEN
+    assert found.message == "ZeroDivisionError: on purpose"
+
+
+def test_draw_depends_on_names_alone() -> None:
+    some = tuning()[:12]
+    solvers = dict(list(SOLVERS.items()))
+    drawn = draw(some, solvers, 40)
+    assert sum(map(len, drawn.values())) == 40
+    assert draw(some[::-1], dict(reversed(solvers.items())), 40).keys() == drawn.keys()
+    more = draw(some, solvers, 60)
+    assert all(set(names) <= set(more[case]) for case, names in drawn.items())
+    every = draw(some, solvers, 10_000)
+    assert all(len(names) == len(solvers) - 1 for names in every.values())
+    assert not any("nlopt-mlsl" in names for names in every.values())  # it needs bounds
+
+
+def test_fifty_digits_agree_with_double_precision() -> None:
+    one = next(one for one in tuning() if one.problem == "robust-damped-huber-0")
+    problem = one.experiment.setup().problem
+    x, fixed = problem.split(one.experiment.setup().start)
+    here = problem.linearize_at(x, fixed)
+    with mp.workdps(arithmetic.DIGITS):
+        exact = arithmetic_of(problem, fixed)
+        assert exact.name == IN_DIGITS
+        column, error = exact.column(x, 2, abs(x[2]))
+        along, of_along = exact.curvature(x, np.eye(x.size)[2], abs(x[2]))
+    np.testing.assert_allclose(column.astype(float), here.column(2), rtol=1e-11, atol=1e-11)
+    assert np.linalg.norm(error) < 1e-25 * np.linalg.norm(here.column(2))
+    H = problem.hessian_at(x, fixed)[2, 2]
+    assert along == pytest.approx(float(H), rel=1e-9)
+    assert of_along < 1e-15 * abs(H)
+
+
+def test_bodies_are_judged_in_doubles() -> None:
+    one = next(one for one in tuning() if one.family == "bodies")
+    found = one.experiment.setup()
+    x, fixed = found.problem.split(found.start)
+    assert in_digits(found.problem, fixed) is None
+    by_difference = arithmetic_of(found.problem, fixed)
+    assert by_difference.name == IN_DOUBLES
+    exact = found.problem.linearize_at(x, fixed).column(4)
+    column, error = by_difference.column(x, 4, 1.0)
+    assert 0 < np.linalg.norm(column - exact) <= np.linalg.norm(error)
+    assert np.linalg.norm(error) < 1e-8 * np.linalg.norm(exact)
 
 
 def record(cost: float, digits: float = np.nan, inside: bool = True) -> Record:
@@ -113,7 +238,7 @@ def record(cost: float, digits: float = np.nan, inside: bool = True) -> Record:
     )
 
 
-def test_success_is_the_known_cost_and_certified_digits() -> None:
+def test_success_needs_known_cost_and_certified_digits() -> None:
     plain = KnownAnswer("somebody", 2.0)
     certified = KnownAnswer("NIST", 2.0, {"x": np.ones(1)}, {"x": np.ones(1)})
     enough = target(2.0, 1e4)
@@ -129,7 +254,7 @@ def test_success_is_the_known_cost_and_certified_digits() -> None:
     assert not is_solved(replace(record(2.0), end=np.zeros(0)), enough, plain)
 
 
-def test_the_yardstick_of_a_far_start_is_the_near_one() -> None:
+def test_far_starts_are_measured_by_the_near_one() -> None:
     several = [one for one in tuning() if one.problem == "mgh-extended-rosenbrock"]
     assert len(several) == 3
     assert least_starts(several) == {"mgh-extended-rosenbrock": pytest.approx(121 / 2, rel=1e-9)}
@@ -144,7 +269,7 @@ def test_runs_are_judged_kept_and_not_repeated(tmp_path: Path) -> None:
     ]
     assert all(one.solved and one.claimed and one.stationary for one in runs)
     assert all(0 < one.evaluations < one.effort for one in runs)
-    assert list(read(file)) == runs
+    assert list(read_runs(file)) == runs
 
     more = run(SMALL, {**solvers, "steepest-descent": SOLVERS["steepest-descent"]}, file)
     assert [one for one in more if one.solver in solvers] == runs
@@ -167,7 +292,7 @@ def test_peers_find_what_scipy_finds() -> None:
     assert default.cost == SOLVERS["trust-region"].solve(setup.problem, setup.start).cost
 
 
-def made_up() -> dict[str, object]:
+def profiled() -> dict[str, object]:
     def one(case: str, solver: str, solved: bool, effort: float) -> Kept:
         return Kept(case, solver, solved, 1.0, effort, True, True, 0.0, None, "CONVERGED")
 
@@ -184,8 +309,8 @@ def made_up() -> dict[str, object]:
     )
 
 
-def test_a_profile_compares_with_the_best_and_never_with_a_failure() -> None:
-    found = made_up()
+def test_profile_compares_with_the_best_success() -> None:
+    found = profiled()
     assert page.profiled(found) == ["trust-region", "peer trf"]
     assert page.profile(found, (1, 3, 4), by=page.PRICED).tolist() == [
         [0.5, 0.5],
@@ -193,81 +318,3 @@ def test_a_profile_compares_with_the_best_and_never_with_a_failure() -> None:
         [0.5, 1.0],
     ]
     assert page.lost(found) == [(SMALL[1].name, SMALL[1].family)]
-
-
-def test_the_page_is_written_from_the_numbers_that_are_kept() -> None:
-    kept = {
-        half: page.read(path)
-        for half in ("tuning", "untouched")
-        if (path := PLACE / "results" / f"gym-{half}.json").exists()
-    }
-    file = PLACE / "results" / "gym-ends.csv"
-    ends = list(checked.read(file)) if file.exists() else []
-    told = page.lines(kept, checked.lines(ends) if ends else ())
-    assert (PLACE / "GYM.md").read_text() == "\n".join(told) + "\n"
-    assert {end.case for end in ends} <= {one.name for one in tuning()}
-    assert [name for name, _ in kept["tuning"]["cases"]] == [one.name for one in tuning()]
-    assert set(kept["tuning"]["solvers"]) == set(ALL)
-
-
-@pytest.mark.parametrize("half", ["tuning", "untouched"])
-def test_the_default_is_within_two_points_of_the_best_at_every_factor(half: str) -> None:
-    """By evaluations; and a quarter fewer of them than Levenberg-Marquardt where both succeed.
-
-    This is a geometric mean: where a further attempt succeeds, a sum would count little else.
-    """
-    found = page.read(PLACE / "results" / f"gym-{half}.json")
-    assert page.profiled(found)[0] == DEFAULT
-    shares = page.profile(found, list(np.geomspace(1, 1000, 300)))
-    assert (shares[:, 0] >= shares.max(axis=1) - 0.02).all()
-    ours, theirs = (found["solvers"][name] for name in (DEFAULT, "levenberg-marquardt"))
-    both = np.array(ours["solved"], bool) & np.array(theirs["solved"], bool)
-    spent, before = (np.log(np.array(one["evaluations"])[both]) for one in (ours, theirs))
-    assert 0.7 < np.exp(np.mean(spent - before)) < 0.8
-
-
-def test_every_run_of_nists_regressions_is_solved_by_the_default() -> None:
-    """From both of its starts, those that are untouched and those in the suite `nist`."""
-    for half, families in (("tuning", ["nist, tuned"]), ("untouched", ["nist"])):
-        found = page.read(PLACE / "results" / f"gym-{half}.json")
-        solved = {
-            name: bool(ours)
-            for (name, family), ours in zip(
-                found["cases"], found["solvers"][DEFAULT]["solved"], strict=True
-            )
-            if family in families and "as far" not in name
-        }
-        assert len(solved) in {24, 30}
-        assert all(solved.values()), [name for name, ours in solved.items() if not ours]
-
-
-def test_the_three_that_were_missed_at_the_first_look_are_reached() -> None:
-    """Under the limits of the gym, and with the default's own."""
-    found = page.read(PLACE / "results" / "gym-untouched.json")
-    names = [name for name, _ in found["cases"]]
-    missed = (
-        "exponentials-exact-0, start far",
-        "exponentials-noisy-3",
-        "robust-exponentials-geman-mcclure-1",
-    )
-    reached = {
-        solver: [found["solvers"][solver]["solved"][names.index(name)] for name in missed]
-        for solver in (DEFAULT, AS_IT_COMES)
-    }
-    assert reached == {DEFAULT: [1, 1, 1], AS_IT_COMES: [1, 1, 1]}
-    assert page.lost(found) == []
-
-
-def test_solvers_that_are_run_again_leave_the_numbers_of_the_others() -> None:
-    before = {**made_up(), "machine": {"processor": "old", "date": "1"}}
-    one = {**before, "machine": {"processor": "new", "date": "2"}}
-    one["solvers"] = {"trust-region": before["solvers"]["peer trf"]}  # type: ignore[index]
-    merged = page.renewed(before, one)
-    assert merged["solvers"]["trust-region"] == before["solvers"]["peer trf"]  # type: ignore[index]
-    assert merged["solvers"]["peer trf"] == before["solvers"]["peer trf"]  # type: ignore[index]
-    text = "\n".join(page.lines({"tuning": merged}))
-    assert "Measured on old, 1." in text
-    assert "Of these, trust-region was measured again on new, 2." in text
-    whole = {**before, "machine": one["machine"]}
-    assert page.renewed(before, whole) == whole
-    assert page.renewed({**before, "cases": []}, one) == one

@@ -1,22 +1,55 @@
-"""What the benchmark of posteriors counts, and the made-up truths that it counts on."""
+"""The benchmark of posteriors: densities that are known, made-up truths, runs that are cut."""
 
+import json
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import scipy.stats
 
-from benchmarks.posterior import counted, held_out, page
-from benchmarks.posterior.held_out import Seen, by_laplace, frames, simulated
+from benchmarks.design import simulated as designs
+from benchmarks.images import draws
+from benchmarks.images.intervals import places_of
+from benchmarks.images.one_posterior import compiled_places
+from benchmarks.posterior import coverage, known
+from benchmarks.posterior.held_out import by_laplace, frames, simulated
+from benchmarks.posterior.pieces import Pieces, runs_of
+from tests.compilers import NEEDS_A_COMPILER
+from workbench import load_body
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadFile
+
+pytestmark = pytest.mark.thorough
 
 
-def test_the_band_holds_all_entries_together() -> None:
-    for count, entries in ((40, 16), (200, 16), (40, 1)):
-        low, high = counted.band(count, entries)
-        chance = scipy.stats.binom(count, held_out.LEVEL)
-        outside = chance.cdf(low - 1) + chance.sf(high)
-        assert outside * entries <= counted.UNLIKELY
-        assert (chance.cdf(low) + chance.sf(high)) * entries > counted.UNLIKELY / 2  # not too wide
+def test_known_densities_are_what_they_say() -> None:
+    """Costs are minus the log densities, up to a constant."""
+    one = known.tails_together(5.0, 3, ("x[0]",))
+    C = known._covariance(3, 1e3)
+    L = np.linalg.cholesky(C)
+    rng = np.random.default_rng(0)
+    x = (rng.standard_normal((5, 3)) * 2) @ L.T
+    problem = one.problem
+    x0, given = problem.split(one.at)
+    u = np.sum(np.linalg.solve(L, x.T) ** 2, axis=0) / 5
+    np.testing.assert_allclose(problem.costs(x0, given)(x), 4 * np.log(1 + u), rtol=1e-6)
+    funnel = known.wide_funnel()
+    x0, given = funnel.problem.split(funnel.at)
+    z = rng.standard_normal((5, 30))
+    v, w = z[:, 0], z[:, 1:]
+    minus_log = v**2 / 2 + 29 * v / 2 + np.sum(w**2, axis=1) * np.exp(-v) / 2
+    found = funnel.problem.costs(x0, given)(z)
+    np.testing.assert_allclose(found - found[0], minus_log - minus_log[0], rtol=1e-9)
+
+
+def test_simulated_fits_are_covered() -> None:
+    """Two fits of each kind of problem, a body's among them."""
+    for make in (coverage.line, coverage.shape):
+        found = coverage.covered(make(), 2, seed=5)
+        assert (found["usable"], found["failed"]) == (2, 0)
+        assert len(found["covered"]) == len(found["labels"])
+        assert max(found["covered"]) == 2
 
 
 def test_made_up_truths_are_the_models() -> None:
@@ -46,56 +79,82 @@ def test_laplaces_interval_is_about_the_answer() -> None:
     assert abs((right - found["mean"]) / sd).max() < 5
 
 
-def test_the_sigma_that_residuals_ask_for() -> None:
-    """Of a linear model with 40 rows, 10 of them spent."""
+def test_simulated_designs_have_the_predicted_spread() -> None:
+    """60 fits know a standard deviation to 9 %, and 4 of these are allowed."""
+    again = designs.compared("a decay", 60)
+    for when in ("before", "after"):
+        ratio = again[when]["predicted"] / again[when]["simulated"]
+        assert abs(ratio - 1) < 4 / np.sqrt(120)
+        assert again[when]["low"] < again[when]["simulated"] < again[when]["high"]
+
+
+def test_runs_whose_line_was_cut_are_measured_again(tmp_path: Path) -> None:
+    """Cut at every byte; the lines before it are kept, and the new one takes its place."""
+    kept = {name: {"name": name, "run": {"off": [1, 23]}} for name in ("a", "b", "c")}
+    first, second, third = (json.dumps(one) + "\n" for one in kept.values())
+    file = tmp_path / "runs.jsonl"
+    for cut in range(len(second) + 1):
+        file.write_text(first + second[:cut])
+        pieces, measured = Pieces(file), 0
+        for name, one in kept.items():
+            before = file.read_text()
+            assert pieces.once(name, partial(dict, one["run"])) == one["run"]
+            measured += file.read_text() != before
+        whole = cut >= len(second) - 1  # the line end alone may be missing
+        assert measured == (1 if whole else 2), second[:cut]
+        assert file.read_text() == first + second + third, second[:cut]
+
+
+def test_broken_lines_before_the_last_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "runs.jsonl"
+    good = '{"name": "a", "run": {}}\n'
+    for broken in ('{"name": "b", "ru\n', '{"name": "b"}\n', "[1]\n", "\n", '"\\ud8"\n'):
+        file.write_text(good + broken + good)
+        with pytest.raises(BadFile, match="line 2"):
+            Pieces(file)
+        assert file.read_text() == good + broken + good
+
+
+def test_interrupted_measurements_are_not_kept(tmp_path: Path) -> None:
+    file = tmp_path / "runs.jsonl"
+    pieces = Pieces(file)
+    pieces.once("a", lambda: {"off": 1})
+    before = file.read_text()
+
+    def interrupted() -> dict[str, Any]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pieces.once("b", interrupted)
+    assert file.read_text() == before
+    assert pieces.once("b", lambda: {"off": 3}) == {"off": 3}
+    assert runs_of(file) == {"a": {"off": 1}, "b": {"off": 3}}
+    assert Pieces(file).once("b", lambda: pytest.fail("measured twice")) == {"off": 3}
+
+
+def test_interrupted_draws_continue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+
+    def drawn(fits: object, kind: str, method: str, case: object, seed: int, saved: Path) -> object:
+        seen.append(seed)
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+        return {"seconds": 1.0, "times": 50.0, "seed": seed}
+
+    monkeypatch.setattr(draws, "drawn", drawn)
+    monkeypatch.setattr(draws, "compiled_places", lambda body: None)
+    plan = (draws.Posteriors("people", "hamiltonian", (3, 4)),)
+    with pytest.raises(KeyboardInterrupt):
+        list(draws.draw(tmp_path, plan))
+    assert len(list(draws.draw(tmp_path, plan))) == 2
+    assert seen == [3, 4, 4]
+
+
+@NEEDS_A_COMPILER
+def test_compiled_places_are_those_of_the_body() -> None:
+    body = load_body("default")
+    assert isinstance(body, SkinnedBody)
     rng = np.random.default_rng(0)
-    J = rng.standard_normal((40, 10))
-    left = np.eye(40) - J @ np.linalg.pinv(J)
-    seen = [Seen(3.0 * left @ rng.standard_normal(40), 40, 10.0, np.ones(10)) for _ in range(400)]
-    assert held_out.implied(seen) == pytest.approx(3.0, rel=0.03)
-
-
-def case_of(truth: float, usable: bool = True) -> dict[str, Any]:
-    one = {"ends": [[-1.0], [1.0]], "mean": [0.0], "sd": [0.5], "usable": usable}
-    return {
-        "case": f"at {truth}",
-        "truth": [truth],
-        "emcee": one,
-        "Laplace": one | {"usable": True},
-    }
-
-
-def test_what_is_covered_is_counted() -> None:
-    cases = [case_of(0.0), case_of(2.0), case_of(-0.5), case_of(0.0, usable=False)]
-    found = {"labels": ["x"], "sigma": 4.0, "cases": cases}
-    assert counted.held(found, "emcee").tolist() == [2]
-    assert counted.number(found, "emcee") == 3
-    assert counted.held(found, "Laplace").tolist() == [3]
-    assert counted.scores(found, "Laplace").ravel().tolist() == [0.0, 4.0, -1.0, 0.0]
-    said = page.text({"simulated": {"found": found, "machine": MACHINE}})
-    assert "| x | 67% | 75% |" in said
-    assert "not counted: at 0.0" in said
-
-
-MACHINE = {
-    "processor": "a made-up one",
-    "cores": 2,
-    "cores used": 1,
-    "system": "none",
-    "python": "3",
-    "versions": {},
-    "date": "2026-01-01T00:00",
-    "load": [0.0],
-    "load after": [0.0],
-}
-
-
-@pytest.mark.thorough
-def test_made_up_truths_are_covered() -> None:
-    """Nine tenths of the intervals hold them, in each entry within its binomial band."""
-    cases = list(simulated(frames(40)))
-    found = {"cases": [held_out.asked(case, 1, ("emcee",)) for case in cases]}
-    low, high = counted.band(counted.number(found, "emcee"), 16)
-    covered = counted.held(found, "emcee")
-    assert counted.number(found, "emcee") >= 38
-    assert ((covered >= low) & (covered <= high)).all(), covered
+    pose, betas, trans = (0.3 * rng.normal(size=(3, *block.shape)) for block in body.blocks())
+    right = places_of(body, pose, betas, trans)
+    np.testing.assert_allclose(compiled_places(body)(pose, betas, trans), right, atol=1e-12)

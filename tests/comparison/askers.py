@@ -51,35 +51,6 @@ def by_derivative(problem: Problem, x: Array, fixed: Array) -> Ways:
     return cost, step
 
 
-def by_names(problem: Problem, x: Array, fixed: Array) -> Ways:
-    """The same with named arguments, expanded, and mapped over two points at once."""
-    f, two = problem.function.expand(), problem.function.map(2)
-
-    def cost(x: Array) -> float:
-        r = np.asarray(two(np.column_stack([x, x]), np.column_stack([fixed, fixed])))
-        np.testing.assert_allclose(r[:, :1], np.asarray(f(x=x, fixed=fixed)["r"]), rtol=1e-12)
-        return 0.5 * float(np.sum(r[:, 0] ** 2))
-
-    def step(x: Array) -> Array:
-        found = problem.derivative.call({"x": x, "fixed": fixed})
-        return _newton(np.asarray(found["r"]).ravel(), np.asarray(found["J"]))
-
-    return cost, step
-
-
-def by_adjoint(problem: Problem, x: Array, fixed: Array) -> Ways:
-    """`adjoint` for the gradient and `hessian` for Newton's step."""
-
-    def cost(x: Array) -> float:
-        return float(problem.adjoint(x, fixed)[0])
-
-    def step(x: Array) -> Array:
-        g = np.asarray(problem.adjoint(x, fixed)[1]).ravel()
-        return np.asarray(-np.linalg.solve(np.asarray(problem.hessian(x, fixed)), g))
-
-    return cost, step
-
-
 def by_batches(problem: Problem, x: Array, fixed: Array) -> Ways:
     """`slopes` for the direction, and `costs` of a fan of step lengths: steepest descent."""
     costs, slopes = problem.costs(x, fixed), problem.slopes(x, fixed)
@@ -94,18 +65,6 @@ def by_batches(problem: Problem, x: Array, fixed: Array) -> Ways:
         return np.asarray(-lengths[int(np.argmin(fan))] * g)
 
     return cost, step
-
-
-@dataclass(frozen=True)
-class Embedded:
-    """IPOPT through nlpsol, with a graph of the problem inside: nobody sees what it evaluates."""
-
-    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
-        x, fixed = problem.split(start)
-        symbol = cs.MX.sym("x", len(x))
-        nlp = {"x": symbol, "f": problem.adjoint(symbol, fixed)[0]}
-        solver = cs.nlpsol("own", "ipopt", nlp, {"ipopt.print_level": 0, "print_time": 0})
-        return says(problem, problem.free.unpack(np.asarray(solver(x0=x)["x"]).ravel()))
 
 
 @dataclass(frozen=True)

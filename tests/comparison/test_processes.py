@@ -1,23 +1,155 @@
-"""Processes to work in: whatever they are at, they end when they are told to."""
+"""Processes of comparisons: they end when they are told to, and what was killed goes on."""
 
+import json
+import os
 import signal
 import socket
 import subprocess
 import sys
+import time
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import pytest
 
+import workbench as wb
+from tests.comparison import problems
+from tests.comparison.problems import LINE, SLIDE, Forever
+from workbench import GaussNewton, LevenbergMarquardt
+from workbench.comparison import Budget, Comparison, TargetOutcome, compare, workers
+from workbench.comparison.tidy import deterministic, rows, write_csv
 from workbench.processes.fork_server import FORKING, Forked, ForkServer
+
+pytestmark = pytest.mark.thorough
+
 
 SLEEPER = (sys.executable, "-c", "import time; time.sleep(30)")
 
 
 @pytest.mark.skipif(not FORKING, reason="nothing can be forked here")
-def test_one_forked_a_moment_ago_is_killed_though_it_leads_no_group_yet() -> None:
+def test_process_is_killed_before_it_leads_a_group() -> None:
     """Between the fork and its setsid: whoever then waited for it waited for ever."""
     ours, theirs = socket.socketpair()
     with ours, theirs, subprocess.Popen(SLEEPER) as child:
         parent = SimpleNamespace(wait=lambda pid: child.wait(timeout=20))
         assert Forked(cast(ForkServer, parent), child.pid, ours).end() == -signal.SIGKILL
+
+
+SHORT = Budget(max_seconds=2.0, max_evaluations=300, grace=0.5)
+GOOD = {"levenberg-marquardt": wb.LevenbergMarquardt(), "gauss-newton": wb.GaussNewton()}
+
+
+RESUMED = """
+import sys
+from pathlib import Path
+from tests.comparison.test_processes import many
+from workbench.comparison.tidy import deterministic, write_csv
+found = many(Path(sys.argv[1]))
+write_csv(found, Path(sys.argv[2]), deterministic(found))
+"""
+
+
+def many(folder: Path | None) -> Comparison:
+    """A comparison of 40 short runs."""
+    return compare(LINE, GOOD, seeds=20, budget=SHORT, folder=folder)
+
+
+def test_killed_comparison_goes_on_to_the_same_table(tmp_path: Path) -> None:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    folder, table = tmp_path / "killed", tmp_path / "killed.csv"
+    command = [sys.executable, "-c", RESUMED, str(folder), str(table)]
+    first = subprocess.Popen(command, env=environment)
+    while len(list(folder.glob("runs/run-*.npz"))) < 3:
+        assert first.poll() is None
+        time.sleep(0.02)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    assert not table.exists()
+    done = {path: path.stat().st_mtime_ns for path in folder.glob("runs/run-*.npz")}
+    assert 3 <= len(done) < 40
+    subprocess.run(command, env=environment, check=True, timeout=120)
+    whole = many(None)
+    write_csv(whole, tmp_path / "whole.csv", deterministic(whole))
+    assert table.read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    assert all(path.stat().st_mtime_ns == when for path, when in done.items())
+    assert json.loads((folder / "comparison.json").read_text())["kind"] == "comparison"
+
+
+def test_processes_start_without_forking(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(workers, "FORKING", False)
+    found = compare(
+        replace(SLIDE, arguments={"start": 0}), {"dies": problems.Dies()} | GOOD, budget=SHORT
+    )
+    said = [v for (_, solver), v in found.outcomes.items()]
+    assert said == [TargetOutcome.CRASHED, TargetOutcome.REACHED, TargetOutcome.REACHED]
+    assert "SIGABRT" in found.records["slide", "dies"].message
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks Linux for children")
+def test_killed_comparison_leaves_no_process() -> None:
+    """A solver that never stops, and whoever waits for it is killed."""
+    command = (
+        "from tests.comparison.problems import *; from workbench.comparison import *;"
+        "compare(LINE, {'forever': Forever()}, budget=Budget(max_seconds=1, grace=0.5))"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen([sys.executable, "-c", command], env=environment)
+    below: set[int] = set()
+    while len(below) < 2:  # the one that forks, and its child
+        assert parent.poll() is None
+        time.sleep(0.02)
+        below = descendants(parent.pid)
+    time.sleep(0.5)  # by now the solver is at it, as a rule
+    parent.kill()
+    parent.wait()
+    until = time.monotonic() + 60
+    while any(Path(f"/proc/{pid}").exists() for pid in below):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+
+
+def descendants(pid: int) -> set[int]:
+    """Of a process of this machine, on Linux."""
+    found = set()
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in children.read_text().split():
+            found |= {int(child)} | descendants(int(child))
+    return found
+
+
+TWO = {"lm": LevenbergMarquardt(), "gauss-newton": GaussNewton()}
+
+
+def test_cluster_gives_the_same_table_when_a_worker_dies() -> None:
+    budget = Budget(max_seconds=0.5, grace=0.5, max_evaluations=300)
+    alone = compare((SLIDE, LINE), TWO, seeds=3, budget=budget)
+    distributed = pytest.importorskip("distributed")
+    parallel_config = pytest.importorskip("joblib").parallel_config
+    killed: list[int] = []
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+        parallel_config(backend="dask"),
+    ):
+        workers = client.run(os.getpid)
+        assert len(set(workers.values()) | {os.getpid()}) == 3  # processes of their own
+
+        def kill_one(what: str, done: int, of: int) -> None:
+            if what == "solving" and done == 3 and not killed:
+                killed.append(next(iter(workers.values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        found = compare((SLIDE, LINE), TWO, seeds=3, budget=budget, progress=kill_one)
+        lost = compare(replace(SLIDE, arguments={"start": 0}), {"f": Forever()}, budget=budget)
+    assert killed
+    names = deterministic(found)
+    assert [{k: row.get(k) for k in names} for row in rows(found)] == [
+        {k: row.get(k) for k in names} for row in rows(alone)
+    ]
+    assert list(lost.outcomes.values()) == [TargetOutcome.NOT_STOPPING]  # contained there, too

@@ -1,4 +1,4 @@
-"""What counts as success, and what becomes of a run, by the problem's numbers alone."""
+"""Targets, outcomes and profiles, of runs and tables made by hand."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,14 @@ import pytest
 from tests.comparison.made_up import comparison, record
 from workbench.comparison import Ending, TargetOutcome
 from workbench.comparison.pairs import duels
+from workbench.comparison.profiles import data_profile, performance_profile, ratios
 from workbench.comparison.targets import Yardstick, target_outcome
 from workbench.comparison.words import advice
 
 YARD = Yardstick(start=100.0, best=1.0, origin="")
 
 
-def test_a_target_is_a_share_of_the_whole_way_down() -> None:
+def test_target_is_a_share_of_the_way_down() -> None:
     assert YARD.target(0.1) == pytest.approx(1 + 9.9)
     run = record("p", "s", [80.0, 10.0, 1.5])
     row = YARD.met(run, 0.1)
@@ -22,12 +23,12 @@ def test_a_target_is_a_share_of_the_whole_way_down() -> None:
     assert YARD.met(record("p", "s", []), 0.1) is None
 
 
-def test_whoever_starts_at_the_minimum_is_there_despite_rounding() -> None:
+def test_start_at_minimum_meets_target() -> None:
     yard = Yardstick(start=1.0, best=1.0 - 1e-16, origin="")
     assert yard.met(record("p", "s", [1.0]), 1e-7) is not None
 
 
-def test_from_a_start_that_costs_less_and_is_forbidden_the_lowest_cost_is_the_target() -> None:
+def test_forbidden_start_makes_the_lowest_cost_the_target() -> None:
     yard = Yardstick(start=0.5, best=1.0, origin="")
     assert yard.met(record("p", "s", [1.0 + 1e-7]), 1e-7) is not None
     assert yard.met(record("p", "s", [1.0 + 1e-5]), 1e-1) is None
@@ -38,66 +39,64 @@ def test_without_a_finite_start_there_is_no_target() -> None:
     assert Yardstick(np.nan, 1.0, "").met(record("p", "s", [1.0]), 0.1) is None
 
 
-@pytest.mark.parametrize(
-    ("run", "lowest", "expected"),
-    [
-        (record("p", "s", [1.0]), True, TargetOutcome.REACHED),
-        (record("p", "s", [1.0], claim="STALLED", optimality=1e-3), True, TargetOutcome.REACHED),
-        (
-            record("p", "s", [1.01], optimality=1e-8),
-            True,
-            TargetOutcome.REACHED,
-        ),  # flat, and settled
-        (record("p", "s", [5.0]), False, TargetOutcome.OTHER_BASIN),
-        (record("p", "s", [5.0], claim="STALLED"), False, TargetOutcome.OTHER_BASIN),
-        (record("p", "s", [5.0], optimality=0.1), True, TargetOutcome.FALSE_CLAIM),
-        (record("p", "s", [5.0], optimality=np.nan), False, TargetOutcome.FALSE_CLAIM),
-        (record("p", "s", [5.0], claim="STALLED", optimality=0.1), True, TargetOutcome.STALLED),
-        (
-            record("p", "s", [5.0], claim="MAX_SECONDS", optimality=0.1),
-            None,
-            TargetOutcome.OUT_OF_BUDGET,
-        ),
-        (record("p", "s", [], ending=Ending.RAISED), None, TargetOutcome.RAISED),
-        (record("p", "s", [1.0], ending=Ending.KILLED), None, TargetOutcome.NOT_STOPPING),
-        (record("p", "s", [1.0], ending=Ending.CRASHED), None, TargetOutcome.CRASHED),
-        (record("p", "s", [1.0], ending=Ending.REFUSED), None, TargetOutcome.REFUSED),
-        (record("p", "s", [np.nan]), None, TargetOutcome.NO_SOLUTION),
-        (record("p", "s", [np.nan], ending=Ending.CUT), None, TargetOutcome.OUT_OF_BUDGET),
-    ],
-)
-def test_verdicts(run: object, lowest: bool | None, expected: TargetOutcome) -> None:
-    assert target_outcome(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
+RUNS: list[tuple[object, bool | None, TargetOutcome]] = [
+    (record("p", "s", [1.0]), True, TargetOutcome.REACHED),
+    (record("p", "s", [1.0], claim="STALLED", optimality=1e-3), True, TargetOutcome.REACHED),
+    (
+        record("p", "s", [1.01], optimality=1e-8),
+        True,
+        TargetOutcome.REACHED,
+    ),  # flat, and settled
+    (record("p", "s", [5.0]), False, TargetOutcome.OTHER_BASIN),
+    (record("p", "s", [5.0], claim="STALLED"), False, TargetOutcome.OTHER_BASIN),
+    (record("p", "s", [5.0], optimality=0.1), True, TargetOutcome.FALSE_CLAIM),
+    (record("p", "s", [5.0], optimality=np.nan), False, TargetOutcome.FALSE_CLAIM),
+    (record("p", "s", [5.0], claim="STALLED", optimality=0.1), True, TargetOutcome.STALLED),
+    (
+        record("p", "s", [5.0], claim="MAX_SECONDS", optimality=0.1),
+        None,
+        TargetOutcome.OUT_OF_BUDGET,
+    ),
+    (record("p", "s", [], ending=Ending.RAISED), None, TargetOutcome.RAISED),
+    (record("p", "s", [1.0], ending=Ending.KILLED), None, TargetOutcome.NOT_STOPPING),
+    (record("p", "s", [1.0], ending=Ending.CRASHED), None, TargetOutcome.CRASHED),
+    (record("p", "s", [1.0], ending=Ending.REFUSED), None, TargetOutcome.REFUSED),
+    (record("p", "s", [np.nan]), None, TargetOutcome.NO_SOLUTION),
+    (record("p", "s", [np.nan], ending=Ending.CUT), None, TargetOutcome.OUT_OF_BUDGET),
+]
+
+
+def test_outcomes_of_runs() -> None:
+    for run, lowest, expected in RUNS:
+        assert target_outcome(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
 
 
 SADDLE, VALLEY, LOST = TargetOutcome.SADDLE, TargetOutcome.VALLEY, TargetOutcome.LOST
 
 
-@pytest.mark.parametrize(
-    ("run", "lowest", "at_saddle", "expected"),
-    [
-        (record("p", "s", [5.0]), False, True, SADDLE),  # whatever the solver says
-        (record("p", "s", [5.0], claim="SADDLE"), False, False, SADDLE),
-        (record("p", "s", [5.0], claim="SADDLE", optimality=0.1), None, False, None),
-        (record("p", "s", [5.0], claim="VALLEY"), False, False, VALLEY),
-        (record("p", "s", [5.0], claim="VALLEY", optimality=0.1), None, False, VALLEY),
-        (record("p", "s", [5.0], claim="LOST", optimality=0.1), False, False, LOST),
-        (record("p", "s", [1.0], claim="LOST", optimality=0.1), True, False, None),
-        (record("p", "s", [1.0], claim="SADDLE"), True, True, None),
-    ],
-)
-def test_ends_that_are_no_minimum(
-    run: object, lowest: bool | None, at_saddle: bool, expected: TargetOutcome | None
-) -> None:
+NO_MINIMA: list[tuple[object, bool | None, bool, TargetOutcome | None]] = [
+    (record("p", "s", [5.0]), False, True, SADDLE),  # whatever the solver says
+    (record("p", "s", [5.0], claim="SADDLE"), False, False, SADDLE),
+    (record("p", "s", [5.0], claim="SADDLE", optimality=0.1), None, False, None),
+    (record("p", "s", [5.0], claim="VALLEY"), False, False, VALLEY),
+    (record("p", "s", [5.0], claim="VALLEY", optimality=0.1), None, False, VALLEY),
+    (record("p", "s", [5.0], claim="LOST", optimality=0.1), False, False, LOST),
+    (record("p", "s", [1.0], claim="LOST", optimality=0.1), True, False, None),
+    (record("p", "s", [1.0], claim="SADDLE"), True, True, None),
+]
+
+
+def test_outcomes_of_ends_that_are_no_minimum() -> None:
     """They are told from minima above the lowest cost; at the lowest cost, the cost decides."""
-    found = target_outcome(run, YARD, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
-    if expected is None:
-        assert found in (TargetOutcome.REACHED, TargetOutcome.STALLED)
-    else:
-        assert found is expected
+    for run, lowest, at_saddle, expected in NO_MINIMA:
+        found = target_outcome(run, YARD, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
+        if expected is None:
+            assert found in (TargetOutcome.REACHED, TargetOutcome.STALLED)
+        else:
+            assert found is expected
 
 
-def test_the_lowest_cost_of_anybody_is_the_yardstick_of_all() -> None:
+def test_lowest_cost_is_the_yardstick_of_all() -> None:
     found = comparison({("p", "a"): [9.0, 3.0], ("p", "b"): [9.0, 4.0]}, basins={("p", "b"): 1})
     assert found.yardsticks["p"].best == 3
     assert found.outcomes["p", "a"] is TargetOutcome.REACHED
@@ -105,7 +104,7 @@ def test_the_lowest_cost_of_anybody_is_the_yardstick_of_all() -> None:
     assert found.success("b", 1e-3).value == 0
 
 
-def test_a_point_that_was_visited_and_not_returned_counts_for_targets_only() -> None:
+def test_visited_points_count_for_targets_only() -> None:
     lost = record("p", "a", [2.0, 0.5], ending=Ending.KILLED)
     found = comparison({("p", "a"): [], ("p", "b"): [9.0, 4.0]}, lost=lost)
     assert found.yardsticks["p"].best == 0.5
@@ -113,7 +112,7 @@ def test_a_point_that_was_visited_and_not_returned_counts_for_targets_only() -> 
     assert found.reached("a").value == 0
 
 
-def test_all_fail() -> None:
+def test_no_solver_is_advised_when_all_fail() -> None:
     found = comparison({("p", "a"): [], ("p", "b"): []})
     assert np.isinf(found.needed(0.1)).all()
     assert duels(found)["a", "b"].both_fail == 1
@@ -123,7 +122,7 @@ def test_all_fail() -> None:
     )
 
 
-def test_the_only_end_is_not_praised_as_the_lowest() -> None:
+def test_only_end_is_compared_with_nothing() -> None:
     """Nothing else ended and no cost is known: neither lowest, nor on target, nor advised."""
     found = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})
     assert found.comparable == ()
@@ -140,3 +139,70 @@ def test_the_only_end_is_not_praised_as_the_lowest() -> None:
     )
     assert [i.name for i in mixed.comparable] == ["q"]
     assert advice(mixed)[0].startswith("1 of 2 starts are left out")
+
+
+INF = np.inf
+TIMES = [[1.0, 2.0, INF], [4.0, 2.0, 8.0], [INF, INF, INF], [3.0, 3.0, 6.0]]
+
+
+def test_ratios_are_to_the_best_on_each_problem() -> None:
+    expected = [[1, 2, INF], [2, 1, 4], [INF, INF, INF], [1, 1, 2]]
+    np.testing.assert_array_equal(ratios(TIMES), expected)
+
+
+def test_performance_profile_counts_within_alpha_of_the_best() -> None:
+    found = performance_profile(TIMES, [1, 2, 4, 100])
+    np.testing.assert_allclose(found[0], [0.5, 0.5, 0.0])  # a tie is a win of both
+    np.testing.assert_allclose(found[1], [0.75, 0.75, 0.25])
+    np.testing.assert_allclose(found[2], [0.75, 0.75, 0.5])
+    np.testing.assert_allclose(found[3], [0.75, 0.75, 0.5])  # nobody solves the third
+
+
+def test_a_data_profile_counts_simplex_gradients() -> None:
+    found = data_profile(TIMES, [0, 1, 1, 2], [1, 2, 4])  # divided by 1, 2, 2, 3
+    np.testing.assert_allclose(found[0], [0.5, 0.5, 0.0])
+    np.testing.assert_allclose(found[1], [0.75, 0.75, 0.25])
+    np.testing.assert_allclose(found[2], [0.75, 0.75, 0.5])
+
+
+def test_profiles_of_failures_and_of_nothing() -> None:
+    np.testing.assert_array_equal(performance_profile([[INF], [INF]], [1, 10]), 0)
+    assert performance_profile(np.zeros((0, 2)), [1.0]).shape == (1, 2)
+    np.testing.assert_array_equal(performance_profile([[5.0], [7.0]], [1.0]), 1)  # one solver
+
+
+def test_profiles_rise_to_the_rate_of_success() -> None:
+    rng = np.random.default_rng(0)
+    times = rng.lognormal(size=(50, 4))
+    times[rng.random((50, 4)) < 0.3] = INF
+    for found in (
+        performance_profile(times, np.geomspace(1, 1e6, 99)),
+        data_profile(times, rng.integers(1, 9, 50), np.geomspace(1e-3, 1e6, 99)),
+    ):
+        assert (np.diff(found, axis=0) >= 0).all()
+        np.testing.assert_allclose(found[-1], np.isfinite(times).mean(axis=0))
+
+
+def test_removing_a_solver_can_swap_two_others() -> None:
+    """Gould and Scott's reason not to rank more than two by one profile."""
+    times = np.array([[2.0, 3.0, 1.0], [2.0, 3.0, 1.0], [3.0, 1.2, 1.0]])
+    alone = performance_profile(times[:, :2], [2.0])[0]
+    together = performance_profile(times, [2.0])[0]
+    assert alone[0] == pytest.approx(2 / 3)
+    assert alone[1] == pytest.approx(1.0)
+    assert together[0] > together[1]
+
+
+def test_effort_is_read_from_traces() -> None:
+    found = comparison(
+        {
+            ("p", "a"): [50.0, 9.0, 0.0],
+            ("p", "b"): [100.0, 10.0, 0.0],
+            ("q", "a"): [100.0],
+            ("q", "b"): [5.0, 0.0],
+        }
+    )
+    np.testing.assert_array_equal(found.needed(0.1), [[2, 2], [INF, 1]])
+    np.testing.assert_array_equal(found.needed(1e-3), [[3, 3], [INF, 2]])
+    duel = duels(found, 1e-3)["a", "b"]
+    assert (duel.first, duel.second, duel.ties, duel.both_fail) == (0, 1, 1, 0)

@@ -1,17 +1,11 @@
 """The real person on the beam: how near the fit comes, and from how little."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from workbench.errors import UnknownName
 from workbench.experiments import EXPERIMENTS, Outcome, find, run
-from workbench.experiments.balance import balance
-from workbench.fitting.observations import COCO
-from workbench.plots import caption_overlay, plot_overlay, sheet
-from workbench.plots.overlay import reprojection
-from workbench.reports import write_report
 
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 
@@ -25,11 +19,8 @@ def measured(outcome: Outcome) -> dict[str, float]:
     return {measure.name: measure.value for measure in outcome.measures}
 
 
-def test_it_converges(outcome: Outcome) -> None:
+def test_body_lands_on_the_keypoints(outcome: Outcome) -> None:
     assert outcome.solution.converged
-
-
-def test_the_body_lands_on_the_keypoints(outcome: Outcome) -> None:
     numbers = measured(outcome)
     assert numbers["reprojection, mean of the fitted"] <= 14  # px; linear triangulation: 12.5
     assert numbers["distance to triangulated keypoints"] <= 20  # mm
@@ -37,7 +28,7 @@ def test_the_body_lands_on_the_keypoints(outcome: Outcome) -> None:
     assert numbers["largest |beta|"] <= 3
 
 
-def test_every_overlay_is_the_projection_of_the_fitted_body(outcome: Outcome) -> None:
+def test_overlays_are_projections_of_the_fitted_body(outcome: Outcome) -> None:
     body = outcome.setup.body
     assert body is not None
     points = body.landmark("coco", *(outcome.values[b.name] for b in body.blocks()))
@@ -45,28 +36,27 @@ def test_every_overlay_is_the_projection_of_the_fitted_body(outcome: Outcome) ->
         K = np.diag([*outcome.values[f"{view.name}/focal"], 1.0])
         K[:2, 2] = outcome.values[f"{view.name}/centre"]
         # the lens moves points by a few pixels, so the pinhole alone is near but not equal
-        from scipy.spatial.transform import Rotation
-
         R = Rotation.from_rotvec(outcome.values[f"{view.name}/rotation"]).as_matrix()
         seen = (points @ R.T + outcome.values[f"{view.name}/translation"]) @ K.T
         pinhole = seen[:, :2] / seen[:, 2:]
         assert np.abs(pinhole - overlay.projected).max() < 10
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
-def test_a_camera_that_was_left_out_agrees(camera: str) -> None:
-    result = run(find("balance", {"held_out": [camera]}), compare=False)
-    assert measured(result)[f"reprojection, {camera} (held out)"] <= 25  # px
+@pytest.mark.thorough
+def test_left_out_camera_agrees() -> None:
+    result = run(find("balance", {"held_out": ["cam02"]}), compare=False)
+    assert measured(result)["reprojection, cam02 (held out)"] <= 25  # px
 
 
-def test_unknown_cameras_and_frames_are_named() -> None:
+def test_unknown_cameras_and_frames_are_refused() -> None:
     with pytest.raises(UnknownName, match="cam01, cam02"):
         find("balance", {"held_out": ["cam09"]}).setup()
     with pytest.raises(UnknownName, match="0 to 99"):
         find("balance", {"frame": 100}).setup()
 
 
-def test_one_camera_fits_itself_and_the_others_tell() -> None:
+@pytest.mark.thorough
+def test_one_camera_fits_itself_and_not_the_others() -> None:
     result = run(EXPERIMENTS["balance-monocular"], compare=False)
     numbers = measured(result)
     assert numbers["reprojection, cam01"] < 10
@@ -74,7 +64,8 @@ def test_one_camera_fits_itself_and_the_others_tell() -> None:
     assert max(held_out) > 2 * numbers["reprojection, cam01"]
 
 
-def test_the_data_alone_are_looked_at_too(outcome: Outcome) -> None:
+@pytest.mark.thorough
+def test_data_alone_leave_null_directions(outcome: Outcome) -> None:
     assert outcome.diagnosis.rank == 85
     alone = outcome.data_alone
     assert alone is not None
@@ -82,55 +73,3 @@ def test_the_data_alone_are_looked_at_too(outcome: Outcome) -> None:
     assert alone.rank < 85
     assert len(alone.null_directions) == 85 - alone.rank
     assert max(direction.change for direction in alone.null_directions) < 1e-9
-
-
-def test_a_single_name_is_a_name() -> None:
-    one = find("balance", {"held_out": "cam01", "compared": "ipopt"}).setup()
-    assert [view.held_out for view in one.views] == [True, False, False, False]
-    assert one.compared == ("ipopt",)
-    assert balance(held_out="cam01").views[0].held_out
-
-
-def test_measures_say_what_they_are_over(outcome: Outcome) -> None:
-    over = {measure.name: measure.over for measure in outcome.measures}
-    view = outcome.setup.views[0]
-    count = int(np.sum(view.confidence > 0.2))
-    assert over["reprojection, cam01"] == f"{count} keypoints with a confidence above 0.2"
-    body = outcome.setup.body
-    assert body is not None
-    coco = int(np.isin(body.landmark_names("coco"), COCO).sum())
-    assert over["distance to published keypoints"] == f"{coco} COCO keypoints"
-
-
-@pytest.mark.parametrize("held_out", [(), ("cam02", "cam04")])
-def test_one_camera_is_one_number_wherever_it_is_told(
-    tmp_path: Path, held_out: tuple[str, ...]
-) -> None:
-    """Among the measures, above the picture, below it, and over as many keypoints."""
-    result = run(find("balance", {"held_out": held_out}), compare=False)
-    found = {measure.name: measure for measure in result.measures}
-    text = write_report(result, tmp_path / "balance").read_text(encoding="utf-8")
-    for i, overlay in enumerate(result.overlays):
-        name = f"reprojection, {overlay.view.name}{' (held out)' if overlay.view.held_out else ''}"
-        error, count = reprojection(overlay)
-        off = np.linalg.norm(overlay.view.observed - overlay.projected, axis=1)
-        assert error == pytest.approx(off[overlay.view.confidence > 0.2].mean(), rel=1e-12)
-        assert found[name].value == pytest.approx(error, rel=1e-12)
-        assert found[name].over.startswith(f"{count} keypoints")
-        _, (ax,) = sheet(4, 5)
-        plot_overlay(result, i, ax=ax)
-        assert ax.get_title("left").endswith(f"mean {error:.1f} px, {count} points")
-        said = caption_overlay(result, i)
-        assert (
-            f"{count} keypoints with a confidence above 0.2 lie on average {error:.1f} px" in said
-        )
-        assert f">{name}</td>" in text
-        assert said in text
-
-
-def test_the_question_says_which_cameras_are_fitted() -> None:
-    assert "explain the 2D keypoints, and" in find("balance").setup().question
-    alone = find("balance-monocular").setup().question
-    assert "the 2D keypoints of cam01 alone" in alone
-    two = find("balance", {"held_out": ["cam02", "cam03"]}).setup().question
-    assert "the 2D keypoints of cam01, cam04 alone" in two

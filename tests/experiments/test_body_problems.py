@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from tests.tiers import few
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, BadBounds, WorkbenchError
 from workbench.experiments import SUITES, Setup, find
@@ -14,7 +15,8 @@ from workbench.experiments.synthetic_people import bent_person, random_start
 from workbench.fitting.known import KnownAnswer
 
 NAMES = [experiment.name for experiment in SUITES["bodies"]]
-EACH = pytest.mark.parametrize("name", NAMES)
+CHEAP = ("body-vertices", "body-joints", "body-joints-alone", "body-four-cameras", "body-bounds")
+EACH = pytest.mark.parametrize("name", few(NAMES, CHEAP))
 KEPT: dict[str, Setup] = {}
 
 
@@ -30,7 +32,7 @@ def standard(name: str) -> tuple[Setup, KnownAnswer]:
 
 
 @EACH
-def test_what_is_known_is_true(name: str) -> None:
+def test_known_answers_are_minima(name: str) -> None:
     setup, known = standard(name)
     assert known.cost is not None
     start = setup.problem.linearize(setup.start).cost
@@ -47,8 +49,8 @@ def test_what_is_known_is_true(name: str) -> None:
     assert setup.measures(at)  # they can be asked for
 
 
-@EACH
-def test_starts_are_paired_and_data_do_not_depend_on_them(name: str) -> None:
+@pytest.mark.parametrize("name", few(NAMES, ("body-vertices", "body-joints")))
+def test_data_do_not_depend_on_the_start(name: str) -> None:
     setup, known = standard(name)
     second = built(name, start="2")
     assert "random start 2" in second.question
@@ -63,7 +65,7 @@ def test_starts_are_paired_and_data_do_not_depend_on_them(name: str) -> None:
         np.testing.assert_array_equal(setup.start[fixed], second.start[fixed])
 
 
-def test_a_numbered_start_is_one_and_the_same() -> None:
+def test_numbered_starts_are_reproducible() -> None:
     body = load_body("small")
     third = random_start(body, 0, 3, 0.3)
     for block in body.blocks():
@@ -77,15 +79,7 @@ def test_a_numbered_start_is_one_and_the_same() -> None:
     assert all((random_start(body, 0, k, 0.3)["pose"] != truth["pose"]).all() for k in range(1, 5))
 
 
-@pytest.mark.parametrize("name", ["body-vertices", "body-four-cameras"])
-def test_the_default_body_does_as_well(name: str) -> None:
-    setup = built(name, body="default")
-    assert setup.body is not None
-    assert setup.body.n_vertices == 1229
-    assert setup.problem.free.size == 85
-
-
-def test_joints_alone_leave_what_priors_say() -> None:
+def test_joints_alone_have_rank_53() -> None:
     """43 of pose and trans (tests/diagnostics), and 10 of shape."""
     alone, _ = standard("body-joints-alone")
     somewhere = built("body-joints-alone", start=1).start
@@ -94,7 +88,8 @@ def test_joints_alone_leave_what_priors_say() -> None:
     assert with_priors.problem.linearize(somewhere).rank == 85
 
 
-def test_bounds_are_active_at_the_answer_which_another_solver_finds_too() -> None:
+@pytest.mark.thorough
+def test_bounds_are_active_at_the_known_answer() -> None:
     setup, known = standard("body-bounds")
     assert known.values is not None
     assert known.cost is not None
@@ -118,7 +113,8 @@ def test_bounds_are_active_at_the_answer_which_another_solver_finds_too() -> Non
     assert peer.cost > known.cost * (1 - 1e-9)
 
 
-def test_a_robust_kernel_sees_past_the_outliers_and_squares_do_not() -> None:
+@pytest.mark.thorough
+def test_robust_kernels_see_past_outliers() -> None:
     off = {}
     for kernel in ("", "-huber", "-geman-mcclure"):
         setup, known = standard(f"body-outliers{kernel}")
@@ -128,7 +124,7 @@ def test_a_robust_kernel_sees_past_the_outliers_and_squares_do_not() -> None:
     assert max(off["-geman-mcclure"], off["-huber"]) < 10 < 30 < off[""]  # mm
 
 
-def test_cameras_see_the_whole_person_the_right_way_up() -> None:
+def test_cameras_see_the_person_upright() -> None:
     for name in ("body-one-camera", "body-four-cameras"):
         setup, known = standard(name)
         assert setup.body is not None
@@ -145,7 +141,7 @@ def test_cameras_see_the_whole_person_the_right_way_up() -> None:
     assert u["left_shoulder"] > u["right_shoulder"]  # the person faces it
 
 
-def test_what_cannot_be_built_is_said() -> None:
+def test_impossible_bodies_are_refused() -> None:
     with pytest.raises(BadArgument, match="start must be from 0 on, not -1"):
         built("body-vertices", start=-1)
     with pytest.raises(BadArgument, match=r"cannot be built with .*seed=-1"):

@@ -1,8 +1,10 @@
-"""Known correspondences: recovery, and solvers that agree; registration of a stranger."""
+"""Known correspondences are recovered, strangers registered, shapes seen by joints alone."""
 
 import numpy as np
 import pytest
 
+from tests.tiers import few
+from workbench import laplace, solve
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import UnknownName
@@ -11,12 +13,12 @@ from workbench.experiments.correspondences import known_correspondences
 from workbench.fitting.setup import Setup
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 
-SEEDS = range(10)
+SEEDS = range(4)
 
 
-@pytest.fixture(scope="module", params=["small", "default"])
-def setup(request: pytest.FixtureRequest) -> Setup:
-    return known_correspondences(request.param)
+@pytest.fixture(scope="module")
+def setup() -> Setup:
+    return known_correspondences("small")
 
 
 def posed(body: SkinnedBody, seed: int, noise: float) -> Values:
@@ -27,8 +29,8 @@ def posed(body: SkinnedBody, seed: int, noise: float) -> Values:
     return {"observed": clean + noise * rng.standard_normal(clean.shape)}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_every_vertex_is_recovered_within_fifteen_iterations(setup: Setup, seed: int) -> None:
+@pytest.mark.parametrize("seed", few(SEEDS, 2))
+def test_vertices_are_recovered_within_fifteen_iterations(setup: Setup, seed: int) -> None:
     body = setup.body
     assert body is not None
     observed = posed(body, seed, 0.0)
@@ -37,17 +39,17 @@ def test_every_vertex_is_recovered_within_fifteen_iterations(setup: Setup, seed:
     assert np.abs(body.vertices(**solution.values) - observed["observed"]).max() < 1e-6  # m
 
 
-def test_the_full_body_is_recovered_too() -> None:
+@pytest.mark.thorough
+def test_full_body_is_recovered() -> None:
     result = run(find("known-correspondences", {"body": "full"}), compare=False)
     assert result.solution.converged
     assert result.solution.iterations <= 15
     assert max(m.value for m in result.measures) < 1e-3  # mm
 
 
-@pytest.mark.parametrize(
-    "seed", [pytest.param(one, marks=[pytest.mark.thorough] * (one >= 3)) for one in SEEDS]
-)
-def test_with_a_millimetre_of_noise_all_solvers_agree(setup: Setup, seed: int) -> None:
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", SEEDS)
+def test_solvers_agree_with_a_millimetre_of_noise(setup: Setup, seed: int) -> None:
     body = setup.body
     assert body is not None
     start = setup.start | posed(body, seed, 0.001)
@@ -57,11 +59,10 @@ def test_with_a_millimetre_of_noise_all_solvers_agree(setup: Setup, seed: int) -
     other_basins = {name: cost for name, cost in costs.items() if cost > 1.5 * best}
     assert not {n: c for n, c in costs.items() if n not in other_basins and c > best * (1 + 1e-6)}
     assert not {"trust-region", "levenberg-marquardt"} & set(other_basins)
-    if other_basins:
-        print(f"seed {seed}: other basins {other_basins}, best {best}")
 
 
-def test_a_stranger_is_registered_to_the_limit_of_the_shape_space() -> None:
+@pytest.mark.thorough
+def test_stranger_is_registered_to_the_limit_of_shapes() -> None:
     result = run(find("registration"))
     numbers = {m.name: m.value for m in result.measures}
     left = numbers["vertex to observation, rms"]
@@ -72,8 +73,27 @@ def test_a_stranger_is_registered_to_the_limit_of_the_shape_space() -> None:
     assert max(costs) <= min(costs) * (1 + 1e-6)
 
 
-def test_strangers_are_numbered() -> None:
+def test_unknown_strangers_are_refused() -> None:
     with pytest.raises(UnknownName, match="0 to 3"):
         find("registration", {"person": 4}).setup()
     with pytest.raises(UnknownName, match="default, small"):
         find("registration", {"body": "full"}).setup()
+
+
+@pytest.mark.thorough
+def test_joints_are_met_and_shape_stays_open() -> None:
+    setup = find("landmarks", {"body": "small"}).setup()
+    found = setup.start | solve(setup.problem, setup.start).values
+    measures = {measure.name: measure.value for measure in setup.measures(found)}
+    assert measures["joint to synthetic truth, rms"] < 15
+    # joints know how tall somebody is, and hardly how heavy: the prior's 1 is left of the last
+    known = laplace(setup.problem, found, "betas").sd
+    assert known[0] < 0.15
+    assert known.max() > 0.5
+    assert known.max() <= 1.0 + 0.05
+
+
+def test_same_seed_is_the_same_person() -> None:
+    one, same, other = (find("landmarks", {"body": "small", "seed": s}).setup() for s in (3, 3, 4))
+    np.testing.assert_array_equal(one.start["observed"], same.start["observed"])
+    assert not np.array_equal(one.start["observed"], other.start["observed"])

@@ -41,7 +41,7 @@ q = wb.Block('q', (24, 3), 'm')
         " compared=('gauss-newton',)), '')",
     ],
 )
-def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
+def test_files_define_experiments_in_four_ways(tmp_path: Path, more: str) -> None:
     experiment = find(written(tmp_path, more))
     assert experiment.source == str((tmp_path / "line.py").resolve())
     outcome = run(experiment)
@@ -50,59 +50,44 @@ def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
     assert set(outcome.compared) == {"gauss-newton", "trust-region"}
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ("def f(:", f"line.py line {NEXT}: SyntaxError"),
-        ("import sys\nsys.exit(3)", rf"line.py line {NEXT + 1}: it ends the program \(sys.exit\(3"),
-        ("problem = 3", "line.py: `problem` of a setup must be a Problem, not 3"),
-        ("start = 4", "`start` of a setup must be a dict"),
-        ("del start['y']", "block 'y' .* was given no value"),
-        ("priors = 'pose'", "line.py: no residual is called 'pose'; there are line"),
-        ("priors = 3", "line.py: `priors` of a setup must be names of residuals, not 3"),
-        ("compared = 3", "line.py: `compared` of a setup must be names of solvers, not 3"),
-        ("compared = ('foo',)", "line.py: no solver is called 'foo'; there are .*gauss-newton"),
-        ("setup = Setup(problem, start, 'q', compared=('foo',))", f"line {NEXT}: no solver"),
-        ("setup = Setup(problem, start, 'q', priors='pose')", "no residual is called 'pose'"),
-        ("setup = Setup(problem, start, 'q', body=3)", "`body` of a setup must be a SkinnedBody"),
-        ("setup = Setup(problem, start, 'q', views=3)", "`views` of a setup must be several"),
-        ("def setup():\n  raise ValueError('no')", f"line.py line {NEXT + 1}: ValueError: no"),
-        ("def setup():\n  return 3", "must return a Setup, not 3"),
-        ("def setup(n): pass", "line.py: TypeError: .*missing 1 required"),
-        ("def setup():\n  raise SystemExit", f"line {NEXT + 1}: it ends the program"),
-        (
-            "setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
-            f"line.py line {NEXT}: ZeroDivisionError",
-        ),
-        ("setup = Setup(problem, start, 'q', measures=lambda v: 3)", "several Measures, not 3"),
-        ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
-        ("del problem", "it defines `start`, but no `problem`; it needs"),
-        ("del start", "it defines `problem`, but no `start`; it needs"),
-        ("del problem, start", "it defines no experiment; it needs"),
-        ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
-        (
-            f"{POINTS}p.symbol - q.symbol.T",
-            rf"line {NEXT + 3}: \(x-y\) needs matrices of one shape, but x is 3 x 24 and y is "
-            r"24 x 3; one of them is transposed: take a .T away, or put one in; in expressions",
-        ),
-        (f"{POINTS}p.symbol @ q.symbol", "Matrix product with incompatible .*; in expressions"),
-        (
-            f"{POINTS}p - q.symbol",
-            "points of a body are no expression to compute with; take their `.symbol`",
-        ),
-        (f"{POINTS}p.symbol - q", "a Block is no number: take its .symbol"),
-    ],
-)
-def test_what_is_wrong_in_it_is_a_sentence_before_anything_is_solved(
-    tmp_path: Path, more: str, said: str
-) -> None:
-    solved: list[object] = []
-    with pytest.raises(BadFile, match=said):
-        run(find(written(tmp_path, more)), callback=solved.append)
-    assert not solved
+WRONG: list[tuple[str, str]] = [
+    ("def f(:", f"line.py line {NEXT}: SyntaxError"),
+    ("import sys\nsys.exit(3)", rf"line.py line {NEXT + 1}: it ends the program \(sys.exit\(3"),
+    ("problem = 3", "line.py: `problem` of a setup must be a Problem, not 3"),
+    ("del start['y']", "block 'y' .* was given no value"),
+    ("priors = 'pose'", "line.py: no residual is called 'pose'; there are line"),
+    ("compared = ('foo',)", "line.py: no solver is called 'foo'; there are .*gauss-newton"),
+    ("setup = Setup(problem, start, 'q', body=3)", "`body` of a setup must be a SkinnedBody"),
+    ("def setup():\n  raise ValueError('no')", f"line.py line {NEXT + 1}: ValueError: no"),
+    ("def setup():\n  return 3", "must return a Setup, not 3"),
+    (
+        "setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
+        f"line.py line {NEXT}: ZeroDivisionError",
+    ),
+    ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
+    ("del problem", "it defines `start`, but no `problem`; it needs"),
+    ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
+    (
+        f"{POINTS}p.symbol - q.symbol.T",
+        f"line {NEXT + 3}: .*shape.*transposed",
+    ),
+    (
+        f"{POINTS}p - q.symbol",
+        "points of a body are no expression to compute with; take their `.symbol`",
+    ),
+    (f"{POINTS}p.symbol - q", "a Block is no number: take its .symbol"),
+]
 
 
-def test_arguments_of_ones_own_function_are_checked_too(tmp_path: Path) -> None:
+def test_wrong_files_are_refused_before_solving(tmp_path: Path) -> None:
+    for more, said in WRONG:
+        solved: list[object] = []
+        with pytest.raises(BadFile, match=said):
+            run(find(written(tmp_path, more)), callback=solved.append)
+        assert not solved
+
+
+def test_arguments_of_own_functions_are_checked(tmp_path: Path) -> None:
     path = written(tmp_path, "def setup(n: int = 1):\n  return Setup(problem, start, str(1 / n))")
     assert find(path, {"n": "2"}).setup().question == "0.5"
     with pytest.raises(BadFile, match=f"line.py line {NEXT + 1}: ZeroDivisionError"):
@@ -115,7 +100,7 @@ problem = wb.Problem([*problem.residuals, hold], ["a"])
 """
 
 
-@pytest.mark.parametrize("given", ["('hold',)", "'hold'", "['hold']", "hold", "[hold]"])
+@pytest.mark.parametrize("given", ["('hold',)", "[hold]"])
 def test_priors_beside_a_problem_are_read(tmp_path: Path, given: str) -> None:
     """By their names, or as the residuals themselves."""
     experiment = find(written(tmp_path, f"{HELD}priors = {given}"))

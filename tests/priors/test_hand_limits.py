@@ -31,7 +31,7 @@ def turned(joint: str, motion: str, angle: float) -> np.ndarray:
     return pose
 
 
-def test_the_shipped_file_is_what_the_builder_writes() -> None:
+def test_shipped_hand_limits_are_what_the_builder_writes() -> None:
     content = json.loads(FILE.read_text())
     assert content == built()
     for row in content["limits"]:
@@ -39,7 +39,7 @@ def test_the_shipped_file_is_what_the_builder_writes() -> None:
         assert row["lower"] < row["upper"]
 
 
-def test_axes_are_at_right_angles_and_mirrored() -> None:
+def test_axes_of_hands_are_orthogonal_and_mirrored() -> None:
     right, left = hand_motions(HAND), hand_motions(LEFT)
     assert len(right) == 45
     for i in range(0, 45, 3):
@@ -52,7 +52,7 @@ def test_axes_are_at_right_angles_and_mirrored() -> None:
         assert other.at_rest == pytest.approx(one.at_rest, abs=1e-12)
 
 
-def test_motions_go_where_their_names_say() -> None:
+def test_motions_of_hands_go_where_named() -> None:
     at = dict(zip(HAND.joint_names, range(16), strict=True))
     rest = HAND.joints()
     bent = HAND.joints(turned("index1", "flexion", 0.5)) - rest
@@ -69,7 +69,7 @@ def test_motions_go_where_their_names_say() -> None:
 
 
 @pytest.mark.parametrize("body", [HAND, LEFT], ids=lambda body: body.name)
-def test_the_rest_pose_is_within_and_a_bend_backwards_is_not(body: workbench.SkinnedBody) -> None:
+def test_backward_bends_are_beyond_limits(body: workbench.SkinnedBody) -> None:
     assert not LIMITS.beyond(body, np.zeros((16, 3))).any()
     (axis,) = (m.axis for m in hand_motions(body) if m.joint == "index2" and m.motion == "flexion")
     pose = np.zeros((16, 3))
@@ -84,7 +84,7 @@ def test_the_rest_pose_is_within_and_a_bend_backwards_is_not(body: workbench.Ski
     assert term.label(int(beyond.argmin())) == "hand limits[index2, flexion]"
 
 
-def test_poses_of_training_are_within_the_limits_but_for_a_few() -> None:
+def test_training_poses_are_mostly_within_limits() -> None:
     poses = HandPoses(HAND.joints(), HAND.landmark("tips")).draw(2000, np.random.default_rng(5))
     beyond = np.abs(LIMITS.beyond(HAND, poses))
     assert beyond.shape == (2000, 43)
@@ -92,7 +92,7 @@ def test_poses_of_training_are_within_the_limits_but_for_a_few() -> None:
     assert np.degrees(beyond.max()) < 5
 
 
-def test_hands_have_their_limits_by_default_and_other_bodies_none() -> None:
+def test_only_hands_have_hand_limits() -> None:
     assert [term.name for term in usual_priors(HAND)] == [
         "pose prior",
         "shape prior",

@@ -21,12 +21,12 @@ POSE = BODY.blocks()[0]
 NAMES = BODY.joint_names
 
 
-def test_the_shipped_file_is_what_the_builder_writes() -> None:
+def test_shipped_limits_are_what_the_builder_writes() -> None:
     assert json.loads((FOLDER / "anatomical.json").read_text()) == anatomical()
 
 
 @pytest.mark.parametrize("name", ["anatomical", "recorded"])
-def test_every_limit_has_a_source_and_room_for_the_t_pose_or_says_why(name: str) -> None:
+def test_limits_have_sources_and_room(name: str) -> None:
     content = json.loads((FOLDER / f"{name}.json").read_text())
     assert content["sources"]
     assert content["unit"] == "degree"
@@ -53,30 +53,28 @@ def moved(joint: str, axis: int, angle: float, seen: str) -> np.ndarray:
     return (BODY.joints(pose=pose) - BODY.joints())[NAMES.index(seen)]
 
 
-@pytest.mark.parametrize(
-    ("joint", "axis", "end", "seen", "direction"),
-    [
-        ("left_hip", 0, 0, "left_knee", [0, 0, 1]),  # flexion: the knee comes forward
-        ("right_hip", 0, 0, "right_knee", [0, 0, 1]),
-        ("left_hip", 2, 1, "left_knee", [1, 0, 0]),  # abduction: outwards
-        ("right_hip", 2, 0, "right_knee", [-1, 0, 0]),
-        ("left_hip", 1, 0, "left_foot", [-1, 0, 0]),  # medial rotation: the toes turn in
-        ("left_knee", 0, 1, "left_ankle", [0, 0, -1]),  # flexion: the ankle goes back
-        ("left_ankle", 0, 0, "left_foot", [0, 1, 0]),  # dorsiflexion: the toes go up
-        ("left_elbow", 1, 0, "left_wrist", [0, 0, 1]),  # flexion: the wrist comes forward
-        ("right_elbow", 1, 1, "right_wrist", [0, 0, 1]),
-        ("left_shoulder", 2, 1, "left_elbow", [0, 1, 0]),  # abduction: the arm goes up
-        ("right_shoulder", 2, 0, "right_elbow", [0, 1, 0]),
-        ("left_wrist", 2, 0, "left_hand", [0, -1, 0]),  # flexion: the palm goes down
-        ("left_wrist", 1, 0, "left_hand", [0, 0, 1]),  # radial deviation: towards the thumb
-    ],
-)
-def test_a_limit_is_on_the_side_that_its_motion_goes_to(
-    joint: str, axis: int, end: int, seen: str, direction: list[float]
-) -> None:
-    limit = joint_limits("anatomical").limits[joint, axis][end]
-    away = moved(joint, axis, np.sign(limit) * 0.3, seen)
-    assert away @ direction > 0.5 * np.linalg.norm(away) > 0
+SIDES: list[tuple[str, int, int, str, list[float]]] = [
+    ("left_hip", 0, 0, "left_knee", [0, 0, 1]),  # flexion: the knee comes forward
+    ("right_hip", 0, 0, "right_knee", [0, 0, 1]),
+    ("left_hip", 2, 1, "left_knee", [1, 0, 0]),  # abduction: outwards
+    ("right_hip", 2, 0, "right_knee", [-1, 0, 0]),
+    ("left_hip", 1, 0, "left_foot", [-1, 0, 0]),  # medial rotation: the toes turn in
+    ("left_knee", 0, 1, "left_ankle", [0, 0, -1]),  # flexion: the ankle goes back
+    ("left_ankle", 0, 0, "left_foot", [0, 1, 0]),  # dorsiflexion: the toes go up
+    ("left_elbow", 1, 0, "left_wrist", [0, 0, 1]),  # flexion: the wrist comes forward
+    ("right_elbow", 1, 1, "right_wrist", [0, 0, 1]),
+    ("left_shoulder", 2, 1, "left_elbow", [0, 1, 0]),  # abduction: the arm goes up
+    ("right_shoulder", 2, 0, "right_elbow", [0, 1, 0]),
+    ("left_wrist", 2, 0, "left_hand", [0, -1, 0]),  # flexion: the palm goes down
+    ("left_wrist", 1, 0, "left_hand", [0, 0, 1]),  # radial deviation: towards the thumb
+]
+
+
+def test_limits_are_on_the_side_of_their_motion() -> None:
+    for joint, axis, end, seen, direction in SIDES:
+        limit = joint_limits("anatomical").limits[joint, axis][end]
+        away = moved(joint, axis, np.sign(limit) * 0.3, seen)
+        assert away @ direction > 0.5 * np.linalg.norm(away) > 0
 
 
 def test_recorded_limits_are_the_extremes() -> None:
@@ -95,7 +93,7 @@ def test_recorded_limits_are_the_extremes() -> None:
     assert content["clips"] == 8
 
 
-def test_they_are_bounds_of_a_pose() -> None:
+def test_limits_are_bounds_of_a_pose() -> None:
     limits = joint_limits("anatomical")
     lower, upper = limits.bounds(POSE)
     assert lower[NAMES.index("left_knee"), 0] == 0
@@ -114,7 +112,7 @@ def test_they_are_bounds_of_a_pose() -> None:
         joint_limits("canine")
 
 
-def test_sets_combine() -> None:
+def test_sets_of_limits_combine() -> None:
     a = JointLimits({("knee", 0): (0.0, 2.0), ("hip", 2): (-np.inf, 0.8)}, {"a": ""})
     b = JointLimits({("knee", 0): (-1.0, 1.0), ("hip", 2): (-0.5, 0.6), ("neck", 1): (-1, 1)}, {})
     both = a.over(b)
@@ -124,7 +122,7 @@ def test_sets_combine() -> None:
     assert a.widened(0.1).limits["knee", 0] == (-0.1, 2.1)
 
 
-def test_a_knee_that_would_bend_backwards_does_not() -> None:
+def test_limits_keep_knees_from_bending_backwards() -> None:
     """The joints of a body whose left knee bends the wrong way, with the limits and without."""
     backwards = np.zeros((24, 3))
     backwards[NAMES.index("left_knee"), 0] = -0.6

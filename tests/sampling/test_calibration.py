@@ -5,6 +5,7 @@ import pytest
 import scipy.stats
 
 import workbench as wb
+from workbench.experiments import find
 from workbench.problem.batch import compiled
 from workbench.sampling import Usability, sample
 from workbench.sampling.ensemble_settings import EnsembleSettings
@@ -13,7 +14,9 @@ from workbench.sampling.log_density import LogDensity
 from workbench.sampling.moves import differential_evolution
 from workbench.sampling.subspace import fixed, subspace_of
 
-REPLICATIONS = 200
+pytestmark = pytest.mark.thorough
+
+REPLICATIONS = 50
 DRAWS = 99  # kept of each
 ROOT, PLACE, PIXELS = 0.2, 0.15, 4.0  # rad, m, px: priors and noise
 UNLIKELY = 1e-3  # over all entries together
@@ -71,8 +74,7 @@ def chosen_entries(problem: wb.Problem, x: np.ndarray, given: np.ndarray, names:
     return subspace_of(problem, x, given, names, fixed).entries  # type: ignore[arg-type]
 
 
-@pytest.mark.thorough
-def test_ranks_are_uniform_and_intervals_cover() -> None:
+def test_ranks_of_truths_are_uniform() -> None:
     labels, u = ranks(REPLICATIONS)
     k = len(labels)
     assert k == 16
@@ -82,26 +84,13 @@ def test_ranks_are_uniform_and_intervals_cover() -> None:
     low, high = scipy.stats.binom(REPLICATIONS, 0.9).ppf([UNLIKELY / k / 2, 1 - UNLIKELY / k / 2])
     assert (covered >= low).all(), dict(zip(labels, covered, strict=True))
     assert (covered <= high).all(), dict(zip(labels, covered, strict=True))
-    print(f"{covered.min()}..{covered.max()} of {REPLICATIONS} covered, chance {min(chances):.3f}")
 
 
-def test_a_few_replications_run() -> None:
-    labels, u = ranks(2)
-    assert u.shape == (2, 16)
-    assert ((u > 0) & (u < 1)).all()
-    assert labels[0] == "pose[pelvis, x]"
-
-
-@pytest.mark.thorough
-def test_the_whole_body_is_not_called_converged() -> None:
+def test_ensembles_of_the_whole_body_are_not_called_converged() -> None:
     """85 numbers: more than ensembles can do at any length that people wait for."""
-    from workbench.experiments import find
-
     setup = find("balance-monocular").setup()
     at = setup.start | wb.solve(setup.problem, setup.start).values
-    for steps in (2000, 8000):
-        posterior = sample(setup.problem, at, steps=steps, seed=0)
-        assert posterior.size == 85
-        assert posterior.mixing.verdict is not Usability.USABLE
-        assert str(posterior).startswith("NOT CONVERGED")
-        print(posterior.verdict)
+    posterior = sample(setup.problem, at, steps=1000, seed=0)
+    assert posterior.size == 85
+    assert posterior.mixing.verdict is not Usability.USABLE
+    assert str(posterior).startswith("NOT CONVERGED")

@@ -1,11 +1,15 @@
-"""What is held fixed makes intervals narrower: it is said, and by how much, and not usable."""
+"""What is held fixed narrows intervals, and data contract the prior: both are told."""
 
 import numpy as np
 import pytest
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
+from workbench.errors import BadArgument
+from workbench.experiments import find
 from workbench.sampling import NotConverged, Usability, fixed, integrated, laplace, sample
+from workbench.sampling.contraction import contraction, prior_deviations
+from workbench.sampling.subspace import Subspace
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = [1, 3]
@@ -19,7 +23,7 @@ def exact() -> np.ndarray:
     return np.asarray(np.sqrt(np.diag(C)[TWO] / np.diag(alone)))
 
 
-def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> None:
+def test_ratio_is_the_gaussians_and_limits_usability() -> None:
     assert exact().max() > RATIO
     problem = gaussian(C, MEAN)
     drawn = sample(problem, {"x": MEAN}, NAMES, rest=fixed, steps=2000, walkers=16, seed=1)
@@ -41,7 +45,7 @@ def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> N
         assert posterior.conditional_interval().shape == (2, 2)
 
 
-def test_what_is_hardly_narrower_is_usable_and_still_says_what_is_held() -> None:
+def test_hardly_narrower_intervals_are_usable() -> None:
     nearly = np.eye(4) + 0.1
     posterior = laplace(gaussian(nearly), {"x": np.zeros(4)}, NAMES, rest=fixed)
     assert 1 < posterior.conditioning.ratios.max() < RATIO
@@ -51,7 +55,7 @@ def test_what_is_hardly_narrower_is_usable_and_still_says_what_is_held() -> None
     assert "Held fixed: 2 of the 4 numbers of x" in str(posterior)
 
 
-def test_what_is_sampled_or_integrated_out_is_not_held() -> None:
+def test_integrated_numbers_are_not_held() -> None:
     problem = gaussian(C, MEAN)
     for posterior in (
         laplace(problem, {"x": MEAN}),
@@ -64,7 +68,7 @@ def test_what_is_sampled_or_integrated_out_is_not_held() -> None:
         assert "ratio" not in str(posterior)
 
 
-def test_a_direction_that_is_seen_only_because_the_rest_is_held_is_infinite() -> None:
+def test_undetermined_directions_have_infinite_ratio() -> None:
     x, y = wb.Block("x"), wb.Block("y")
     problem = wb.Problem([wb.Residual("sum", x.symbol + y.symbol, 0.1)], ("x", "y"), blocks=[x, y])
     posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x", rest=fixed)
@@ -73,7 +77,7 @@ def test_a_direction_that_is_seen_only_because_the_rest_is_held_is_infinite() ->
     assert not posterior.usable
 
 
-def test_bounds_and_equations_hold_the_rest_too() -> None:
+def test_bounds_and_equations_hold_the_rest() -> None:
     x, y, z = (wb.Block(name) for name in "xyz")
     total = wb.Residual("sum", x.symbol + y.symbol + z.symbol, 0.1)
     tie = wb.Constraint("tie", y.symbol - z.symbol, 0.0, 0.0)
@@ -83,10 +87,9 @@ def test_bounds_and_equations_hold_the_rest_too() -> None:
     assert posterior.conditioning.marginal[0] == pytest.approx(np.sqrt(0.01 + 4 / 3), rel=1e-9)
 
 
-def test_the_place_of_a_person_in_one_image_is_told_with_what_it_rests_on() -> None:
+@pytest.mark.thorough
+def test_place_of_a_person_rests_on_pose_and_shape() -> None:
     """The translation alone is known to millimetres, and with pose and shape to 13 cm."""
-    from workbench.experiments import find
-
     setup = find("balance-monocular").setup()
     at = setup.start | wb.solve(setup.problem, setup.start).values
     posterior = laplace(setup.problem, at, "trans", rest=fixed)
@@ -99,10 +102,8 @@ def test_the_place_of_a_person_in_one_image_is_told_with_what_it_rests_on() -> N
     assert "cam01/observed" in str(posterior)  # and what the problem takes as given
 
 
-def test_directions_of_a_choice_of_ones_own() -> None:
+def test_own_directions_have_ratios() -> None:
     """One direction of two is sampled: what it holds is not an entry."""
-    from workbench.sampling.subspace import Subspace
-
     covariance = np.array([[1.0, 0.9], [0.9, 1.0]])
     way = np.array([[1.0], [0.0]]) + np.array([[0.0], [1.0]])
 
@@ -113,3 +114,39 @@ def test_directions_of_a_choice_of_ones_own() -> None:
     assert posterior.conditioning.names == ("1 direction",)
     assert posterior.conditioning.ratios[0] == pytest.approx(1.0)  # the other axis is independent
     assert posterior.coordinates({"x": [2.0, 2.0]}) == pytest.approx([2.0])
+
+
+X = wb.Block("x", (2,))
+PRIOR = wb.residuals.gaussian(X.symbol, covariance=np.array([4.0, 1.0]), name="prior")
+DATA = wb.Residual("data", X.symbol[0] - 1.0, 0.5)
+PROBLEM = wb.Problem((PRIOR, DATA), ["x"])
+AT = {"x": np.zeros(2)}
+
+
+def test_prior_alone_has_its_own_deviations() -> None:
+    found = prior_deviations(PROBLEM, AT, "x", ["prior"])
+    np.testing.assert_allclose(found, [2.0, 1.0])
+
+
+def test_unread_numbers_have_no_prior() -> None:
+    only = wb.Problem((DATA,), ["x"])
+    assert np.isinf(prior_deviations(only, AT, "x", [])).all()
+    assert np.isnan(contraction(np.ones(2), np.array([np.inf, np.inf]))).all()
+
+
+def test_data_contract_what_they_read() -> None:
+    """Variances 4 and 1/4 give 4/17; the second entry is known by its prior alone."""
+    near = wb.laplace(PROBLEM, AT, draws=40_000)
+    expected = [1 - np.sqrt(4 / 17) / 2, 0.0]
+    np.testing.assert_allclose(near.contraction(["prior"]), expected, atol=0.02)
+
+
+def test_marginal_is_some_columns_of_the_draws() -> None:
+    near = wb.laplace(PROBLEM, AT, draws=400)
+    one = near.marginal("x[1]")
+    assert one.labels == ("x[1]",)
+    np.testing.assert_array_equal(one.flat[:, 0], near.flat[:, 1])
+    np.testing.assert_allclose(abs(one.modes[0].half), [[1.0]], rtol=1e-6)
+    assert one.judgement == near.judgement
+    with pytest.raises(BadArgument, match="only what was sampled"):
+        one.marginal("x[0]")

@@ -70,6 +70,7 @@ def depth(draws: np.ndarray) -> np.ndarray:
     return draws.reshape(-1, draws.shape[-1])[:, 2]
 
 
+@pytest.mark.thorough
 def test_searches_for_modes_stay_in_front() -> None:
     """Without the domain there is another mode behind the camera."""
     found = {}
@@ -82,7 +83,7 @@ def test_searches_for_modes_stay_in_front() -> None:
     assert sum(mode.share for mode in both if mode.z[2] < 0) > 0.1
 
 
-def test_a_search_does_not_step_behind_the_camera() -> None:
+def test_searches_do_not_step_behind_the_camera() -> None:
     """It ends in front of the border if its minimum lies beyond, and has then found no mode."""
     beyond = Residual("beyond", AT.symbol + 1.0, 1.0, domain=AT.symbol)
     limited = wb.Problem([beyond], "at")
@@ -94,7 +95,8 @@ def test_a_search_does_not_step_behind_the_camera() -> None:
     assert sample(limited, {"at": at}, steps=100, walkers=32).flat.min() > 0
 
 
-def test_with_constraints_a_search_ends_in_the_domain() -> None:
+@pytest.mark.thorough
+def test_constrained_searches_end_in_the_domain() -> None:
     """SLSQP ends outside of it by 1e-11 here, where a mode would have no mass."""
     x = AT.symbol
     beyond = Residual("beyond", x - np.array([0.1, 0.1, -1.0]), 0.5, domain=x)
@@ -111,7 +113,8 @@ def test_with_constraints_a_search_ends_in_the_domain() -> None:
     assert (drawn[:, 0] + drawn[:, 1]).min() > 2.0 - 1e-3
 
 
-def test_no_draw_of_any_sampler_is_behind_the_camera() -> None:
+@pytest.mark.thorough
+def test_samplers_draw_only_in_front() -> None:
     rng = np.random.default_rng(0)
     drawn = sample(SEEN, VALUES, steps=400, walkers=32, seed=1)
     assert (depth(drawn.draws) > 0).all()
@@ -135,13 +138,7 @@ def test_no_draw_of_any_sampler_is_behind_the_camera() -> None:
     assert (depth(run.mixing.draws) > 0).all()
 
 
-def test_draws_are_behind_it_if_the_residual_has_no_domain() -> None:
-    """What the test above would see: half of the mass is there."""
-    drawn = sample(everywhere(SEEN), VALUES, steps=400, walkers=32, seed=1)
-    assert (depth(drawn.draws) < 0).mean() > 0.1
-
-
-def test_a_wide_gaussian_is_cut_off_at_the_camera() -> None:
+def test_wide_gaussian_is_cut_off_at_the_camera() -> None:
     """Laplace's draws behind the camera are replaced; the others are what they were."""
     wide = problem(np.array([1.0, 0, 0, 0, 0]), 100.0)  # one corner: the prior alone has a depth
     at = VALUES | wb.solve(wide, VALUES).values
@@ -154,7 +151,7 @@ def test_a_wide_gaussian_is_cut_off_at_the_camera() -> None:
     np.testing.assert_array_equal(cut.flat[: len(inside)], inside)
 
 
-def test_a_keypoint_of_no_confidence_may_be_behind_the_camera() -> None:
+def test_keypoints_of_no_confidence_may_be_behind() -> None:
     hidden = CAMERA.depths(HIDDEN + TRUE["at"], LENS)
     assert hidden < 0
     for confidence in (np.zeros(5), np.array([0.0, 1.0, 1.0, 1.0, 0.0])):
@@ -165,7 +162,7 @@ def test_a_keypoint_of_no_confidence_may_be_behind_the_camera() -> None:
 
 
 @pytest.mark.parametrize("way", [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)])
-def test_depths_of_zero_and_none_are_refused(way: object) -> None:
+def test_depths_of_zero_and_nan_have_no_density(way: object) -> None:
     target = replace(target_of(SEEN, VALUES), way=way)
     z = np.repeat(target.subspace.centre[None], 4, axis=0)
     z[1:, 2] = 0.0, np.nan, -1e-9
@@ -176,21 +173,23 @@ def test_depths_of_zero_and_none_are_refused(way: object) -> None:
     assert np.isfinite(slope).all()
 
 
-def test_where_to_begin_is_in_front() -> None:
+def test_starts_behind_the_camera_are_refused() -> None:
     for draw in (sample, laplace, posterior_mean):
         with pytest.raises(BadArgument, match=r"seen\[0\] means nothing there, .* is -3, below"):
             draw(SEEN, BEHIND)
 
 
-def test_draws_of_a_run_without_the_domain_are_not_continued(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_checkpoint_without_domain_is_refused(tmp_path: Path) -> None:
     saved = tmp_path / "draws.h5"
     sample(everywhere(SEEN), VALUES, steps=50, walkers=32, checkpoint=saved)
     with pytest.raises(BadFile, match="its domain is None"):
         sample(SEEN, VALUES, steps=50, walkers=32, checkpoint=saved)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)])
-def test_in_front_costs_are_what_they_were(way: object) -> None:
+def test_costs_in_front_do_not_change(way: object) -> None:
     limited, start = problems()["keypoints"]
     x, fixed = limited.split(start)
     X = x + 0.05 * np.random.default_rng(0).standard_normal((100, x.size))
@@ -203,34 +202,8 @@ def test_in_front_costs_are_what_they_were(way: object) -> None:
     np.testing.assert_allclose(cost[1::2], before[1::2], rtol=1e-12)
 
 
-def test_in_front_gradients_are_what_they_were() -> None:
-    limited, start = problems()["keypoints"]
-    x, fixed = limited.split(start)
-    X = x + 0.05 * np.random.default_rng(0).standard_normal((10, x.size))
-    now, before = (one.slopes(x, fixed)(X) for one in (limited, everywhere(limited)))
-    for one, other in zip(now, before, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["joints", "vertices"])
-def test_without_a_camera_the_same_graph_is_evaluated(name: str) -> None:
-    plain, start = problems()[name]
-    assert plain.domain is None
-    assert plain._batch.whole is plain._graph
-    assert not plain._batch.limited
-    target = target_of(plain, start)
-    assert target.in_domain(np.full((3, target.subspace.size), np.nan)).all()
-
-
-def test_long_graphs_know_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gradients of surfaces come one by one, by the chain rule, which knows no domain."""
-    monkeypatch.setattr("workbench.problem.batch.COMPILED_UP_TO", 10)
-    target = target_of(SEEN, VALUES)
-    z = np.array([target.subspace.centre, [-0.1, 0.2, -3.0, np.pi]])
-    assert np.isfinite(target.with_gradient(z)[0]).tolist() == [True, False]
-
-
-def test_every_frame_of_a_sequence_is_in_front() -> None:
+@pytest.mark.thorough
+def test_frames_of_sequences_have_domains() -> None:
     """A residual that has a domain in some frames only has it there."""
     one, other = problem(), everywhere(problem())
     frames = wb.sequence([one, other, one], shared=[b.name for b in CAMERA.blocks])
@@ -275,7 +248,7 @@ def test_only_points_that_count_have_a_domain() -> None:
         assert inside == finite
 
 
-def test_the_domain_of_a_candidate_has_its_own_numbers() -> None:
+def test_candidates_have_domains_of_their_own() -> None:
     """One residual stands for many cameras; in a problem the one that is chosen is constants."""
     other = wb.Camera("other/")
     shared = keypoints(square(), other, seen(), np.ones(5), sigma=5.0, name="other")
@@ -288,7 +261,7 @@ def test_the_domain_of_a_candidate_has_its_own_numbers() -> None:
         assert np.isfinite(target(target.subspace.centre[None])).all() == finite
 
 
-def test_a_domain_is_checked_and_read() -> None:
+def test_domains_are_checked_and_read() -> None:
     with pytest.raises(BadResidual, match=r"domain of shape \(3, 1\), .* not of \(2, 1\)"):
         Residual("r", AT.symbol, 1.0, domain=AT.symbol[:2])
     with pytest.raises(BadResidual, match="the domain must be a CasADi symbol"):

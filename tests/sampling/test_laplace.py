@@ -8,6 +8,7 @@ import pytest
 
 import workbench as wb
 from tests.sampling.densities import bounded, gaussian, rosenbrock, two_modes
+from tests.tiers import few
 from workbench.sampling import NotConverged, Posterior, laplace
 
 LEVELS, OFF = (0.05, 0.25, 0.5, 0.75, 0.95), 0.05  # quantiles, and how far off they may be
@@ -59,7 +60,7 @@ CASES = {
 
 def worst(case: Case, posterior: Posterior) -> float:
     """By how much the level of a quantile is off, at the most, against a grid."""
-    fine = 200_001 if len(case.box) == 1 else 1501
+    fine = 40_001 if len(case.box) == 1 else 701
     axes = [np.linspace(low, high, fine) for low, high in case.box]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
     x, given = case.problem.split(case.at)  # type: ignore[arg-type]
@@ -77,8 +78,8 @@ def worst(case: Case, posterior: Posterior) -> float:
     return off
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_the_verdict_is_that_of_a_grid(name: str) -> None:
+@pytest.mark.parametrize("name", few(CASES, ("nearly linear", "on a bound", "logarithm", "square")))
+def test_verdict_is_that_of_a_grid(name: str) -> None:
     case = CASES[name]
     posterior = laplace(case.problem, case.at)  # type: ignore[arg-type]
     off = worst(case, posterior)
@@ -91,7 +92,7 @@ def test_the_verdict_is_that_of_a_grid(name: str) -> None:
             posterior.interval()
 
 
-def test_the_error_that_is_told_is_the_one_that_there_is() -> None:
+def test_told_error_is_the_true_one() -> None:
     """Where weights can be trusted, what they say is off is off by that."""
     posterior = laplace(CASES["cubic"].problem, CASES["cubic"].at)  # type: ignore[arg-type]
     assert posterior.importance is not None

@@ -1,4 +1,6 @@
-"""Modes far away are looked for; draws that miss one are not called usable."""
+"""Modes far away are looked for; draws that miss one are not called usable; chains jump."""
+
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -8,7 +10,17 @@ import workbench as wb
 from tests.sampling.densities import gaussian, two_modes
 from workbench.residuals import geman_mcclure
 from workbench.sampling import Usability, laplace, sample
+from workbench.sampling.descent import Mode, mode_from
+from workbench.sampling.hamiltonian import HamiltonianRun, HamiltonianSettings, run_hamiltonian
 from workbench.sampling.log_density import LogDensity
+from workbench.sampling.modes import (
+    REACH,
+    missed_mode,
+    modes,
+    nearest_mode,
+    shortest_rotations,
+    walkers_at,
+)
 from workbench.sampling.subspace import fixed
 
 
@@ -18,22 +30,20 @@ def target_of(problem: wb.Problem, at: dict[str, object]) -> LogDensity:
     return LogDensity(problem, given, fixed(problem, problem.linearize_at(x, given), x, every))
 
 
-@pytest.mark.parametrize("apart", [20.0, 50.0, 100.0, 300.0])
+@pytest.mark.parametrize("apart", [20.0, 300.0])
 def test_equal_wells_are_found_on_both_sides(apart: float) -> None:
-    from workbench.sampling.descent import mode_from
-    from workbench.sampling.modes import REACH, modes
-
     target = target_of(two_modes(apart), {"x": [apart, 0.0]})
     first = mode_from(target, target.subspace.centre)
-    for seed in range(10):
+    for seed in range(2):
         found = modes(target, first, np.random.default_rng(seed))
         assert sorted(mode.z[0] for mode in found.modes) == pytest.approx([-apart, apart])
         assert found.extent.starts >= 16
         assert found.extent.farthest == REACH[1]
 
 
+@pytest.mark.thorough
 def test_draws_of_equal_wells_hold_both_or_are_not_usable() -> None:
-    for apart, seed in ((100.0, 2), (50.0, 1), (20.0, 0)):
+    for apart, seed in ((100.0, 2),):
         posterior = sample(two_modes(apart), {"x": [apart, 0.0]}, steps=1500, walkers=32, seed=seed)
         share = float(np.mean(posterior.flat[:, 0] > 0))
         assert not posterior.usable or abs(share - 0.5) < 0.1, (apart, share, posterior.verdict)
@@ -41,10 +51,7 @@ def test_draws_of_equal_wells_hold_both_or_are_not_usable() -> None:
         assert "searches for other modes, up to 1,000 sd away" in str(posterior)
 
 
-def test_a_mode_that_draws_do_not_visit_is_missed() -> None:
-    from workbench.sampling.descent import mode_from
-    from workbench.sampling.modes import missed_mode, modes
-
+def test_unvisited_modes_are_missed() -> None:
     target = target_of(two_modes(30.0), {"x": [30.0, 0.0]})
     found = modes(target, mode_from(target, target.subspace.centre), np.random.default_rng(0))
     rng = np.random.default_rng(1)
@@ -65,7 +72,8 @@ def test_laplace_of_one_of_two_wells_is_not_usable() -> None:
     assert "up to 1,000 sd away, found none" in alone.verdict
 
 
-def test_a_robust_fit_of_two_clusters_has_two_modes() -> None:
+@pytest.mark.thorough
+def test_robust_fit_of_two_clusters_has_two_modes() -> None:
     """A kernel that lets far points go makes a mode of each cluster; the start is at one."""
     rng, apart = np.random.default_rng(0), 60.0
     data = np.concatenate([rng.standard_normal(20), apart + rng.standard_normal(20)])
@@ -87,7 +95,7 @@ def test_a_robust_fit_of_two_clusters_has_two_modes() -> None:
     assert not both.usable or share == pytest.approx(right, abs=0.1), both.verdict
 
 
-def test_a_plateau_is_no_mode() -> None:
+def test_plateaus_are_no_modes() -> None:
     """Far from the only cluster the kernel is flat: searches end there, and nothing is there."""
     z = wb.Block("z")
     fit = wb.Residual("fit", cs.DM(np.linspace(-1, 1, 20)) - z.symbol, 1.0, kernel=geman_mcclure)
@@ -96,9 +104,7 @@ def test_a_plateau_is_no_mode() -> None:
     assert len(found.modes) == 1
 
 
-def test_a_turn_more_is_no_other_mode() -> None:
-    from workbench.sampling.modes import shortest_rotations
-
+def test_full_turns_are_no_other_modes() -> None:
     body = wb.load_body("small")
     pose, betas, trans = body.blocks()
     observed = wb.Block("observed", (body.n_joints, 3), "m")
@@ -119,3 +125,68 @@ def test_a_turn_more_is_no_other_mode() -> None:
         atol=1e-12,
     )
     assert not np.isnan(x).any()
+
+
+APART, NARROW, SHARE = 60.0, 0.2, 0.8  # of the modes; the second is narrower
+ENDS = np.array([APART, 0.0, 0.0])
+
+
+def jumping_target() -> LogDensity:
+    """0.8 N(x; -60, 1) below 0 and 0.2 N(x; 60, 0.2^2) above, of the first of three numbers; the
+    others are standard normal.
+    """
+    x = wb.Block("x", (3,))
+    first, low = x.symbol[0], x.symbol[0] < 0
+    missing = cs.if_else(low, -np.log(SHARE), -np.log((1 - SHARE) / NARROW))
+    terms = [
+        wb.Residual("nearer", cs.if_else(low, first + APART, (first - APART) / NARROW), 1.0),
+        wb.Residual("share", cs.sqrt(2 * (1 + missing)), 1.0),
+        wb.Residual("others", x.symbol[1:], 1.0),
+    ]
+    problem = wb.Problem(terms, ("x",), blocks=[x])
+    at, given = problem.split({"x": -ENDS})
+    return LogDensity(
+        problem, given, fixed(problem, problem.linearize_at(at, given), at, np.arange(3))
+    )
+
+
+@pytest.fixture(scope="module")
+def both_modes() -> list[Mode]:
+    """Both modes, as if each had half of the mass."""
+    of = jumping_target()
+    return [replace(mode_from(of, z), share=0.5) for z in (-ENDS, ENDS)]
+
+
+@pytest.fixture(scope="module")
+def jumping_run(both_modes: list[Mode]) -> HamiltonianRun:
+    """Half of the chains begin in each mode."""
+    of, rng = jumping_target(), np.random.default_rng(0)
+    starts = walkers_at(of, tuple(both_modes), 64, rng)
+    plan = HamiltonianSettings(ensembles=4, walkers=16, steps=2000, whole=True)
+    return run_hamiltonian(of, starts, both_modes, lambda z: z, ("x", "y", "z"), plan, rng)
+
+
+@pytest.mark.thorough
+def test_chains_find_the_shares_of_modes(jumping_run: HamiltonianRun) -> None:
+    flat = jumping_run.mixing.draws.reshape(-1, 3)
+    high = flat[:, 0] > 0
+    assert np.mean(high) == pytest.approx(1 - SHARE, abs=0.03)
+    assert flat[high, 0].std() == pytest.approx(NARROW, rel=0.1)
+    assert flat[~high, 0].std() == pytest.approx(1.0, rel=0.1)
+    assert jumping_run.mixing.usable, jumping_run.mixing
+
+
+@pytest.mark.thorough
+def test_distance_of_modes_does_not_shorten_steps(jumping_run: HamiltonianRun) -> None:
+    """A unit of 60 standard deviations would ask for steps of 0.003 of it."""
+    assert jumping_run.mixing.thin < 30
+
+
+def test_points_belong_to_the_nearest_mode_by_its_measure(both_modes: list[Mode]) -> None:
+    beside = ENDS - [1.0, 0.0, 0.0]  # 5 sd of the second mode, and 119 of the first
+    assert nearest_mode(both_modes, np.array([-ENDS, ENDS, beside, 0 * ENDS])).tolist() == [
+        0,
+        1,
+        1,
+        0,
+    ]

@@ -5,6 +5,7 @@ import pytest
 
 import workbench as wb
 from tests.problem.sequences import SHARED, SMOOTH, both_storages, frame, values
+from tests.tiers import few
 from workbench.errors import TooLarge
 from workbench.sampling import integrated
 from workbench.sampling.conditioning import conditioning
@@ -23,8 +24,8 @@ def both(monkeypatch: pytest.MonkeyPatch) -> tuple[wb.Problem, wb.Problem, wb.Va
     return plain, blocked, at | wb.solve(plain, at).values
 
 
-@pytest.mark.parametrize("names", ["betas", ("betas[1]", "trans[2]"), "pose[3, pelvis]"])
-def test_what_is_integrated_out(
+@pytest.mark.parametrize("names", few(["betas", ("betas[1]", "trans[2]"), "pose[3, pelvis]"], 1))
+def test_integrated_rest_by_band_is_that_by_array(
     both: tuple[wb.Problem, wb.Problem, wb.Values], names: str | tuple[str, ...]
 ) -> None:
     plain, blocked, at = both
@@ -48,7 +49,7 @@ def test_what_is_integrated_out(
         _ = by_band.span
 
 
-def test_what_holding_the_rest_fixed_narrows(
+def test_conditioning_by_band_is_that_by_array(
     both: tuple[wb.Problem, wb.Problem, wb.Values],
 ) -> None:
     plain, blocked, at = both
@@ -65,7 +66,8 @@ def test_what_holding_the_rest_fixed_narrows(
     assert by_band.count == by_array.count
 
 
-def test_draws_of_a_sequence_with_all_else_integrated_out(
+@pytest.mark.thorough
+def test_draws_of_shared_numbers_have_marginal_width(
     both: tuple[wb.Problem, wb.Problem, wb.Values],
 ) -> None:
     _, blocked, at = both
@@ -79,7 +81,7 @@ def test_draws_of_a_sequence_with_all_else_integrated_out(
     np.testing.assert_allclose(near.sd, expected, rtol=0.2)  # of 400 draws
 
 
-def test_nothing_is_integrated_out_that_nothing_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_improper_frames_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     where, shape = wb.Block("where", (3,)), wb.Block("shape", (2,))
     flat = wb.Residual("square", where.symbol**2, 1.0)  # whose slope is zero where it is zero
     prior = wb.residuals.gaussian(shape.symbol, name="prior")

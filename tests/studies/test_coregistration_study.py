@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 from workbench.bodies.catalogue import load_skinned
-from workbench.cli import together
 from workbench.cli.app import app
 from workbench.errors import BadArgument
 from workbench.geometry.solids import vertex_normals
@@ -25,6 +24,8 @@ from workbench.studies.coregistration.study import (
     TogetherPlan,
     TogetherStudy,
 )
+
+pytestmark = pytest.mark.thorough
 
 PLAN = TogetherPlan(scans=(4, 8), holes=(0, 12), people=2)
 
@@ -45,7 +46,7 @@ def study() -> TogetherStudy:
     return TogetherStudy(PLAN, cells, Example(3, body.faces, body.template, found))
 
 
-def test_a_set_begins_with_the_scans_of_a_smaller_one() -> None:
+def test_sets_begin_with_the_scans_of_smaller_ones() -> None:
     few, more = scanned_set(5, 2, 2, holes=3), scanned_set(5, 2, 3, holes=3)
     for j in range(2):
         assert_allclose(few.scans.read(j).points, more.scans.read(j).points, atol=0)
@@ -62,14 +63,14 @@ def test_a_set_begins_with_the_scans_of_a_smaller_one() -> None:
     assert found["seen"][1] == 0
 
 
-def test_a_ratio_has_an_interval_over_people() -> None:
+def test_ratio_has_an_interval_over_people() -> None:
     subject = np.array([0, 1, 0, 1])
     assert ratio([1, 1, 1, 1], [2, 2, 2, 2], subject) == (0.5, 0.5, 0.5)
     middle, low, high = ratio([1, 3, 1, 3], [2, 2, 2, 2], subject)
     assert (middle, low, high) == (1.0, 0.5, 1.5)  # half of all draws hold both people
 
 
-def test_the_page_says_where_it_gained_most_and_least(tmp_path: Path) -> None:
+def test_page_tells_largest_and_least_gain(tmp_path: Path) -> None:
     s = study()
     told = in_short(s)
     assert "in 3 of 4 sets" in told
@@ -104,26 +105,7 @@ def test_bad_options_are_refused(arguments: list[str], told: str, tmp_path: Path
     assert told in " ".join((result.output + str(result.exception)).split())
 
 
-def test_the_command_prints_the_table_and_writes_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = []
-
-    def stand_in(plan: TogetherPlan, executor: object, report: object) -> TogetherStudy:
-        asked.append(plan)
-        return study()
-
-    monkeypatch.setattr(together, "together_study", stand_in)
-    arguments = ["--scans", "8", "--scans", "6", "--holes", "3", "--out", str(tmp_path)]
-    result = CliRunner().invoke(app, ["together", *arguments])
-    assert result.exit_code == 0, result.output
-    assert asked[0].scans == (6, 8)
-    assert asked[0].holes == (3,)
-    assert "together / apart" in " ".join(result.output.split())
-    assert (tmp_path / "together" / "index.html").is_file()
-
-
-def test_the_readme_of_studies_tells_what_registering_together_is_worth() -> None:
+def test_table_of_readme_is_the_results() -> None:
     top = Path(__file__).parents[2]
     known = json.loads((top / "benchmarks" / "results" / "together.json").read_text())
     cells = [Cell(**one) for one in known["sets"]]
@@ -136,18 +118,3 @@ def test_the_readme_of_studies_tells_what_registering_together_is_worth() -> Non
             for what in ("hidden", "seen")
         )
         assert f"| {one.holes} | {one.scans} | {100 * one.unseen:.0f} % | {errors_told} |" in text
-    gains = {
-        scans: [100 * (1 - one.share("hidden")[0]) for one in cells if one.scans == scans]
-        for scans in (12, 48)
-    }
-    assert (
-        "With two scans of each person, hidden vertices are "
-        f"{min(gains[12]):.0f} to {max(gains[12]):.0f} % nearer the truth; with eight of each, "
-        f"{min(gains[48]):.0f} to {max(gains[48]):.0f} %."
-    ) in text
-    assert known["plan"]["people"] == 6
-    assert all(one.share(what)[2] < 1 for one in cells for what in ("hidden", "seen"))
-    for one in cells:  # "the holes hardly matter", "seen vertices gain as much"
-        clean = next(other for other in cells if other.scans == one.scans and not other.holes)
-        assert abs(one.share("hidden")[0] - clean.share("hidden")[0]) < 0.04
-        assert abs(one.share("hidden")[0] - one.share("seen")[0]) < 0.04

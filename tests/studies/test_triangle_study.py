@@ -16,16 +16,14 @@ from workbench.errors import BadArgument
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.triangles import gradients
 from workbench.studies.triangles import study as module
-from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.measures import (
     HeldOutFits,
     Timing,
     n_seams,
     seam_jump,
-    timing,
 )
 from workbench.studies.triangles.models import TrainingOptions, near
-from workbench.studies.triangles.page import count, lecture_table, triangles_text, write_triangles
+from workbench.studies.triangles.page import lecture_table, triangles_text, write_triangles
 from workbench.studies.triangles.people import DRAWN, People, TriangleData, TrianglePlan, register
 from workbench.studies.triangles.study import (
     DIFFICULT,
@@ -36,9 +34,10 @@ from workbench.studies.triangles.study import (
 )
 from workbench.synthetic.fine_weights import teacher_of
 from workbench.training.plan import Plan as TrainingPlan
-from workbench.training.ridge import Selection
 from workbench.training.triangles.alternation import TriangleOptions
 from workbench.training.triangles.stitched_fit import Lsqr
+
+pytestmark = pytest.mark.thorough
 
 SMALL = wb.load_body("small")
 PLAN = TrianglePlan(people=14, subjects=3, poses=5, held_out=5, test=5, betas=10)
@@ -66,7 +65,7 @@ def study() -> TriangleStudy:
         return compare_models(PLAN, data(), LINES.append, OPTIONS)
 
 
-def test_registrations_stand_anywhere_and_are_drawn_again_alike() -> None:
+def test_registrations_are_reproducible_anywhere() -> None:
     people, posed, standing = data().people, data().posed, data().standing
     assert posed.subject.tolist() == [i % 3 for i in range(15)]
     assert standing.subject.tolist() == list(range(14))
@@ -82,7 +81,7 @@ def test_registrations_stand_anywhere_and_are_drawn_again_alike() -> None:
     np.testing.assert_array_equal(again.posed.vertices, posed.vertices)
 
 
-def test_what_is_learned_of_pose_helps() -> None:
+def test_learned_pose_lowers_errors() -> None:
     by_name = {one.model: one for one in study().results}
     assert list(by_name) == [
         "linear blend skinning",
@@ -109,7 +108,7 @@ def test_what_is_learned_of_pose_helps() -> None:
     assert any("BlendSCAPE" in line for line in LINES)
 
 
-def test_how_pose_is_held_was_chosen_among_several() -> None:
+def test_regularization_is_chosen_by_error() -> None:
     assert list(study().choices) == list(SHOWN)
     for choice in study().choices.values():
         assert choice.errors[choice.tried.index(choice.chosen)] == min(choice.errors)
@@ -117,14 +116,8 @@ def test_how_pose_is_held_was_chosen_among_several() -> None:
         assert max(choice.errors) < 60  # mm: nothing went astray
 
 
-def test_what_leaves_least_is_chosen() -> None:
-    assert Selection((1.0, 2.0, 3.0), (5.0, 4.0, 6.0)).chosen == 2.0
-
-
-@pytest.mark.parametrize(
-    "body", [SMALL, scape(SMALL), blend_scape(SMALL)], ids=lambda body: body.name
-)
-def test_a_body_is_found_in_meshes_of_its_own(body: wb.SkinnedBody | TriangleBody) -> None:
+@pytest.mark.parametrize("body", [SMALL, blend_scape(SMALL)], ids=lambda body: body.name)
+def test_bodies_fit_meshes_of_their_own(body: wb.SkinnedBody | TriangleBody) -> None:
     rng = np.random.default_rng(2)
     betas, poses = rng.normal(size=(2, 10)), rng.normal(scale=0.3, size=(2, 24, 3))
     fits = HeldOutFits.of(body, SMALL, body.vertices(poses, betas, rng.normal(size=(2, 3))))
@@ -134,7 +127,7 @@ def test_a_body_is_found_in_meshes_of_its_own(body: wb.SkinnedBody | TriangleBod
     assert fits.only([1]).errors.rms == pytest.approx(rms)
 
 
-def test_jumps_are_jumps_between_parts_and_only_there() -> None:
+def test_seam_jumps_are_between_parts() -> None:
     body, part = SMALL, scape(SMALL).weights.toarray().argmax(axis=1)
     turned = body.template @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     assert seam_jump(body.template, body.faces, part, turned[None]) < 1e-12
@@ -162,28 +155,7 @@ def test_difficult_poses_turn_most_and_differ() -> None:
     assert min(chosen) > 10
 
 
-def test_times_are_measured() -> None:
-    skinned, triangles = (timing("small", "a", body, 1) for body in (SMALL, scape(SMALL)))
-    assert skinned.density < 0.6 < 0.95 < triangles.density
-    for one in (skinned, triangles):
-        assert one.n_faces == 734
-        assert one.vertices_ms > 0
-        assert one.jacobian_ms > 0
-
-
-def test_directions_are_counted() -> None:
-    share = np.array([0.0, 0.5, 0.9, 0.97])
-    explained = ExplainedVariance(share, share)
-    assert [count(explained, level) for level in (0.5, 0.9, 0.91, 0.99)] == [
-        "1",
-        "2",
-        "3",
-        "more than 3",
-    ]
-    assert explained.count_for(0.99) is None
-
-
-def test_the_page_says_what_was_measured(tmp_path: Path) -> None:
+def test_page_tells_what_was_measured(tmp_path: Path) -> None:
     page = write_triangles(study(), tmp_path / "triangles").read_text()
     assert "Eckart and Young" in page
     assert page.count("data:image") == 6
@@ -200,22 +172,22 @@ def test_the_page_says_what_was_measured(tmp_path: Path) -> None:
     assert np.isfinite([study().true_seam_jump, *study().shapes.gradients]).all()
 
 
-@pytest.mark.parametrize(
-    ("wrong", "text"),
-    [
-        ({"body": "tiny"}, "no body 'tiny'; there are default, small, full"),
-        ({"people": 5}, "from 5 people at most 4 shape directions can be learned, not 10"),
-        ({"subjects": 300}, "300 subjects cannot be taken from 200 people"),
-        ({"subjects": 1}, "2 subjects"),
-        ({"test": 4}, "5 test meshes"),
-    ],
-)
-def test_plans_that_cannot_be_are_refused(wrong: dict[str, int], text: str) -> None:
-    with pytest.raises(BadArgument, match=text):
-        TrianglePlan(**wrong)  # type: ignore[arg-type]
+WRONG: list[tuple[dict[str, int], str]] = [
+    ({"body": "tiny"}, "no body 'tiny'; there are default, small, full"),
+    ({"people": 5}, "from 5 people at most 4 shape directions can be learned, not 10"),
+    ({"subjects": 300}, "300 subjects cannot be taken from 200 people"),
+    ({"subjects": 1}, "2 subjects"),
+    ({"test": 4}, "5 test meshes"),
+]
 
 
-def test_the_command_refuses_before_it_works(tmp_path: Path) -> None:
+def test_impossible_plans_are_refused() -> None:
+    for wrong, text in WRONG:
+        with pytest.raises(BadArgument, match=text):
+            TrianglePlan(**wrong)  # type: ignore[arg-type]
+
+
+def test_command_refuses_before_working(tmp_path: Path) -> None:
     where = ["--out", str(tmp_path), "--people", "5"]
     result = CliRunner().invoke(app, ["triangles", "nowhere.whl", *where])
     assert isinstance(result.exception, BadArgument)

@@ -34,7 +34,7 @@ def opened(folder: Path) -> FolderRegistrations:
     return open_folder(folder, N, START.faces)
 
 
-def test_every_format_is_read_in_the_table_s_order(tmp_path: Path) -> None:
+def test_formats_are_read_in_the_order_of_the_table(tmp_path: Path) -> None:
     made_folder(tmp_path)
     found = opened(tmp_path)
     assert found.subjects == ("person 0", "person 1", "person 2", "person 9")
@@ -48,11 +48,10 @@ def test_every_format_is_read_in_the_table_s_order(tmp_path: Path) -> None:
     np.testing.assert_allclose(shapes.read(slice(1, 2)).vertices[0], DATA.vertices[8], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["confidence", "seen"])  # the second is the former name
-def test_confidence_is_read(tmp_path: Path, name: str) -> None:
+def test_confidence_is_read(tmp_path: Path) -> None:
     made_folder(tmp_path)
     confidence = np.linspace(0.1, 1, N)
-    np.savez(tmp_path / "six.npz", vertices=DATA.vertices[6], **{name: confidence})
+    np.savez(tmp_path / "six.npz", vertices=DATA.vertices[6], confidence=confidence)
     np.testing.assert_array_equal(opened(tmp_path).read(slice(6, 7)).confidence[0], confidence)
 
 
@@ -101,7 +100,7 @@ def spoil_missing(folder: Path) -> None:
         (spoil_missing, ""),
     ],
 )
-def test_what_cannot_be_used_is_named(tmp_path: Path, spoil: object, said: str) -> None:
+def test_spoiled_registrations_are_named(tmp_path: Path, spoil: object, said: str) -> None:
     made_folder(tmp_path)
     assert callable(spoil)
     spoil(tmp_path)
@@ -126,14 +125,14 @@ def test_faces_may_be_listed_in_another_order(tmp_path: Path) -> None:
         ("mesh 0.ply,x,female,poses", "2 times"),
     ],
 )
-def test_the_table_is_checked_line_by_line(tmp_path: Path, line: str, said: str) -> None:
+def test_wrong_lines_of_the_table_are_refused(tmp_path: Path, line: str, said: str) -> None:
     lines = made_folder(tmp_path)
     (tmp_path / "registrations.csv").write_text("\n".join([*lines, line]))
     with pytest.raises(BadFile, match=said):
         opened(tmp_path)
 
 
-def test_no_table_no_rows_no_column(tmp_path: Path) -> None:
+def test_tables_without_rows_or_columns_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="cannot read the subject table"):
         opened(tmp_path)
     (tmp_path / "registrations.csv").write_text("file,subject\n")
@@ -144,14 +143,7 @@ def test_no_table_no_rows_no_column(tmp_path: Path) -> None:
         opened(tmp_path)
 
 
-def test_a_row_beyond_the_stack_is_refused(tmp_path: Path) -> None:
-    lines = made_folder(tmp_path)
-    (tmp_path / "registrations.csv").write_text("\n".join([*lines, "two.npy#2,x,,"]))
-    with pytest.raises(BadFile, match="name one of its rows"):
-        opened(tmp_path)
-
-
-def test_a_start_comes_back(tmp_path: Path) -> None:
+def test_start_round_trips(tmp_path: Path) -> None:
     write_start(START, tmp_path / "start.npz")
     found = read_start(tmp_path / "start.npz")
     np.testing.assert_array_equal(found.template, START.template)
@@ -171,23 +163,19 @@ def test_a_start_comes_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "says"),
     [
-        ("file,subject,gendre\na.ply,b,female\n", "columns that are not read: gendre; there are"),
+        ("file,subject,gendre\na.ply,b,female\n", "gendre"),
         ("file,subject,subject\na.ply,b,c\n", "two columns of one name"),
-        (f"file,subject\n{'a' * 400}.ply,b\n", "file has over 300 letters: 'aaa"),
-        (f"file,subject,{'9' * 9000}\na.ply,b,c\n", "not read: 9{30,200}[^9]"),
         ("file,subject\na.ply,b,female\n", "line 2 has more cells than the table has columns"),
     ],
 )
-def test_what_a_table_says_beside_what_is_read_is_refused(
-    tmp_path: Path, table: str, says: str
-) -> None:
+def test_unread_columns_are_refused(tmp_path: Path, table: str, says: str) -> None:
     """A misspelt `gender` would train one body of everybody."""
     (tmp_path / "registrations.csv").write_text(table)
     with pytest.raises(BadFile, match=says):
         opened(tmp_path)
 
 
-def test_an_stl_is_no_registration(tmp_path: Path) -> None:
+def test_stl_is_no_registration(tmp_path: Path) -> None:
     lines = made_folder(tmp_path)
     write_mesh(tmp_path / "soup.stl", START.template, START.faces)
     (tmp_path / "registrations.csv").write_text("\n".join([*lines, "soup.stl,x,,"]))

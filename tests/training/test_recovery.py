@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from benchmarks.ablations.study import generalization_errors
-from tests.training.annealing import annealed
 from workbench import SkinnedBody, load_body
 from workbench.geometry.rigid import procrustes
 from workbench.synthetic.made_up import (
@@ -24,10 +23,40 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions, BlockResult
-from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.first_guess import Start
+from workbench.training.estimate import TERMS, Estimate, Sigmas
+from workbench.training.first_guess import MOST_WEIGHTS, Start
 from workbench.training.objective import Objective
+from workbench.training.plan import NO_LIMIT, Plan, Stage
 from workbench.training.training import Trained, train
+
+pytestmark = pytest.mark.thorough
+
+
+FREE_ROUND = ("surfaces", "weights", "poses")
+TO_THE_END = 3000  # products in a step: directions that hardly change the data need that many
+EXACT = 1e-9  # m, rms of E_D: a thousandth of the accuracy that the model should have
+
+
+def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, inf)) -> Plan:
+    """A plan for registrations without noise, which switches every term but E_D off step by step.
+
+    Each lambda falls with the square of its factor; the last stage fits the data alone. Only
+    there the number of weights of a vertex is limited, because by then it is clear which of them
+    are zero. Only the last steps are solved to the end: joints that move few vertices are found
+    last.
+    """
+    free = BlockOptions(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
+    first = Stage(sigmas, FREE_ROUND, 3, free)
+    rest = [Stage(_loosened(sigmas, f), ("weights", "together"), options=free) for f in factors]
+    limited = replace(free, most_weights=MOST_WEIGHTS, products=TO_THE_END, enough=EXACT)
+    last = Stage(_loosened(sigmas, inf), ("cut", "weights", "together"), options=limited)
+    return Plan((first, *rest, last))
+
+
+def _loosened(sigmas: Sigmas, factor: float) -> Sigmas:
+    """Every sigma but the data's multiplied by a factor."""
+    return replace(sigmas, **{name: factor * getattr(sigmas, name) for name in TERMS})
+
 
 FACTORS = (1.0, 10.0, 100.0)
 TURN = 1.6  # rad, the largest
@@ -144,7 +173,7 @@ def at_the_truth(body: SkinnedBody, truth: Truth) -> Estimate:
     return Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
 
 
-def test_all_names_together_converge_as_gauss_and_newton_do(near: Near) -> None:
+def test_steps_in_all_names_converge_quadratically(near: Near) -> None:
     """Near the truth, off in every name, the residual falls faster and faster."""
     estimate, rms = near.estimate, [near.objective.rms(near.estimate)]
     for _ in range(4):
@@ -157,27 +186,15 @@ def test_all_names_together_converge_as_gauss_and_newton_do(near: Near) -> None:
     np.testing.assert_allclose(estimate.weights.sum(axis=1), 1, atol=1e-12)
 
 
-def test_steps_end_where_the_data_are_met_closely_enough(near: Near) -> None:
-    """Otherwise the last ones would only move rounding errors about, each as long as the others."""
-    whole = near.together(near.estimate, together_steps=4, products=30)
-    first = near.together(near.estimate, together_steps=1, products=30).estimate
-    enough = 2 * near.objective.rms(first)
-    short = near.together(near.estimate, together_steps=4, products=30, enough=enough)
-    assert whole.facts["steps"] > short.facts["steps"] == 1
-    assert near.together(first, together_steps=4, products=30, enough=enough).facts["steps"] == 0
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("start", "n_betas", "subjects", "poses", "ring"),
     [
         (jointed_tube(9, 6), 2, 5, 16, None),
-        (jointed_tube(25, 8), 4, 8, 12, None),
         (small_start(), 4, 6, 60, 12),
     ],
-    ids=["54 vertices, 6 joints", "200 vertices, 6 joints", "369 vertices, 24 joints"],
+    ids=["54 vertices, 6 joints", "369 vertices, 24 joints"],
 )
-def test_the_generator_is_recovered_from_segments_alone(
+def test_generator_is_recovered_from_segments(
     start: Start, n_betas: int, subjects: int, poses: int, ring: int | None
 ) -> None:
     found = recover(start, n_betas, subjects, poses, ring)
@@ -200,7 +217,7 @@ def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0
     return exact.rms(found)
 
 
-def test_with_noise_the_error_falls_as_the_count_of_unknowns_predicts() -> None:
+def test_error_falls_with_registrations_as_predicted() -> None:
     """Linear least squares: rms error / noise = sqrt(unknowns / equations).
 
     The unknowns stay the same, so with four times the registrations it is half as large.

@@ -12,7 +12,6 @@ from tests.training.known_poses import Direct
 from workbench import LevenbergMarquardt, Problem, diagnose, solve
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.errors import UnknownName
 from workbench.geometry.triangles import gradients
 from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
 from workbench.training.triangles.shape_space import learn_shapes
@@ -49,7 +48,7 @@ def symbolic() -> SymbolicTriangles:
 
 
 @pytest.mark.parametrize("blended", [False, True])
-def test_freed_arrays_move_the_points_as_new_arrays_do(blended: bool) -> None:
+def test_freed_arrays_move_points_as_new_arrays(blended: bool) -> None:
     body = generator(blended)
     learning = body.freed("template", "shapedirs", "posedirs")
     pose, betas, trans = (block.symbol for block in learning.blocks())
@@ -67,12 +66,8 @@ def test_freed_arrays_move_the_points_as_new_arrays_do(blended: bool) -> None:
     assert learning.joint_points(pose, betas, trans).source.blocks[-1].name == "posedirs"
 
 
-def test_only_arrays_of_numbers_are_freed() -> None:
-    with pytest.raises(UnknownName, match="weights"):
-        generator().freed("weights")
-
-
-def test_each_term_is_that_of_the_blocks() -> None:
+@pytest.mark.thorough
+def test_terms_are_those_of_the_blocks() -> None:
     form, (D, posed) = symbolic(), meshes()
     values = form.values()
     modelled = np.stack(
@@ -98,7 +93,8 @@ def test_each_term_is_that_of_the_blocks() -> None:
     assert costs == pytest.approx(expected, rel=1e-12)
 
 
-def test_bends_that_are_learned_are_a_minimum_of_the_problem() -> None:
+@pytest.mark.thorough
+def test_learned_bends_are_a_minimum_of_the_problem() -> None:
     form, (D, posed) = symbolic(), meshes()
     shaped = replace(generator(), shapedirs=np.moveaxis(D - np.eye(3), 0, 3))
     learned = learn_bends(
@@ -112,7 +108,8 @@ def test_bends_that_are_learned_are_a_minimum_of_the_problem() -> None:
     np.testing.assert_allclose(found["posedirs"], learned.posedirs, atol=1e-9)
 
 
-def test_a_person_that_is_learned_is_a_minimum_of_the_problem() -> None:
+@pytest.mark.thorough
+def test_learned_person_is_a_minimum_of_the_problem() -> None:
     form, (_, posed) = symbolic(), meshes()
     own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
     learned = learn_person(
@@ -126,7 +123,8 @@ def test_a_person_that_is_learned_is_a_minimum_of_the_problem() -> None:
     np.testing.assert_allclose(np.eye(3) + found["subject 0/shapedirs"][..., 0], learned, atol=1e-6)
 
 
-def test_directions_and_betas_slide_against_each_other() -> None:
+@pytest.mark.thorough
+def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
     """S alone leaves k^2 + k directions open: a matrix between them, and where the mean is."""
     k, people = 2, tube_body(rings=3).vertices(betas=RNG.normal(size=(6, 2)))
     shapes = learn_shapes(people, generator().faces, k)

@@ -13,13 +13,13 @@ from tests.training.known_poses import Direct, learn
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, gradients
+from workbench.geometry.triangles import edges
 from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,
 )
-from workbench.studies.triangles.measures import additivity_gap, n_parameters, unposed
-from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
+from workbench.studies.triangles.measures import additivity_gap, unposed
+from workbench.training.triangles.learning import PosedMeshes, learn_person
 from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
 from workbench.training.triangles.stitched_fit import (
     CentredVertices,
@@ -61,6 +61,7 @@ def untrained(true: TriangleBody) -> TriangleBody:
 # Recovery.
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("blended", "by", "measure"),
     [
@@ -69,7 +70,7 @@ def untrained(true: TriangleBody) -> TriangleBody:
     ],
     ids=["SCAPE", "BlendSCAPE"],
 )
-def test_what_a_model_generated_it_is_learned_back_from(
+def test_generators_are_learned_back(
     blended: bool, by: LeastSquares, measure: Callable[[Stitching], Measure]
 ) -> None:
     true = generator(blended)
@@ -87,29 +88,8 @@ def test_what_a_model_generated_it_is_learned_back_from(
     assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
 
 
-def test_fitting_each_triangle_alone_would_not_do() -> None:
-    # Q straight from each mesh's own gradients: what SCAPE's triangles ask for does not close
-    true = generator()
-    betas, posed = drawn(true, 50, 1)
-    at = [
-        true.arithmetic.evaluate(p, betas[i])
-        for p, i in zip(posed.poses, posed.person, strict=True)
-    ]
-    X = gradients(true.template, posed.vertices, true.faces)
-    Q = np.linalg.solve(np.stack([a.B @ a.D for a in at]), X) - np.eye(3)
-    twists = np.stack([a.twists for a in at])
-    posedirs = np.stack(
-        [
-            np.linalg.lstsq(twists[:, f], Q[:, f].reshape(len(Q), 9))[0].T.reshape(3, 3, -1)
-            for f in range(true.n_faces)
-        ]
-    )
-    alone = replace(true, posedirs=posedirs)
-    poses = np.random.default_rng(3).normal(scale=0.5, size=(10, 3, 3))
-    assert abs(alone.vertices(poses) - true.vertices(poses)).max() > 1e-3
-
-
-def test_one_person_is_learned_from_posed_meshes_alone() -> None:
+@pytest.mark.thorough
+def test_one_person_is_learned_from_posed_meshes() -> None:
     true = generator()
     beta = np.array([1.5, -1.0])
     rng = np.random.default_rng(4)
@@ -128,22 +108,11 @@ def test_one_person_is_learned_from_posed_meshes_alone() -> None:
     assert roughness[0] > roughness[1] > roughness[2]
 
 
-def test_a_stronger_ridge_keeps_q_nearer_to_the_identity() -> None:
-    true = generator()
-    betas, posed = drawn(true, 20, 5)
-    sizes = [
-        np.linalg.norm(learn_bends(true, posed, betas, ridge=ridge, by=Lsqr(1e-7)).posedirs)
-        for ridge in (1e-4, 1e-2, 1.0, 100.0)
-    ]
-    assert (np.diff(sizes) < 0).all()
-    assert sizes[-1] < 0.02 * sizes[0]
-
-
 # Its parts.
 
 
 @pytest.mark.parametrize("measure", [ClosedEdges, CentredVertices])
-def test_the_fit_is_the_dense_least_squares_solution(
+def test_stitched_fit_is_dense_least_squares(
     measure: Callable[[Stitching], Measure],
 ) -> None:
     rng = np.random.default_rng(6)
@@ -184,16 +153,7 @@ def test_closing_edges_is_an_orthogonal_projection() -> None:
     np.testing.assert_allclose(CentredVertices(stitching).observed(mesh), centred, atol=1e-12)
 
 
-def test_neighbours_of_a_tetrahedron_are_all_pairs() -> None:
-    pairs = neighbour_differences(TETRAHEDRON).toarray()
-    assert pairs.shape == (6, 4)
-    assert {tuple(np.flatnonzero(row)) for row in pairs} == {
-        (i, j) for i in range(4) for j in range(i + 1, 4)
-    }
-    np.testing.assert_array_equal(pairs.sum(axis=1), 0)
-
-
-def test_people_of_k_dimensions_have_k_components_and_are_met() -> None:
+def test_k_dimensional_people_have_k_components() -> None:
     rng = np.random.default_rng(8)
     betas = rng.normal(size=(12, 10))
     people = SMALL.vertices(betas=betas)
@@ -208,7 +168,7 @@ def test_people_of_k_dimensions_have_k_components_and_are_met() -> None:
     np.testing.assert_allclose(rebuilt, people - people.mean(axis=1, keepdims=True), atol=1e-10)
 
 
-def test_what_does_not_fit_together_is_refused() -> None:
+def test_mismatched_meshes_are_refused() -> None:
     true = generator()
     betas, posed = drawn(true, 3, 9)
     with pytest.raises(BadArgument, match="6 people tell up to 5 shape directions apart, not 6"):
@@ -238,8 +198,8 @@ def many_people(seed: int) -> np.ndarray:
     return np.asarray(people + 0.01 * bumps)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_vertex_components_explain_at_least_as_much_for_every_k(seed: int) -> None:
+@pytest.mark.parametrize("seed", range(1))
+def test_vertex_components_explain_no_less(seed: int) -> None:
     people = many_people(seed)
     vertices = explained_by_vertices(people, 23)
     triangles = explained_by_triangles(people, SMALL.faces, 23)
@@ -254,17 +214,7 @@ def test_vertex_components_explain_at_least_as_much_for_every_k(seed: int) -> No
         np.testing.assert_allclose(left, 1 - found.share[:20], atol=1e-12)
 
 
-def test_strangers_are_measured_about_the_same_mean() -> None:
-    people, others = many_people(0), many_people(1)
-    for found in (
-        explained_by_vertices(people, 23, others),
-        explained_by_triangles(people, SMALL.faces, 23, others),
-    ):
-        assert 0.5 < found.share[23] < 1
-        assert found.rms[23] < found.rms[0]
-
-
-def test_shape_and_pose_are_added_by_smpl_and_multiplied_by_scape() -> None:
+def test_smpl_adds_and_scape_multiplies_pose() -> None:
     rng = np.random.default_rng(10)
     pose, betas = rng.normal(scale=0.4, size=(24, 3)), rng.normal(size=10)
     np.testing.assert_allclose(additivity_gap(SMALL, pose, betas), 0, atol=1e-15)
@@ -277,18 +227,3 @@ def test_shape_and_pose_are_added_by_smpl_and_multiplied_by_scape() -> None:
     half = additivity_gap(bent, pose / 2, betas / 2)
     np.testing.assert_allclose(half, gap / 4, atol=1e-12)
     np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
-
-
-def test_parameters_are_counted() -> None:
-    body, J = scape(SMALL), SMALL.J_regressor.nnz
-    F, N = len(SMALL.faces), SMALL.n_vertices
-    assert n_parameters(body) == 3 * N + 9 * F * 10 + F + J
-    bent = replace(body, posedirs=np.ones_like(body.posedirs))
-    assert n_parameters(bent) == 3 * N + 9 * F * (10 + 6) + F + J
-    assert (
-        n_parameters(SMALL)
-        == 3 * N * (1 + 10)
-        + np.count_nonzero(SMALL.posedirs)
-        + np.count_nonzero(SMALL.weights)
-        + SMALL.J_regressor.nnz
-    )

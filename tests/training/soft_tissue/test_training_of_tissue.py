@@ -8,7 +8,7 @@ import pytest
 import workbench as wb
 from workbench.arrays import Array
 from workbench.errors import BadArgument
-from workbench.motions import SoftTissue
+from workbench.motions import Motion, SoftTissue
 from workbench.motions.soft_tissue import companion
 from workbench.motions.tissue_inputs import input_names
 from workbench.synthetic import simulate_tissue
@@ -29,16 +29,24 @@ SMALL = wb.load_body("small")
 PLAN = TissuePlan(components=8, parts=12)
 
 
-def simulated(seconds: float, seed: int, betas: Array | None = None) -> TissueClip:
+def moved(seconds: float, seed: int, betas: Array | None = None) -> Motion:
     motion = made_up_motion(SMALL, seconds, seed=seed, turn=0.1)
-    motion = replace(motion, betas=np.zeros(0) if betas is None else betas)
+    return replace(motion, betas=np.zeros(0) if betas is None else betas)
+
+
+def simulated(motion: Motion) -> TissueClip:
     return TissueClip(motion, simulate_tissue(SMALL, motion))
 
 
 @pytest.fixture(scope="module")
-def clips() -> list[TissueClip]:
+def motions() -> list[Motion]:
     rng = np.random.default_rng(1)
-    return [simulated(4.0, seed, rng.standard_normal(10)) for seed in range(8)]
+    return [moved(4.0, seed, rng.standard_normal(10)) for seed in range(8)]
+
+
+@pytest.fixture(scope="module")
+def clips(motions: list[Motion]) -> list[TissueClip]:
+    return [simulated(motion) for motion in motions]
 
 
 @pytest.fixture(scope="module")
@@ -46,25 +54,28 @@ def tissue(clips: list[TissueClip]) -> SoftTissue:
     return train_tissue(SMALL, clips, PLAN)
 
 
-def test_a_free_run_explains_an_unseen_clip(tissue: SoftTissue) -> None:
-    score = score_tissue(tissue, SMALL, simulated(4.0, 99, np.full(10, 0.3)))
+@pytest.mark.thorough
+def test_free_run_explains_an_unseen_clip(tissue: SoftTissue) -> None:
+    score = score_tissue(tissue, SMALL, simulated(moved(4.0, 99, np.full(10, 0.3))))
     assert tissue.spectral_radius < 1
     assert score.explained > 0.7
     assert score.error < score.rms
     assert score.frames == 240
 
 
-def test_forces_on_parts_are_what_explains_it(clips: list[TissueClip], tissue: SoftTissue) -> None:
+@pytest.mark.thorough
+def test_forces_on_parts_explain_the_motion(clips: list[TissueClip], tissue: SoftTissue) -> None:
     bare = train_tissue(SMALL, clips, replace(PLAN, parts=0))
-    unseen = simulated(4.0, 99)
+    unseen = simulated(moved(4.0, 99))
     assert score_tissue(bare, SMALL, unseen).explained < 0.5
     assert score_tissue(tissue, SMALL, unseen).explained > 0.7
 
 
-def test_a_known_model_and_its_gain_are_found_again(clips: list[TissueClip]) -> None:
+@pytest.mark.thorough
+def test_known_model_and_gain_are_recovered(motions: list[Motion]) -> None:
     """Tissue made by a model of this form, of people of different weight."""
     rng = np.random.default_rng(0)
-    everywhere = TissueClip(clips[0].motion, np.ones((240, SMALL.n_vertices, 3)))
+    everywhere = TissueClip(motions[0], np.ones((240, SMALL.n_vertices, 3)))
     part = soft_parts(SMALL, [everywhere], 2, seed=0)
     X = len(input_names(SMALL.joint_names, int(part.max()) + 1, 0))
     a = 0.99 * np.exp(1j * np.array([0.3, 0.5]))  # two wobbles of 2.9 and 4.8 Hz
@@ -83,10 +94,10 @@ def test_a_known_model_and_its_gain_are_found_again(clips: list[TissueClip]) -> 
     )
     made = [
         TissueClip(
-            c.motion,
-            true.displacements(SMALL, true.coefficients(SMALL, c.motion), c.motion.betas),
+            motion,
+            true.displacements(SMALL, true.coefficients(SMALL, motion), motion.betas),
         )
-        for c in clips
+        for motion in motions
     ]
     plan = TissuePlan(components=2, parts=2, ridge=0.0, most=0.998)
     found = train_tissue(SMALL, made, plan)
@@ -109,7 +120,8 @@ def test_stabilizing_scales_every_pole_alike() -> None:
     assert np.array_equal(already[0], 0.1 * A)
 
 
-def test_as_a_problem_its_rank_says_what_the_motion_excited(clips: list[TissueClip]) -> None:
+@pytest.mark.thorough
+def test_rank_tells_which_inputs_moved(clips: list[TissueClip]) -> None:
     """With the left hand still, factors of its velocity and acceleration are not determined."""
     hand = SMALL.joint_names.index("left_hand")
     held = []
@@ -135,17 +147,19 @@ def test_as_a_problem_its_rank_says_what_the_motion_excited(clips: list[TissueCl
     assert np.sum(left**2) == pytest.approx(np.sum(best**2), rel=1e-6)
 
 
-def test_what_cannot_be_trained_is_said(clips: list[TissueClip]) -> None:
-    slow = replace(clips[0], motion=replace(clips[0].motion, fps=30.0))
-    with pytest.raises(BadArgument, match=r"one rate; these have \[30.0, 60.0\]"):
-        train_tissue(SMALL, [*clips, slow])
-    with pytest.raises(BadArgument, match="32 components need 320 frames or more, not 240"):
-        train_tissue(SMALL, clips[:1])
+def test_untrainable_clips_are_refused(motions: list[Motion]) -> None:
+    still = [TissueClip(motion, np.zeros((240, SMALL.n_vertices, 3))) for motion in motions[:2]]
+    slow = replace(still[0], motion=replace(still[0].motion, fps=30.0))
+    with pytest.raises(BadArgument, match="one rate"):
+        train_tissue(SMALL, [*still, slow])
+    with pytest.raises(BadArgument, match="32 components"):
+        train_tissue(SMALL, still[:1])
     with pytest.raises(BadArgument, match="none at all"):
         train_tissue(SMALL, [])
 
 
-def test_inputs_that_hardly_moved_get_no_large_factors(clips: list[TissueClip]) -> None:
+@pytest.mark.thorough
+def test_still_inputs_get_no_large_factors(clips: list[TissueClip]) -> None:
     """A hand that trembled in the clips does not shake the tissue when it moves."""
     hand = SMALL.joint_names.index("left_hand")
     trembling = []

@@ -1,0 +1,209 @@
+"""Ensembles: moves leave a posterior as it is, and killed or stopped runs go on."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import emcee
+import numpy as np
+import pytest
+
+from tests.sampling.densities import gaussian
+from tests.sampling.interrupted_run import run
+from tests.tiers import few
+from workbench import Problem, WorkbenchError
+from workbench.blocks import threaded
+from workbench.sampling import MOVES, BiasedMove, Progress, sample
+from workbench.sampling.checkpoint import load
+from workbench.sampling.moves import (
+    Snooker,
+    Together,
+    differential_evolution,
+    refuse_biased,
+    stretch,
+)
+
+DIMENSIONS = (2, 10)
+
+
+def z_of_variance(moves: object, k: int, seed: int, steps: int, repeats: int = 12) -> float:
+    """How many standard errors the variance is off after starting in equilibrium.
+
+    The standard error is that of independent repeats, so no autocorrelation time is needed.
+    """
+    found = []
+    for repeat in range(repeats):
+        rng = np.random.default_rng([seed, k, repeat])
+        random = np.random.RandomState(rng.integers(2**32, size=4, dtype=np.uint32))
+        walkers = max(32, 4 * k)
+        sampler = emcee.EnsembleSampler(
+            walkers, k, lambda x: -0.5 * np.sum(x**2, axis=1), moves=moves, vectorize=True
+        )
+        start = emcee.State(rng.standard_normal((walkers, k)), random_state=random.get_state())
+        sampler.run_mcmc(start, steps)
+        found.append(np.mean(sampler.get_chain() ** 2))
+    return float((np.mean(found) - 1) / (np.std(found, ddof=1) / np.sqrt(repeats)))
+
+
+@pytest.mark.parametrize("k", few(DIMENSIONS, 1))
+@pytest.mark.parametrize("name", [*MOVES, "snooker alone"])
+def test_moves_are_unbiased(name: str, k: int) -> None:
+    moves = list(MOVES[name]()) if name in MOVES else Snooker()
+    steps = 150 if "snooker" not in name else 100
+    assert abs(z_of_variance(moves, k, seed=3, steps=steps)) < 4
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("k", [5])
+def test_emcees_snooker_is_biased(k: int) -> None:
+    if emcee.__version__ != "3.1.6":
+        pytest.skip("corrected upstream")
+    assert z_of_variance(emcee.moves.DESnookerMove(), k, seed=3, steps=200 if k < 5 else 60) < -4
+
+
+def test_biased_moves_are_refused() -> None:
+    wrong = ((emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2))
+    if emcee.__version__ == "3.1.6":
+        with pytest.raises(BiasedMove, match="Snooker"):
+            refuse_biased(wrong)
+        with pytest.raises(BiasedMove):
+            sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=20, moves=wrong)
+    for moves in (differential_evolution(), stretch(), MOVES["de-snooker"]()):
+        refuse_biased(moves)
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"),
+    [
+        (Together(emcee.moves.DEMove()), emcee.moves.DEMove()),
+        (Together(emcee.moves.DEMove(gamma0=1.0)), emcee.moves.DEMove(gamma0=1.0)),
+        (Together(emcee.moves.StretchMove()), emcee.moves.StretchMove()),
+    ],
+)
+def test_accepting_together_is_emcees_chain(ours: Together, theirs: emcee.moves.Move) -> None:
+    start = np.random.default_rng(0).standard_normal((12, 3))
+    chains = []
+    for move in (ours, theirs):
+        sampler = emcee.EnsembleSampler(
+            12, 3, lambda x: -0.5 * np.sum(x**2, axis=1), moves=move, vectorize=True
+        )
+        state = emcee.State(start, random_state=np.random.RandomState(1).get_state())
+        sampler.run_mcmc(state, 200)
+        chains.append((sampler.get_chain(), sampler.get_log_prob(), sampler.acceptance_fraction))
+    for mine, other in zip(*chains, strict=True):
+        np.testing.assert_array_equal(mine, other)
+
+
+@pytest.mark.parametrize("move", [Snooker(), emcee.moves.DEMove(), emcee.moves.StretchMove()])
+def test_moves_are_invariant_under_affine_maps(move: Snooker | emcee.moves.Move) -> None:
+    """Scaling and turning; snooker's factor alone is not the same under a shear."""
+    rng = np.random.default_rng(0)
+    s, c = rng.standard_normal((6, 3)), [rng.standard_normal((7, 3))]
+    Q = 4 * np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    move.setup(s)
+    y, factor = move.get_proposal(s, c, np.random.RandomState(5))
+    turned, again = move.get_proposal(s @ Q + 1, [c[0] @ Q + 1], np.random.RandomState(5))
+    np.testing.assert_allclose(turned, y @ Q + 1, atol=1e-12)
+    np.testing.assert_allclose(again, factor, atol=1e-12)
+
+
+@pytest.mark.thorough
+def test_killed_run_ends_bit_for_bit_as_uninterrupted(tmp_path: Path) -> None:
+    path = tmp_path / "draws.h5"
+    command = [sys.executable, "-W", "error", "-m", "tests.sampling.interrupted_run", str(path)]
+    child = subprocess.Popen(command, cwd=Path(__file__).parents[2])
+    deadline = time.monotonic() + 60
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.3)
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    saved, _ = load(path)
+    done = [len(one.chain) for one in saved]
+    assert 0 < min(done) < 200, f"{done} of 200 were drawn when it was killed"
+    taken_up, whole = run(str(path)), run(None)
+    np.testing.assert_array_equal(taken_up.draws, whole.draws)
+    np.testing.assert_array_equal(taken_up.log_prob, whole.log_prob)
+    assert taken_up.mixing.acceptance == whole.mixing.acceptance
+    assert [p.name for p in tmp_path.iterdir()] == ["draws.h5"]  # and no litter
+
+
+def test_stopped_runs_are_taken_up(tmp_path: Path) -> None:
+    problem, at = gaussian(np.eye(2)), {"x": np.zeros(2)}
+
+    def some(path: Path | None, stop: int) -> object:
+        return sample(
+            problem,
+            at,
+            steps=200,
+            walkers=8,
+            seed=1,
+            checkpoint=path,
+            stop_when_usable=False,
+            callback=lambda p: p.step >= stop,
+        )
+
+    first = some(tmp_path / "a.h5", 50)
+    assert first.interrupted  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(
+        some(tmp_path / "a.h5", 10**9).draws,  # type: ignore[attr-defined]
+        some(None, 10**9).draws,  # type: ignore[attr-defined]
+    )
+
+
+def test_interrupts_keep_draws() -> None:
+    def interrupt(progress: Progress) -> None:
+        if progress.step >= 100:
+            raise KeyboardInterrupt
+
+    posterior = sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=400, callback=interrupt)
+    assert posterior.interrupted
+    assert 50 < posterior.mixing.steps <= 100
+    assert "interrupted" in str(posterior)
+
+
+def test_checkpoints_of_other_runs_are_refused(tmp_path: Path) -> None:
+    path, at = tmp_path / "draws.h5", {"x": np.zeros(2)}
+
+    def draw(problem: object, seed: int = 1) -> None:
+        sample(problem, at, steps=40, walkers=8, seed=seed, checkpoint=path)  # type: ignore[arg-type]
+
+    draw(gaussian(np.eye(2)))
+    with pytest.raises(WorkbenchError, match="its seed is 1, not 2"):
+        draw(gaussian(np.eye(2)), seed=2)
+    with pytest.raises(WorkbenchError, match="draws of another run"):
+        draw(gaussian(np.eye(2), mean=1.0))
+    for limits in ((-1.0, 1.0), (-2.0, 2.0)):  # of a density that is the same at the start
+        problem = gaussian(np.eye(2))
+        with pytest.raises(WorkbenchError, match="draws of another run"):
+            draw(Problem(problem.residuals, "x", {"x": limits}, problem.free.blocks))
+    path.write_bytes(b"no draws at all")
+    with pytest.raises(WorkbenchError, match="no checkpoint"):
+        draw(gaussian(np.eye(2)))
+
+
+def test_missing_folders_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorkbenchError, match="cannot write"):
+        run(str(tmp_path / "nowhere" / "draws.h5"))
+
+
+def test_seeds_reproduce() -> None:
+    problem, at = gaussian(np.eye(3)), {"x": np.zeros(3)}
+    one, same, other = (sample(problem, at, steps=60, seed=s).draws for s in (4, 4, 5))
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+    assert len(np.unique(one[:, -1, 0, 0])) == 4  # ensembles are independent
+
+
+def test_draws_do_not_depend_on_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+    monkeypatch.setattr(threaded, "WORTH", 0.0)  # so that short rows are shared out too
+    for count in (1, 2, 3):
+        monkeypatch.setattr(threaded, "available_cores", lambda count=count: count)
+        drawn.append(
+            sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=60, walkers=20, seed=3).draws
+        )
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    np.testing.assert_array_equal(drawn[0], drawn[2])

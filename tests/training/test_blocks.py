@@ -1,0 +1,340 @@
+"""The blocks of training: shares, joints, surfaces, first guesses."""
+
+from dataclasses import replace
+from functools import partial
+from math import inf
+
+import numpy as np
+import pytest
+
+from tests.tiers import few
+from workbench import load_body
+from workbench.arrays import Array
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.posing import Posing
+from workbench.bodies.unposing import unpose
+from workbench.geometry.mesh_graph import NoMirror, find_mirror
+from workbench.geometry.solids import volume
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    draw_registrations,
+    jointed_tube,
+    random_smpl,
+)
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
+from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
+from workbench.training.executor import Execution, Processes
+from workbench.training.first_guess import Start
+from workbench.training.joint_regressor import fit_joint_regressor
+from workbench.training.normal_equations import NormalEquations, within
+from workbench.training.objective import Objective
+from workbench.training.pose_training import (
+    SegmentMotions,
+    joint_guess,
+    rotation_centres,
+)
+from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
+from workbench.training.progress import Progress
+from workbench.training.simplex import (
+    NoShares,
+    few_shares,
+    kkt_residual,
+    many_shares,
+    shares,
+)
+
+START = jointed_tube(7, 5)
+BODY = random_smpl(START, 2, seed=3)
+DATA, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
+OFF = dict.fromkeys(TERMS, inf)
+
+
+def true_estimate() -> Estimate:
+    people = BODY.vertices(betas=TRUTH.betas)
+    joints = np.stack([BODY.J_regressor @ person for person in people])
+    return Estimate(people, joints, BODY.posedirs, BODY.weights, TRUTH.poses, BODY.parents)
+
+
+def objective(sigmas: Sigmas, *, mirror: bool = False) -> Objective:
+    sides = START.mirror() if mirror else None
+    template = START.template if mirror else None
+    return Objective(DATA, START.rings(), START.weights(), sides, sigmas, template)
+
+
+def a_change(estimate: Estimate, size: float = 0.01) -> dict[str, Array]:
+    rng = np.random.default_rng(5)
+    change = {n: size * rng.standard_normal(getattr(estimate, n).shape) for n in NAMES}
+    return change | {"weights": within(change["weights"], estimate.weights > 0)}
+
+
+# Shares.
+
+
+def test_shares_meet_optimality_and_beat_corners() -> None:
+    rng = np.random.default_rng(1)
+    for n, rows in ((3, 9), (6, 20), (24, 10), (12, 300)):
+        B, v = rng.standard_normal((rows, n)), rng.standard_normal(rows)
+        G, c = B.T @ B, B.T @ v
+        w = shares(G, c, np.eye(n)[0])
+        assert kkt_residual(G, c, w, np.ones(n, dtype=bool)) < 1e-12
+        costs = [0.5 * e @ G @ e - c @ e for e in np.eye(n)]
+        assert 0.5 * w @ G @ w - c @ w <= min(costs) + 1e-12
+    # known: the nearest point of a segment
+    near = shares(np.eye(2), np.array([0.9, 0.3]), np.array([0.0, 1.0]))
+    np.testing.assert_allclose(near, [0.8, 0.2], atol=1e-14)
+    corner = shares(np.eye(2), np.array([3.0, 0.3]), np.array([0.5, 0.5]))
+    np.testing.assert_array_equal(corner, [1.0, 0.0])
+
+
+def test_few_shares_are_no_worse_than_the_start() -> None:
+    rng = np.random.default_rng(2)
+    B, v = rng.standard_normal((20, 60, 10)), rng.standard_normal((20, 60)) * 0.1
+    grams, rights = B.swapaxes(1, 2) @ B, (v[:, None] @ B)[:, 0]
+    start = np.zeros(10)
+    start[:4] = 0.25
+    found, kkt = few_shares(grams, rights, np.tile(start, (20, 1)), 4)
+    assert (np.count_nonzero(found, axis=1) <= 4).all()
+    assert kkt.max() < 1e-10
+    for G, c, w in zip(grams, rights, found, strict=True):
+        assert 0.5 * w @ G @ w - c @ w <= 0.5 * start @ G @ start - c @ start
+
+
+def test_many_shares_agree_with_single_ones() -> None:
+    """Also where a matrix is singular, or a row of its start is a corner."""
+    rng = np.random.default_rng(3)
+    B, v = rng.standard_normal((12, 9, 6)), rng.standard_normal((12, 9))
+    B[3, :, 1] = B[3, :, 0]  # two columns are the same
+    B[4] = 0
+    grams, rights = B.swapaxes(1, 2) @ B, (v[:, None] @ B)[:, 0]
+    starts = np.full((12, 6), 1 / 6)
+    starts[5] = np.eye(6)[2]
+    every = np.ones((12, 6), dtype=bool)
+    found = many_shares(grams, rights, starts, every)
+    for G, c, w, start in zip(grams, rights, found, starts, strict=True):
+        np.testing.assert_allclose(w, shares(G, c, start), atol=1e-12)
+    allowed = every.copy()
+    allowed[:, 4] = False
+    assert not many_shares(grams, rights, np.tile(np.eye(6)[0], (12, 1)), allowed)[:, 4].any()
+    with pytest.raises(NoShares, match="not finite"):
+        shares(np.full((2, 2), np.nan), np.zeros(2), np.array([0.5, 0.5]))
+
+
+def test_joint_regressor_holds_for_other_shapes() -> None:
+    betas = np.random.default_rng(8).standard_normal((5, 2))
+    people = BODY.vertices(betas=betas)
+    joints = np.stack([BODY.J_regressor @ person for person in people])
+    found = fit_joint_regressor(people[:3], joints[:3], START.rings())
+    assert found.kkt < 1e-8
+    rows = found.matrix.toarray()
+    assert rows.min() >= 0
+    np.testing.assert_allclose(rows.sum(axis=1), 1, atol=1e-14)
+    away = np.stack([found.matrix @ person for person in people]) - joints
+    assert np.abs(away[:, 1:]).max() < 1e-9  # also of the two that it has not seen
+    assert np.abs(rows - BODY.J_regressor.toarray())[1:].max() > 0.01  # a row is not determined
+    hull = people.min(axis=1)[:, None] - 1e-12, people.max(axis=1)[:, None] + 1e-12
+    regressed = np.stack([found.matrix @ person for person in people])
+    assert ((hull[0] <= regressed) & (regressed <= hull[1])).all()
+
+
+# The blocks.
+
+
+class Told:
+    """A report that remembers how many parts were finished."""
+
+    def __init__(self, done: list[int]) -> None:
+        self.done = done
+
+    def block(self, progress: Progress) -> None:
+        raise AssertionError("no block has ended")
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        self.done.append(done)
+
+
+@pytest.mark.parametrize("block", few(["poses", "surfaces", "weights", "together"], 3))
+def test_blocks_lower_the_cost_and_stay_at_the_truth(block: str) -> None:
+    held = objective(replace(Sigmas(data=0.001), **OFF))
+    away = true_estimate().moved(a_change(true_estimate(), 0.005))
+    kept = away.weights.clip(0)
+    away = replace(away, weights=kept / kept.sum(axis=1, keepdims=True))
+    found = BLOCKS[block](BlockInput(held, START.faces), away).estimate
+    assert held.cost(found) < 0.999 * held.cost(away)
+    np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-13)
+    assert found.weights.min() >= 0
+    at = BLOCKS[block](BlockInput(held, START.faces), true_estimate()).estimate
+    assert held.cost(at) < 1e-15
+
+
+@pytest.mark.thorough
+def test_surfaces_are_solved_in_one_linear_step() -> None:
+    """From anywhere, one block ends where the slope of the cost is zero."""
+    held = objective(Sigmas(), mirror=True)
+    away = true_estimate().moved(a_change(true_estimate(), 0.02))
+    found = BLOCKS["surfaces"](
+        BlockInput(held, START.faces, BlockOptions(linear_tolerance=1e-11)), away
+    ).estimate
+    names = ("templates", "posedirs", "joints")
+    before, after = (NormalEquations(held, e, names).slope for e in (away, found))
+    for name in names:
+        assert np.abs(after[name]).max() < 1e-7 * np.abs(before[name]).max()
+
+
+def test_weights_follow_their_prior_where_it_is_tight() -> None:
+    held = objective(replace(Sigmas(), weights=1e-7))
+    found = BLOCKS["weights"](BlockInput(held, START.faces), true_estimate())
+    np.testing.assert_allclose(found.estimate.weights, held.first_weights, atol=1e-6)
+    assert found.facts["kkt"] < 1e-8
+
+
+def test_body_of_subjects_is_the_estimate() -> None:
+    estimate = true_estimate()
+    body = body_of_subjects(estimate, START.faces)
+    for j, s in enumerate(DATA.subject):
+        np.testing.assert_allclose(
+            body.vertices(estimate.poses[j], np.eye(3)[s])[:35],
+            DATA.vertices[j] - TRUTH.trans[j],
+            atol=1e-12,
+        )
+
+
+@pytest.mark.thorough
+def test_poses_do_not_depend_on_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    estimate = replace(true_estimate(), poses=TRUTH.poses + 0.05)
+    fit = partial(fitted_poses, estimate, DATA, START.faces, VertexTerm(), 0.002, 3)
+    whole = fit().poses
+    assert np.abs(whole - TRUTH.poses).max() < 0.02
+    monkeypatch.setattr("workbench.training.poses.JOB_SIZE", 5)
+    told: list[int] = []
+    crowd = Execution(Processes(2), Told(told))
+    np.testing.assert_allclose(fit(crowd).poses, whole, atol=1e-12)
+    assert told[-1] == 12
+
+
+# Joints.
+
+
+def test_joints_are_centres_of_rigid_rotation() -> None:
+    """Each segment rigid, ball joints: the centres are near wherever the rings are."""
+    rng = np.random.default_rng(0)
+    joints = START.rings() @ START.template
+    poses = rng.uniform(-1, 1, (12, 6, 3))
+    posing = Posing.of(poses, START.parents)
+    shifts = np.einsum(
+        "km,jma->jka", ancestors(START.parents), np.einsum("jmab,mb->jma", posing.levers, joints)
+    )
+    motions = SegmentMotions(posing.world, shifts + rng.standard_normal((12, 1, 3)))
+    wrong = joints + 0.01 * rng.standard_normal(joints.shape)
+    found = rotation_centres(motions, DATA.subject, START.parents, wrong)
+    np.testing.assert_allclose(found[1:], joints[1:], atol=0.003)  # hold on a little to the rings
+    np.testing.assert_array_equal(found[0], wrong[0])
+
+
+@pytest.mark.thorough
+def test_joint_guess_is_nearer_than_rings() -> None:
+    """The rings of the embedded body's segments lie up to ten centimetres from its joints."""
+    body = load_body("small")
+    start = Start.of(body)
+    data, _ = draw_registrations(body, 3, 12, seed=0, turn=1.0)
+    guess = joint_guess(start, start.weights(), data)
+    np.testing.assert_allclose(np.asarray(guess.sum(axis=1)), 1, atol=1e-12)
+    assert guess.toarray().min() >= 0
+    away, before = (
+        np.linalg.norm((rows - body.J_regressor) @ start.template, axis=1)[1:]
+        for rows in (guess, start.rings())
+    )
+    assert before.max() > 0.08
+    assert away.mean() < 0.6 * before.mean()
+
+
+def test_held_templates_stay_at_the_first() -> None:
+    first = START.template
+    loose, tight = (
+        replace(objective(replace(Sigmas(), subjects=sigma)), template=first)
+        for sigma in (0.03, 1e-6)
+    )
+    estimate = true_estimate()
+    away = float(np.sum((estimate.templates - first) ** 2))
+    assert loose.costs(estimate)["E_T"] == pytest.approx(0.5 * away / 0.03**2)
+    found = BLOCKS["rest"](BlockInput(tight, START.faces), estimate).estimate
+    np.testing.assert_allclose(found.templates, first[None].repeat(3, axis=0), atol=1e-4)
+
+
+# Starting.
+
+
+def test_mirror_is_found_in_noise() -> None:
+    noisy = START.template + 0.005 * np.random.default_rng(0).standard_normal((35, 3))
+    mirror = find_mirror(noisy, START.faces)
+    np.testing.assert_allclose(START.template[mirror] * [-1, 1, 1], START.template, atol=1e-12)
+
+
+def test_mesh_without_sides_has_no_mirror() -> None:
+    flipped = START.faces.copy()
+    a, b, c = flipped[0]
+    other = next(f for f in range(1, len(flipped)) if {a, b} <= set(flipped[f].tolist()))
+    d = next(v for v in flipped[other].tolist() if v not in (a, b))
+    flipped[0], flipped[other] = (a, d, c), (d, b, c)
+    with pytest.raises(NoMirror, match="without symmetry"):
+        find_mirror(START.template, flipped)
+
+
+def test_weights_start_near_the_segments_and_rings_between_them() -> None:
+    weights = START.weights()
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
+    assert (weights > 0).sum(axis=1).max() <= 4
+    assert (weights.argmax(axis=1) == START.segmentation).mean() > 0.9
+    rings = START.rings()
+    np.testing.assert_allclose(np.asarray(rings.sum(axis=1)), 1, atol=1e-12)
+    left, right = (rings @ START.template)[[1, 2]]
+    np.testing.assert_allclose(left, right * [-1, 1, 1], atol=1e-12)
+    assert volume(START.template, START.faces) > 0
+
+
+# Un-posing.
+
+
+def test_unposed_meshes_pose_back() -> None:
+    strange = DATA.vertices[0] + 0.02 * np.random.default_rng(0).standard_normal((35, 3))
+    found = unpose(BODY, TRUTH.poses[0], strange)
+    person = replace(BODY, template=found.vertices)
+    np.testing.assert_allclose(person.vertices(TRUTH.poses[0]), strange, atol=1e-10)
+
+
+# Spoiling.
+
+
+def test_corruption_is_reproducible_by_seed() -> None:
+    corrupted = CorruptedRegistrations(DATA, seed=7, noise=0.002, missing=0.2, outliers=0.1)
+    whole = corrupted.read(slice(0, 12))
+    np.testing.assert_array_equal(corrupted.read(slice(5, 8)).vertices, whole.vertices[5:8])
+    assert (whole.confidence == 0).mean() == pytest.approx(0.2, abs=0.01)
+    away = np.linalg.norm(whole.vertices - DATA.vertices, axis=2)[whole.confidence > 0]
+    assert 0.05 < (away > 0.05).mean() < 0.2
+    assert np.median(away) < 0.006
+    assert not np.array_equal(
+        CorruptedRegistrations(DATA, 8, noise=0.002).read(slice(0, 12)).vertices, whole.vertices
+    )
+
+
+def test_missing_patches_cost_nothing() -> None:
+    hidden = CorruptedRegistrations(DATA, seed=7, missing=0.2)
+    exact = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
+    assert exact.cost(true_estimate()) < 1e-18
+
+
+def test_weak_joint_keeps_a_vertex() -> None:
+    body = load_body("small")
+    collar = body.joint_names.index("left_collar")
+    weights = body.weights.copy()
+    weights[:, collar] = np.minimum(weights[:, collar], 0.3)
+    weights[:, body.joint_names.index("spine3")] += 1 - weights.sum(axis=1)
+    start = Start.of(replace(body, weights=weights))
+    assert weights[start.segmentation == collar, collar].tolist() == [0.3]
+    collars = (collar, body.joint_names.index("right_collar"))
+    others = np.flatnonzero(~np.isin(start.segmentation, collars))
+    assert np.array_equal(start.segmentation[others], weights[others].argmax(axis=1))
+    weights[:, body.joint_names.index("spine3")] += weights[:, collar]
+    weights[:, collar] = 0
+    with pytest.raises(Exception, match="no vertex belongs to left_collar"):
+        Start.of(replace(body, weights=weights))

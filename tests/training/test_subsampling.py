@@ -1,0 +1,152 @@
+"""Training on some of the vertices first: subsampled meshes, masked systems, collapsed edges."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.sparse import csr_array, eye_array
+
+import workbench as wb
+from builder.collapsing import collapsed
+from workbench.errors import BadArgument
+from workbench.geometry.mesh_graph import find_mirror
+from workbench.geometry.solids import mesh_edges
+from workbench.synthetic.topology import Topology
+from workbench.training.blocks import BlockInput, BlockOptions, fit_poses
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.first_guess import Start
+from workbench.training.locality import MaskedCholesky, local_features
+from workbench.training.objective import Objective
+from workbench.training.plan import QUICK, Plan, Stage
+from workbench.training.registrations import InMemory
+from workbench.training.skinning_pass import SkinningPass
+from workbench.training.subsampling import subsample
+from workbench.training.upsampling import train_coarse_first
+
+BODY = wb.load_body("small")
+BALL = trimesh.creation.icosphere(3)  # 642 vertices
+
+
+def test_subsampled_ball_is_a_ball() -> None:
+    """Evenly spread, closed, and no vertex of the ball is far from those that were kept."""
+    points, faces = np.asarray(BALL.vertices), np.asarray(BALL.faces)
+    few = subsample(points, faces, 120)
+    kept = points[few.vertices]
+    assert len(few.vertices) == 120
+    assert np.linalg.norm(points[:, None] - kept, axis=2).min(axis=1).max() < 0.3
+    apart = np.linalg.norm(kept[:, None] - kept, axis=2) + 9 * np.eye(120)
+    assert apart.min() > 0.15
+    assert len(few.faces) == 2 * 120 - 4  # Euler: closed, without handles
+    assert len(mesh_edges(few.faces)) == 3 * 120 - 6
+
+
+def test_subsampled_body_moves_as_the_body() -> None:
+    """Its joints too, though the vertices that they were means of are gone."""
+    few = subsample(BODY.template, BODY.faces, 90)
+    rng = np.random.default_rng(0)
+    pose, betas = 0.4 * rng.normal(size=(24, 3)), rng.normal(size=10)
+    whole, sparse = BODY.vertices(pose, betas), few.body(BODY).vertices(pose, betas)
+    assert abs(sparse[:90] - whole[few.vertices]).max() < 1e-14
+
+
+def _posed() -> tuple[Estimate, Objective]:
+    rng = np.random.default_rng(1)
+    poses, subject = 0.3 * rng.normal(size=(4, 24, 3)), np.array([0, 0, 1, 1])
+    templates = BODY.template + 0.01 * rng.normal(size=(2, 1, 1)) * BODY.template
+    joints = np.stack([BODY.J_regressor @ T for T in templates])
+    truth = Estimate(templates, joints, BODY.posedirs, BODY.weights, poses, BODY.parents)
+    data = InMemory(SkinningPass.of(truth, slice(0, 4), subject).points, subject)
+    sigmas = Sigmas(rings=np.inf)
+    return truth, Objective(data, BODY.J_regressor, BODY.weights, None, sigmas, BODY.template)
+
+
+def test_poses_are_recovered_from_some_vertices() -> None:
+    truth, objective = _posed()
+    near = truth.moved({"poses": 0.02 * np.random.default_rng(2).normal(size=truth.poses.shape)})
+    for _ in range(4):
+        given = BlockInput(objective, BODY.faces, BlockOptions(pose_vertices=200))
+        near = fit_poses(given, near).estimate
+    assert objective.rms(near) < 1e-7
+
+
+def test_features_reach_so_many_bones() -> None:
+    weights = np.zeros((3, 4))
+    weights[[0, 1], [3, 0]] = 1
+    weights[2] = 0.99, 0.01, 0, 0  # too little to count
+    parents = (-1, 0, 1, 2)
+    for reach, far in ((0, "001 000 000"), (1, "011 100 100"), (3, "111 111 111")):
+        found = local_features(weights, parents, reach)
+        wanted = [[x == "1" for x in row] for row in far.split()]
+        assert np.array_equal(found, np.repeat(wanted, 9, axis=1))
+
+
+def test_masked_systems_are_solved() -> None:
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(30, 8))
+    gram, own = A.T @ A, rng.random((12, 8)) < 0.6
+    right = rng.normal(size=(12, 3, 8))
+    found = MaskedCholesky.of(gram, own).solved(right)
+    for x, b, mine in zip(found, right, own, strict=True):
+        assert not x[:, ~mine].any()
+        assert x[:, mine] @ gram[np.ix_(mine, mine)] == pytest.approx(b[:, mine])
+
+
+def test_short_edges_collapse_symmetrically() -> None:
+    every = Topology(csr_array(eye_array(BODY.n_vertices)), BODY.faces, BODY.mirror)
+    fewer = collapsed(every, BODY.template, 301)
+    points = fewer.follows @ BODY.template
+    mesh = trimesh.Trimesh(points, fewer.faces, process=False)
+    assert points.shape == (301, 3)
+    assert len(fewer.faces) == 2 * 301 - 4
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume == pytest.approx(trimesh.Trimesh(BODY.template, BODY.faces).volume, rel=0.1)
+    assert np.array_equal(find_mirror(points, fewer.faces), fewer.mirror)
+    with pytest.raises(BadArgument, match="does not come down to 300"):
+        collapsed(every, BODY.template, 300)
+    for count in (0, 370):
+        with pytest.raises(BadArgument, match="369 vertices"):
+            collapsed(every, BODY.template, count)
+
+
+@pytest.mark.thorough
+def test_large_mesh_is_trained_coarse_first(tmp_path: Path) -> None:
+    """Every vertex is found in the end, alike on both sides, and again from what is on disk."""
+    truth, objective = _posed()
+    data, start = objective.registrations, Start.of(BODY)
+    quick = Plan((Stage(Sigmas(), ("rest", "poses", "surfaces"), 1, QUICK),), 2)
+    train = partial(train_coarse_first, data, start, quick, folder=tmp_path, coarse=300)
+    found = train()
+    assert [entry.block for entry in found.log][:3] == ["rest", "poses", "surfaces"]
+    assert len(found.log) > 6
+    assert found.estimate.templates.shape == truth.templates.shape
+    assert found.objective.rms(found.estimate) < 0.002
+    near = found.objective.locality
+    assert near is not None
+    assert 0.05 < near.mean() < 0.5
+    assert not found.estimate.posedirs[~near[:, None] & np.ones((1, 3, 1), bool)].any()
+    again = train()
+    for name, array in found.estimate.arrays().items():
+        assert np.array_equal(array, again.estimate.arrays()[name])
+
+
+def test_scan_without_chosen_vertices_is_refused() -> None:
+    few = subsample(BODY.template, BODY.faces, 50)
+    confidence = np.ones((2, BODY.n_vertices))
+    confidence[1, few.vertices] = 0
+    data = InMemory(np.repeat(BODY.template[None], 2, axis=0), np.zeros(2, int), confidence)
+    assert few.registrations(data).read(slice(0, 1)).confidence.all()
+    with pytest.raises(BadArgument, match="registration 1 shows so little"):
+        few.registrations(data).read(slice(0, 2))
+
+
+def test_subsampled_mesh_keeps_its_sides() -> None:
+    mirror = Start.of(BODY).mirror()
+    assert mirror is not None
+    few = subsample(BODY.template, BODY.faces, 101, mirror.vertices)
+    own = few.mirror(mirror)
+    assert np.array_equal(own.vertices[own.vertices], np.arange(len(few.vertices)))
+    reflected = own.points(BODY.template[few.vertices])
+    assert reflected == pytest.approx(BODY.template[few.vertices], abs=1e-12)
