@@ -10,6 +10,7 @@ import pytest
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.fitting.depth_interval import depth_interval
 from workbench.fitting.doubts import doubts
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.keypoint_files import read_observations
@@ -200,3 +201,11 @@ def test_small_and_large_images_of_a_person_give_one_body() -> None:
         values = dict(setup.start) | solution.values
         found.append(body().joints(*(values[block.name] for block in body().blocks())))
     assert np.linalg.norm(found[0] - found[1], axis=1).max() < 0.02  # m
+
+
+def test_interval_of_a_camera_named_with_a_slash() -> None:
+    photo = photograph("cam/", SIZE, seen(*FRONT), {"K": K, "R": np.eye(3), "t": np.zeros(3)})
+    setup = image_fit(Observations(tuple(COCO), (photo,)), body(), "who?")
+    found = depth_interval(setup, setup.start)
+    assert found is not None
+    assert found.low < found.mean < found.high

@@ -136,7 +136,7 @@ def run(
     given, solver = solver, strategy(solver)
     wanted = setup.compared if compare else ()
     progress("differentiating")
-    warm_up(setup, [solver, *(strategy(SOLVERS[name]) for name in wanted)])
+    warm_up(setup, [solver])
     progress("solving")
     solution = solver.solve(setup.problem, setup.start, callback=callback)
     if not np.isfinite(solution.cost):
@@ -262,6 +262,7 @@ def _compare(
         progress(f"comparing: {name}")
         try:
             solver = SOLVERS[name] if setup.strategy is None else setup.strategy(SOLVERS[name])
+            warm_up(setup, [solver])
             found[name] = solver.solve(setup.problem, setup.start)
         except (KeyboardInterrupt, SystemError) as error:
             if not caused_by(error, KeyboardInterrupt):

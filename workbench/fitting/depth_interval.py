@@ -25,6 +25,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.fitting.setup import Measure, Setup, View
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.residuals import Residual
 
 OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
 Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
@@ -73,7 +74,7 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
     priors do not determine the distance, or if not one view was fitted.
     """
     fitted = [view for view in setup.views if not view.held_out]
-    if len(fitted) != 1 or setup.body is None:
+    if len(fitted) != 1 or setup.body is None or residual_of(setup, fitted[0]) is None:
         return None
     body, view = setup.body, fitted[0]
     R = matrix_from_vector(values[view.camera.rotation.name])
@@ -118,11 +119,17 @@ def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[A
         moved[i] = at[i] + np.concatenate([moves, -moves])
         ahead, behind = np.split(of(*moved), 2)
         slopes[free.slices[name]] = (ahead - behind) / (2 * STEP)
-    here, rows = setup.problem.linearize(values), f"keypoints({view.name})"
-    keypoints = next(one for one in setup.problem.residuals if one.name == rows)
+    here, keypoints = setup.problem.linearize(values), residual_of(setup, view)
+    assert keypoints is not None
     by_data = here.covariance @ slopes
     depth = view.camera.depths(body.joints(*at)[:1], values)[0]
     px = np.mean(values[view.camera.focal.name]) / depth  # of 1 m
-    data = here.dense[setup.problem.rows[rows]]
+    data = here.dense[setup.problem.rows[keypoints.name]]
     lever = px / float(keypoints.sigma) * np.linalg.norm(data @ by_data, axis=0)
     return of(*(one[None] for one in at))[0], np.sqrt(np.sum(slopes * by_data, axis=0)), lever
+
+
+def residual_of(setup: Setup, view: View) -> Residual | None:
+    """The residual of the keypoints of a view, or None if the problem has none of its name."""
+    name = f"keypoints({view.camera.prefix.rstrip('/')})"
+    return next((one for one in setup.problem.residuals if one.name == name), None)
