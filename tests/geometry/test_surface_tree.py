@@ -134,7 +134,7 @@ def test_gated_distances_are_those_of_an_exhaustive_search(way: Ways, facing: fl
     assert not found.normals[~there].any()
 
 
-@pytest.mark.parametrize("faces_count", few([9, 129, 1, 2, 7, 8, 16, 17, 64, 65, 600, 5000], 2))
+@pytest.mark.parametrize("faces_count", few([9, 129, 1, 2, 7, 8, 16, 17, 64, 65, 600], 2))
 def test_numpy_and_c_agree_to_the_last_bit(faces_count: int) -> None:
     rng = np.random.default_rng(faces_count)
     vertices = rng.normal(size=(5 + faces_count // 3, 3)) * [1, 2, 0.1]
