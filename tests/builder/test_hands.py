@@ -5,19 +5,21 @@ import pytest
 from scipy.sparse import csr_array
 
 from builder.collapsing import collapsed_part
-from builder.hands.anatomy import JOINT_NAMES, PARENTS, bone_of
+from builder.full_hands import held_fingers
+from builder.hands.anatomy import JOINT_NAMES
 from builder.hands.poses import ANGLES, DIP, HandPoses, draw_angles, pose_space
 from builder.hands.rest import to_flat
-from builder.hands.sets import HandTeacher, hand_rig
+from builder.hands.sets import HandTeacher
 from builder.hands.training import own_finger
 from builder.priced_blends import far_share, solved
-from builder.rigs import BODY
 from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.embedded import embedded, embedded_hand
+from workbench.bodies.files.embedded_with_hands import sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.synthetic.skeleton import PARENTS as BODY_PARENTS
-from workbench.synthetic.teacher import Teacher
 from workbench.training.ridge import Sums
+
+pytestmark = pytest.mark.thorough
 
 HAND = load_skinned("hand")
 JOINTS = HAND.joints()
@@ -88,16 +90,6 @@ def test_the_teacher_moves_a_hand_as_a_whole_and_leaves_it_at_rest() -> None:
     np.testing.assert_allclose(teacher.vertices(pose), turned, atol=1e-12)
 
 
-def test_bodies_and_hands_are_rigs_of_one_kind() -> None:
-    hand, rng = hand_rig(JOINTS, ENDS), np.random.default_rng(4)
-    assert BODY.teacher is Teacher
-    assert BODY.parents == BODY_PARENTS
-    for rig in (BODY, hand):
-        assert rig.draw(3, rng).shape == (3, len(rig.parents), 3)
-    assert hand.parents == PARENTS == HAND.parents
-    assert [bone_of(name) for name in ("wrist", "pinky3")] == ["wrist.R", "finger5-3.R"]
-
-
 def test_a_vertex_beyond_the_first_joint_follows_its_own_finger() -> None:
     weights = np.zeros((2, 16))
     weights[0, [0, 1, 2, 5]] = 0.1, 0.2, 0.5, 0.2  # index2, and middle2
@@ -142,3 +134,21 @@ def test_a_part_collapses_with_its_border_in_place() -> None:
     assert areas.sum() == pytest.approx(((n - 1) / n) ** 2)
     with pytest.raises(BadArgument, match="does not come down"):
         collapsed_part(grid, np.array(faces), border, 3)
+
+
+def test_bent_fingers_are_found_from_the_surface() -> None:
+    hand = embedded_hand()
+    pose = np.random.default_rng(0).normal(0, 0.15, (16, 3))
+    pose[0] = 0
+    betas = np.array([1.0, -0.5])
+    found, rms = held_fingers(hand, hand.vertices(pose, betas, [0.3, 0.2, 0.1]))
+    assert rms < 1e-4
+    np.testing.assert_array_equal(found[0], 0)
+    np.testing.assert_allclose(found, pose, atol=0.02)
+
+
+def test_shipped_finger_pose_is_found_again() -> None:
+    sewing = sewing_of("full")
+    found, rms = held_fingers(embedded_hand(), embedded("full").template[sewing.vertices])
+    np.testing.assert_allclose(found, sewing.held, atol=1e-6)
+    assert round(1e3 * rms, 2) == 1.06  # mm, as PROVENANCE.md says
