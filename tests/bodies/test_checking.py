@@ -1,6 +1,5 @@
 """Each fault of a model file is found and said, and nothing is found in good ones."""
 
-import itertools
 import re
 from collections.abc import Callable
 from functools import cache
@@ -16,8 +15,6 @@ from tests.tiers import few
 from workbench.bodies import FileCheck, check_body_file, mirrored, pose_space
 from workbench.bodies.catalogue import BODIES, load_body, load_skinned
 from workbench.bodies.checking.check_file import check_contents
-from workbench.bodies.checking.model_arrays import model_arrays
-from workbench.bodies.checking.trees import EXCHANGED, FAR, joints_away
 from workbench.bodies.files.saving import arrays_of, save_body
 from workbench.errors import BadFile
 
@@ -46,7 +43,7 @@ def test_shipped_bodies_have_no_findings(name: str) -> None:
     assert found.facts["loads"] == "yes"
 
 
-@pytest.mark.parametrize("base", ["SMPL_MALE", "MANO_RIGHT", "MANO_LEFT", "SMPLH_NEUTRAL"])
+@pytest.mark.parametrize("base", few(["SMPL_MALE", "MANO_LEFT", "MANO_RIGHT", "SMPLH_NEUTRAL"], 2))
 def test_same_bodies_in_other_layouts_have_no_warnings(base: str) -> None:
     found = checked(base, lambda raw: {})
     assert found.warnings == ()
@@ -112,20 +109,6 @@ def parent(k: int, value: int) -> Change:
     return change
 
 
-def joint_pulled(k: int, metres: float) -> Change:
-    """A joint outside of its skin, along x, by a row of the regressor that still sums to 1."""
-
-    def change(raw: Entries) -> Entries:
-        x = raw["v_template"][:, 0]
-        row = np.zeros(len(x))
-        row[[x.argmax(), x.argmin()]] = 1, -1
-        regressor = raw["J_regressor"].copy()
-        regressor[k] -= row * metres / np.ptp(x)
-        return {"J_regressor": regressor}
-
-    return change
-
-
 def put(**changes: Any) -> Change:
     return lambda raw: changes
 
@@ -165,7 +148,6 @@ LENGTHS = ("v_template", "shapedirs", "posedirs")
 COLLARS = [*range(13), 14, 13, *range(15, 24)]
 ELBOWS = [*range(16), 18, 19, 16, 17, *range(20, 24)]
 NEGATIVE = np.eye(369, 24, 1) * 1.2 - np.eye(369, 24) * 1.2
-OF_KNEE = np.where(np.arange(24) == 4, 0.9, 1)[:, None]
 UNMIRRORED = np.array([-1, 1, 1])[:, None]
 # A name for each fault, the file, what is changed, the key that is blamed, and what is said.
 FAULTS: dict[str, tuple[str, Change, str, str]] = {
@@ -217,25 +199,15 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "weights",
         "below zero",
     ),
-    "regressor of 0.9": (
-        BODY,
-        computed("J_regressor", lambda r: r * OF_KNEE),
-        "J_regressor",
-        "0.9",
-    ),
     "face out of range": (BODY, at("f", (7, 2), 5000), "f", r"face 7 is \[\d+, \d+, 5000\]"),
-    "circle": (BODY, parent(4, 7), "kintree_table", "their own ancestors"),
     "unknown parent": (BODY, parent(4, 99), "kintree_table", "parent 99, which is no joint"),
-    "second root": (BODY, parent(5, -1), "kintree_table", "joint 0 alone has no parent"),
     "rows swapped": (
         BODY,
         computed("kintree_table", lambda t: t[::-1]),
         "kintree_table",
         "swapped",
     ),
-    "joint far out": (BODY, joint_pulled(23, 0.4), "J_regressor", "1 joint is far from the skin"),
     "shape in millimetres": (BODY, scaled(1000, "shapedirs"), "shapedirs", "another unit than"),
-    "hand in centimetres": (RIGHT, scaled(100, *LENGTHS), "v_template", "too large for MANO"),
     "betas cut off": (BODY, put(num_betas=np.array(300)), "num_betas", "cut to 10 of 300"),
     "weights of another mesh": (
         BODY,
@@ -295,24 +267,6 @@ def test_numbers_of_shape_and_expression_are_judged() -> None:
         about = [finding for finding in found.findings if finding.part == "shapedirs"]
         assert [finding.warning for finding in about] == ([warned] if says else [])
         assert says in "".join(finding.text for finding in about)
-
-
-@pytest.mark.parametrize("name", few(["default", "hand"], 1))
-def test_most_exchanges_of_two_joints_are_seen(name: str) -> None:
-    """The bounds leave room to what the embedded bodies have."""
-    away = joints_away(model_arrays(dict(arrays_of(load_body(name))), name))
-    assert away is not None
-    assert 0.01 < np.nanmax(np.diag(away)) < FAR / 2
-    K, seen = len(away), []
-    for i, j in itertools.combinations(range(K), 2):
-        order = np.arange(K)
-        order[[i, j]] = j, i
-        own = np.diag(away[order])
-        gains = own[:, None] + own - away[order] - away[order].T
-        seen.append(bool(np.nanmax(gains) > EXCHANGED or np.nanmax(own) > FAR))
-    assert np.mean(seen) > 0.95
-    own = np.diag(away)
-    assert np.nanmax(own[:, None] + own - away - away.T - np.eye(K)) < 0
 
 
 # Files.

@@ -78,6 +78,7 @@ def test_regressors_are_sparse_convex_combinations(body: SkinnedBody) -> None:
         assert np.diff(regressor.indptr).max() <= 40
 
 
+@pytest.mark.thorough
 def test_tree_is_that_of_smpl(body: SkinnedBody) -> None:
     names, parents = body.joint_names, body.parents
     assert parents[0] == -1
@@ -115,6 +116,7 @@ def test_template_stands_in_the_t_pose(body: SkinnedBody) -> None:
     assert breadth > 1.5 * thickness  # flat, lying horizontally
 
 
+@pytest.mark.thorough
 def test_stature_and_proportions_are_those_of_people(body: SkinnedBody) -> None:
     stature, span = np.ptp(body.template[:, 1]), np.ptp(body.template[:, 0])
     lowest, highest = STATURE[body.card["trained_on"]["of"]]
@@ -136,6 +138,7 @@ def test_shape_directions_are_orthogonal_and_in_order(body: SkinnedBody) -> None
     assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
 
 
+@pytest.mark.thorough
 def test_shape_directions_make_people_larger(body: SkinnedBody) -> None:
     def person(k: int, beta: float) -> trimesh.Trimesh:
         vertices = body.template + beta * body.shapedirs[:, :, k]
@@ -212,6 +215,7 @@ def test_held_out_errors_on_the_card_are_small(body: SkinnedBody) -> None:
     assert met["their_shape_variance_explained"] > 0.95
 
 
+@pytest.mark.thorough
 def test_card_says_where_the_numbers_come_from(name: str, body: SkinnedBody) -> None:
     card = body.card
     assert card["name"] == name

@@ -19,10 +19,8 @@ from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import with_hands
 from workbench.bodies.sewn_mesh import border, sewn_mesh
 from workbench.errors import BadBody, UnknownName
-from workbench.fitting.body_priors import pose_gaussian
 from workbench.fitting.keypoint_problem import landmark_set
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
-from workbench.priors.poses import shipped_gaussian
 
 pytestmark = pytest.mark.thorough
 
@@ -30,7 +28,6 @@ FULL, HAND, BODY = embedded("full"), embedded_hand(), load_skinned("full-hands")
 SEWING = sewing_of("full")
 MESH = sewn_mesh(FULL, HAND.faces, SEWING.vertices)
 RIGHT, LEFT = slice(37, 52), slice(22, 37)
-NEEDS_SMPLX = "smplx and torch are needed to compare with smplx: pip install '.[bench]'"
 
 
 def in_both(fingers: np.ndarray) -> np.ndarray:
@@ -190,45 +187,6 @@ def test_saved_file_is_smpl_h_and_comes_back(written: Path) -> None:
     assert ids["rpinky"] == tips["right_pinky_tip"]
 
 
-@pytest.mark.filterwarnings("default")  # smplx and torch have warnings of their own
-@pytest.mark.parametrize("components", [0, 12])
-def test_smplx_opens_the_file_as_smpl_h(written: Path, components: int) -> None:
-    smplx = pytest.importorskip("smplx", reason=NEEDS_SMPLX)
-    torch = pytest.importorskip("torch", reason=NEEDS_SMPLX)
-    ids = json.loads(written.with_name("SMPLH_NEUTRAL_vertex_ids.json").read_text())
-    theirs = smplx.create(
-        str(written.parents[1]),
-        model_type="smplh",
-        ext="pkl",
-        vertex_ids=ids,
-        use_pca=components > 0,
-        num_pca_comps=max(components, 1),
-        flat_hand_mean=components == 0,
-    )
-    pose, betas, trans = someone(2)
-    hands = {"left": pose[LEFT].ravel(), "right": pose[RIGHT].ravel()}
-    if components:  # which smplx adds to the mean
-        for side, fingers in (("left", LEFT), ("right", RIGHT)):
-            space = pose_space(BODY, components, side)
-            hands[side] = space.deviations * np.random.default_rng(3).standard_normal(components)
-            pose[fingers] = space.poses(BODY, hands[side])[fingers]
-    given = {
-        "betas": betas,
-        "global_orient": pose[0],
-        "body_pose": pose[1:22].ravel(),
-        "left_hand_pose": hands["left"],
-        "right_hand_pose": hands["right"],
-        "transl": trans,
-    }
-    with torch.no_grad():
-        found = theirs(**{k: torch.tensor(a[None], dtype=torch.float32) for k, a in given.items()})
-    joints = BODY.joints(pose, betas, trans)
-    away = abs(found.vertices.numpy()[0] - BODY.vertices(pose, betas, trans)).max()
-    print(f"vertices {away:.1e} m")
-    assert away < 2e-6  # m, in single precision; 4e-7 was seen
-    assert abs(found.joints.numpy()[0, :52] - joints).max() < 2e-6
-
-
 def test_pose_space_of_one_hand_or_both() -> None:
     both, left, right = (pose_space(BODY, 6, side) for side in (None, "left", "right"))
     assert both.joints == left.joints + right.joints == BODY.joint_names[22:]
@@ -282,18 +240,6 @@ def test_landmarks_of_hands_are_near_joints() -> None:
     assert landmark_set(BODY, FULL.landmark_names("coco")) == "coco"
     assert landmark_set(BODY, ["nose", "left_index1"]) == "coco_with_hands"
     assert landmark_set(FULL, ["nose", "left_index1"]) == "coco"
-
-
-def test_prior_joins_recorded_poses_and_pose_space() -> None:
-    mean, covariance = pose_gaussian(BODY)
-    learned, space = shipped_gaussian(), pose_space(BODY)
-    np.testing.assert_array_equal(mean[:21].ravel(), learned.mean[:63])
-    np.testing.assert_array_equal(covariance[:63, :63], learned.covariance[:63, :63])
-    np.testing.assert_array_equal(mean[21:], space.mean)
-    rows = space.components.reshape(90, -1)
-    expected = rows.T @ np.diag(space.deviations**2) @ rows + 0.1**2 * np.eye(90)
-    np.testing.assert_allclose(covariance[63:, 63:], expected, atol=1e-12)
-    assert not covariance[:63, 63:].any()
 
 
 def test_capsules_are_those_of_the_body() -> None:

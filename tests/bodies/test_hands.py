@@ -60,6 +60,7 @@ def test_mesh_of_the_hand_is_open_at_the_wrist() -> None:
     assert outwards[back].mean() > 0.3
 
 
+@pytest.mark.thorough
 def test_hand_lies_flat_palm_down() -> None:
     at = dict(zip(HAND.joint_names, HAND.joints(), strict=True))
     assert abs(at["wrist"]).max() < 1e-12
@@ -96,6 +97,7 @@ def test_pose_blend_shapes_are_local() -> None:
     assert HAND.card["pose_blend_shapes"]["share_beyond_4_cm"] <= 0.10
 
 
+@pytest.mark.thorough
 def test_card_says_that_no_hand_was_measured() -> None:
     for body in (HAND, LEFT):
         text = " ".join([body.card["synthetic"], *body.card["provenance"]])
@@ -170,6 +172,7 @@ def test_hand_is_posed_by_coefficients() -> None:
     np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_first_two_components_are_synergies() -> None:
     shares = np.cumsum(SPACE.deviations**2) / np.sum(SPACE.deviations**2)
     assert 0.78 < shares[1] < 0.92
@@ -179,6 +182,7 @@ def test_first_two_components_are_synergies() -> None:
     assert (np.sign(bent) == np.sign(bent[0])).all()  # all fingers bend together
 
 
+@pytest.mark.thorough
 def test_pose_space_is_read_from_mano_arrays() -> None:
     rng = np.random.default_rng(3)
     rows, coefficients = rng.standard_normal((45, 45)), rng.standard_normal((7, 45))

@@ -4,7 +4,6 @@ import copy
 import pickle
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -17,10 +16,10 @@ from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.bodies.triangles.recipes import nearest_joints, one_part
+from workbench.bodies.triangles.recipes import one_part
 from workbench.errors import BadBody, UnknownName
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-from workbench.geometry.triangles import edges, gradients
+from workbench.geometry.triangles import edges
 
 
 def bent(body: TriangleBody, seed: int = 0) -> TriangleBody:
@@ -43,7 +42,7 @@ MADE = {
     "small BlendSCAPE": lambda: bent(blend_scape(wb.load_body("small"))),
 }
 EACH = pytest.mark.parametrize("name", few(MADE, ("SCAPE", "BlendSCAPE")))
-EACH_TUBE = pytest.mark.parametrize("name", few([n for n in MADE if "small" not in n], 2))
+EACH_TUBE = pytest.mark.parametrize("name", few([n for n in MADE if "small" not in n], 1))
 SKINNED = pytest.mark.parametrize("name", few(["tube", "small"], 1))
 
 
@@ -169,17 +168,6 @@ def _largest_jump(body: TriangleBody, pose: np.ndarray) -> float:
     return max(float(np.linalg.norm(X[f] - X[g])) for f, g in edge_faces.values())
 
 
-def test_rigid_parts_keep_their_shape_away_from_the_seams() -> None:
-    small, bend = skinned("small"), np.zeros((24, 3))
-    body = scape(small)
-    bend[small.joint_names.index("left_knee")] = [2.0, 0, 0]
-    X = gradients(body.template, body.vertices(bend), body.faces)
-    head = body.weights.toarray()[:, small.joint_names.index("head")] == 1
-    stretched = np.linalg.svd(X[head], compute_uv=False)
-    np.testing.assert_allclose(stretched, 1, atol=0.01)
-    assert head.sum() > 50
-
-
 def test_twists_do_not_come_back_at_2_pi() -> None:
     body = made("SCAPE")
     pose = np.zeros((3, 3))
@@ -189,17 +177,6 @@ def test_twists_do_not_come_back_at_2_pi() -> None:
     plain = replace(body, posedirs=0 * body.posedirs)
     np.testing.assert_allclose(plain.vertices(pose), plain.vertices(around), atol=1e-13)
     assert abs(body.vertices(pose) - body.vertices(around)).max() > 0.01
-
-
-def test_faces_follow_joints_where_parts_meet() -> None:
-    # a chain 0 - 1 - 2 - 3 along x
-    joints = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
-    parents, middles = (-1, 0, 1, 2), np.array([[1.1, 0, 0], [1.9, 0, 0], [3.5, 0, 0], [0.1, 0, 0]])
-    part = np.array([1, 1, 3, 0])
-    found = nearest_joints(middles, joints, part, parents, 2)
-    # the third: its own, then the nearest other; the root's part: its child, then the nearest
-    assert found.tolist() == [[1, 2], [2, 1], [3, 2], [1, 2]]
-    assert nearest_joints(middles, joints, part, parents, 9).shape == (4, 3)
 
 
 # Derivatives, and the two ways to the same numbers.
@@ -303,14 +280,6 @@ def test_batches_are_the_poses_one_by_one(name: str, count: int) -> None:
         np.testing.assert_allclose(found[i], alone, rtol=0, atol=1e-11 * (1 + abs(alone).max()))
 
 
-def test_costs_of_many_poses_are_those_of_each() -> None:
-    problem = whole_problem("BlendSCAPE")
-    rng = np.random.default_rng(0)
-    x, fixed = 0.3 * rng.normal(size=(20, problem.free.size)), np.zeros(0)
-    each = [0.5 * np.sum(problem.residual(one, fixed) ** 2) for one in x]
-    np.testing.assert_allclose(problem.costs(x[0], fixed)(x), each, rtol=1e-11)
-
-
 def test_body_copies_and_pickles() -> None:
     body = made("SCAPE")
     arguments = some_arguments(body)
@@ -328,21 +297,18 @@ def test_unknown_names_and_vertices_are_refused() -> None:
         body.points(*symbols(body), vertices=[22])
 
 
-@pytest.mark.parametrize(
-    ("wrong", "text"),
-    [
+def test_arrays_that_do_not_fit_are_refused() -> None:
+    for wrong, text in (
         ({"shapedirs": np.zeros((40, 3, 2))}, "shapedirs has shape"),
-        ({"near": np.zeros((40, 2), dtype=int)}, r"face 0 is near the joints \[0, 0\]"),
+        ({"near": np.zeros((40, 2), dtype=int)}, "face 0 is near the joints"),
         ({"weights": np.ones((40, 3))}, "weights of face 0 sum to 3"),
         ({"template": np.full((22, 3), np.nan)}, "not finite"),
         ({"template": np.ones((22, 3))}, "has no area"),
         ({"faces": np.full((40, 3), 22)}, "there are 22 vertices"),
         ({"parents": (-1, 2, 1)}, "joint 1 has parent 2"),
-    ],
-)
-def test_arrays_that_do_not_fit_are_refused(wrong: dict[str, Any], text: str) -> None:
-    with pytest.raises(BadBody, match=text):
-        replace(made("SCAPE"), **wrong)
+    ):
+        with pytest.raises(BadBody, match=text):
+            replace(made("SCAPE"), **wrong)
 
 
 def test_meshes_in_pieces_and_bent_templates_are_refused() -> None:
@@ -402,14 +368,3 @@ def test_jacobian_is_dense_and_sees_every_direction() -> None:
     assert sparse.density < 0.6 < 0.95 < dense.density
     assert dense.rank == 85
     assert dense.null_directions == ()
-
-
-def test_rank_law_of_bones_is_not_claimed() -> None:
-    body = made("small SCAPE")
-    target = body.joints()
-    residual = wb.residuals.landmarks(body.joint_points(*symbols(body)), target, sigma=0.01)
-    problem = wb.Problem([residual], ("pose", "trans"))
-    seen = wb.diagnose(problem, body.start() | {"pose": some_arguments(body)[0]})
-    assert seen.rank_law is None
-    assert seen.rank > 43  # twists move the joints of a surface
-    assert problem.row_label(0).endswith("[pelvis, x]")

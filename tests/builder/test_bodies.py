@@ -160,6 +160,7 @@ def test_shape_space_is_found_again(small, mirror: Mirror) -> None:  # type: ign
     assert abs(space.betas(people) - betas).max() < 1e-3
 
 
+@pytest.mark.thorough
 def test_joint_regressor_is_found_again(small) -> None:  # type: ignore[no-untyped-def]
     rng = np.random.default_rng(0)
     betas = rng.normal(size=(80, 10))

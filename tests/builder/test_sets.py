@@ -20,7 +20,7 @@ from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel
-from workbench.training.registrations import InMemory, RegistrationSubset
+from workbench.training.registrations import InMemory
 from workbench.training.skinning_pass import SkinningPass
 
 pytestmark = pytest.mark.thorough
@@ -38,21 +38,6 @@ def subjects() -> Subjects:
     regressor = BODY.J_regressor.toarray()
     female = np.array([True, False, True, False])
     return Subjects(people, joints, female, BODY.weights, fine, regressor)
-
-
-def test_options_of_the_command_are_in_the_recipe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[SetRecipe] = []
-    monkeypatch.setattr(sets, "make_sets", lambda sources, recipe, *_: asked.append(recipe))
-    monkeypatch.setattr(sets, "gather_sources", lambda *_: None)
-    monkeypatch.setattr(sets, "Wheel", lambda path: path)
-    options = "--body full --vertices 6890 --people 5 --subjects 4 --poses 3"
-    for held_out in ("--held-out 2", "--strangers 2"):  # the second is the former name
-        line = f"sets WHEEL --out {tmp_path} {options} {held_out} --others 1 --seed 9"
-        monkeypatch.setattr("sys.argv", line.split())
-        sets.main()
-    assert asked == 2 * [SetRecipe("full", 5, 4, 3, 2, 1, 6890, seed=9)]
 
 
 def test_pose_zero_is_rest_and_root_turns_all() -> None:
@@ -142,26 +127,6 @@ def test_local_blend_shapes_are_found_again(model: PoseModel) -> None:
     assert after < before / 10
     assert np.array_equal(parts.mirror.posedirs(parts.estimate.posedirs), parts.estimate.posedirs)
     assert parts.estimate.weights == pytest.approx(BODY.weights, abs=1e-3)
-
-
-@pytest.mark.parametrize("people", [1])
-def test_few_people_choose_a_ridge(model: PoseModel, people: int) -> None:
-    rows, found = np.arange(people * EACH), model.estimate
-    few = PoseModel(
-        replace(
-            found,
-            templates=found.templates[:people],
-            joints=found.joints[:people],
-            poses=found.poses[rows],
-        ),
-        replace(
-            model.objective, registrations=RegistrationSubset(model.objective.registrations, rows)
-        ),
-        (),
-    )
-    parts = pose_parts(few, START)
-    before, after = (few.objective.rms(e) for e in (few.estimate, parts.estimate))
-    assert after < before / 3
 
 
 def test_joints_and_shapes_are_symmetric(model: PoseModel) -> None:

@@ -82,7 +82,7 @@ def test_reference_is_the_matrix_exponential() -> None:
 
 
 @KINDS
-@pytest.mark.parametrize("angle", [*ANGLES, *AROUND_THE_SWITCH])
+@pytest.mark.parametrize("angle", few([*ANGLES, *AROUND_THE_SWITCH], (0, 1e-3, np.pi, SWITCH)))
 def test_value_jacobian_and_hessian_are_exact(angle: float, kind: type) -> None:
     for direction in DIRECTIONS:
         w = angle * direction
@@ -178,7 +178,7 @@ def test_no_rotation_is_nearer_than_the_nearest() -> None:
 AXES = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(20, 3))])
 AXES /= np.linalg.norm(AXES, axis=1, keepdims=True)
 EACH_ANGLE = pytest.mark.parametrize(
-    "angle", few([0.0, 1e-6, 2.0, np.pi - 1e-9, np.pi, 6.0, 1e-12, np.pi / 2, 2 * np.pi / 3], 6)
+    "angle", few([0.0, 2.0, np.pi, 1e-6, np.pi - 1e-9, 6.0, np.pi / 2, 2 * np.pi / 3], 3)
 )
 
 

@@ -61,9 +61,7 @@ def test_half_sphere_winds_by_one_half_on_its_rim() -> None:
     assert found[2] > 0.8
 
 
-@pytest.mark.parametrize(
-    ("overlap", "known"), [(-0.5, 0), (0.1, 0.1), (0.5, 0.5), (1.0, 1.0), (1.5, 0.5)]
-)
+@pytest.mark.parametrize(("overlap", "known"), [(-0.5, 0), (0.5, 0.5), (1.5, 0.5)])
 def test_depth_of_two_spheres(overlap: float, known: float) -> None:
     """The pole of one is `overlap` within the other, as long as it is not beyond the middle."""
     assert depth(ball(2 - overlap), ball()) == pytest.approx(known, abs=0.02)

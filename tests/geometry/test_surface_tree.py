@@ -1,6 +1,5 @@
 """Closest places on a surface: as an exhaustive search finds them, in both ways to compute them."""
 
-import logging
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tests.tiers import few
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
-from workbench.geometry.surface_kernels import compiled, quickest
+from workbench.geometry.surface_kernels import compiled
 from workbench.geometry.surface_search import IN_NUMPY, Way
 from workbench.geometry.surface_tree import Closest, SurfaceTree
 
@@ -282,21 +281,6 @@ def test_tree_pickles() -> None:
     tree, points = SurfaceTree(*blob()), np.random.default_rng(10).normal(size=(20, 3))
     again = pickle.loads(pickle.dumps(tree))
     np.testing.assert_array_equal(again.closest(points).shares, tree.closest(points).shares)
-
-
-def test_numpy_is_used_without_a_compiler(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    monkeypatch.setenv("WORKBENCH_COMPILE", "0")
-    compiled.cache_clear()
-    try:
-        with caplog.at_level(logging.INFO, logger="workbench"):
-            assert quickest() is IN_NUMPY
-            assert quickest() is IN_NUMPY
-    finally:
-        compiled.cache_clear()
-    said = [record.getMessage() for record in caplog.records]
-    assert said == ["closest points are found by NumPy: switched off by WORKBENCH_COMPILE=0"]
 
 
 # Bad input.

@@ -47,6 +47,7 @@ def test_people_face_any_way() -> None:
     assert max(abs(one.values["pose"][0, 1]) for one in some) <= 0.2
 
 
+@pytest.mark.thorough
 def test_own_shape_is_smooth_and_as_large_as_asked() -> None:
     plain, own = people(SMALL, POSES, 3, 0), people(SMALL, POSES, 3, 0, own_shape=0.005)
     edges = mesh_edges(SMALL.faces)
