@@ -94,6 +94,18 @@ def test_teacher_keeps_the_radius_that_linear_blending_loses(angle: float) -> No
     )
 
 
+def test_teacher_turns_with_the_root_by_any_angle() -> None:
+    """Also where the quaternions of two bones come with opposite signs."""
+    teacher = limb({JOINT["left_elbow"]: 0.5, JOINT["left_wrist"]: 0.5}, ring=0.3)
+    pose = np.zeros((24, 3))
+    pose[JOINT["left_wrist"]] = (0.4, 1.2, -0.3)
+    before = teacher.vertices(pose)
+    for angle in np.linspace(0, 2 * np.pi, 13):
+        pose[0] = angle * np.array([0.6, 0.0, 0.8])
+        turned = before @ Rotation.from_rotvec(pose[0]).as_matrix().T
+        np.testing.assert_allclose(teacher.vertices(pose), turned, atol=1e-12)
+
+
 def test_twist_is_what_turns_about_the_axis() -> None:
     axis = np.array([0.0, 0, 2])
     swing = Rotation.from_rotvec([0.4, -0.7, 0])
