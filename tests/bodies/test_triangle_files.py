@@ -214,7 +214,6 @@ FITS = (
     "body-vertices",
     "body-joints",
     "body-video",
-    "body-outliers",
 )
 OWN = tuple(f"body-points-{model}" for model in ("lbs", "smpl", "scape", "blend-scape"))
 SKINNED = ("markers", "self-contact")  # of offsets and capsules, which only skinned bodies have
