@@ -10,6 +10,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import workbench
+from tests.tiers import few
 from workbench import SkinnedBody
 from workbench.bodies.catalogue import Embedded
 from workbench.bodies.files.embedded import read_embedded
@@ -27,7 +28,7 @@ def load(name: str) -> SkinnedBody:
     return read_embedded(FOLDER / f"{name}.npz")
 
 
-@pytest.fixture(params=get_args(Embedded))
+@pytest.fixture(params=few(get_args(Embedded), ("default",)))
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -42,7 +43,7 @@ def opposites(names: tuple[str, ...]) -> list[int]:
     return [names.index(n) for n in swapped]
 
 
-def test_counts_and_sizes(name: str, body: SkinnedBody) -> None:
+def test_counts_and_file_sizes_are_known(name: str, body: SkinnedBody) -> None:
     mesh = name.partition("-")[0]
     N, F = COUNTS[mesh]
     assert body.template.shape == (N, 3)
@@ -70,14 +71,14 @@ def test_weights_are_at_most_four_and_sum_to_one(body: SkinnedBody) -> None:
     assert abs(weights.sum(axis=1) - 1).max() < 1e-15
 
 
-@pytest.mark.parametrize("kind", ["joints", "coco"])
-def test_regressors_are_sparse_convex_combinations(body: SkinnedBody, kind: str) -> None:
-    regressor = body.J_regressor if kind == "joints" else body.landmarks["coco"].regressor
-    assert regressor.data.min() > 0
-    assert abs(np.asarray(regressor.sum(axis=1)) - 1).max() < 1e-15
-    assert np.diff(regressor.indptr).max() <= 40
+def test_regressors_are_sparse_convex_combinations(body: SkinnedBody) -> None:
+    for regressor in (body.J_regressor, body.landmarks["coco"].regressor):
+        assert regressor.data.min() > 0
+        assert abs(np.asarray(regressor.sum(axis=1)) - 1).max() < 1e-15
+        assert np.diff(regressor.indptr).max() <= 40
 
 
+@pytest.mark.thorough
 def test_tree_is_that_of_smpl(body: SkinnedBody) -> None:
     names, parents = body.joint_names, body.parents
     assert parents[0] == -1
@@ -92,7 +93,7 @@ def test_tree_is_that_of_smpl(body: SkinnedBody) -> None:
     ]
 
 
-def test_t_pose(body: SkinnedBody) -> None:
+def test_template_stands_in_the_t_pose(body: SkinnedBody) -> None:
     """Pelvis at the origin, arms along x, palms down, legs down, nose to the front.
 
     Joints are where training found them: a line through them is an arm's to two or three degrees.
@@ -115,6 +116,7 @@ def test_t_pose(body: SkinnedBody) -> None:
     assert breadth > 1.5 * thickness  # flat, lying horizontally
 
 
+@pytest.mark.thorough
 def test_stature_and_proportions_are_those_of_people(body: SkinnedBody) -> None:
     stature, span = np.ptp(body.template[:, 1]), np.ptp(body.template[:, 0])
     lowest, highest = STATURE[body.card["trained_on"]["of"]]
@@ -136,7 +138,8 @@ def test_shape_directions_are_orthogonal_and_in_order(body: SkinnedBody) -> None
     assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
 
 
-def test_signs_of_the_shape_directions(body: SkinnedBody) -> None:
+@pytest.mark.thorough
+def test_shape_directions_make_people_larger(body: SkinnedBody) -> None:
     def person(k: int, beta: float) -> trimesh.Trimesh:
         vertices = body.template + beta * body.shapedirs[:, :, k]
         return trimesh.Trimesh(vertices, body.faces, process=False)
@@ -156,18 +159,16 @@ def test_mirror_maps_the_body_to_itself(body: SkinnedBody) -> None:
     )
     names, coco = body.landmarks["coco"].names, body.landmarks["coco"].regressor
     assert np.array_equal(_mirrored_rows(coco, opposites(names), mirror), coco.toarray())
+    reflected = mirror[body.faces][:, [0, 2, 1]]
+    assert _from_the_least_corner(reflected) == _from_the_least_corner(body.faces)
 
 
 def _mirrored_rows(regressor, rows, columns):  # type: ignore[no-untyped-def]
     return regressor.toarray()[rows][:, columns]
 
 
-def test_mirror_maps_the_faces_to_themselves(body: SkinnedBody) -> None:
-    def turned(faces):  # type: ignore[no-untyped-def]
-        return {tuple(np.roll(face, -face.argmin())) for face in faces}
-
-    reflected = body.mirror[body.faces][:, [0, 2, 1]]
-    assert turned(reflected) == turned(body.faces)
+def _from_the_least_corner(faces):  # type: ignore[no-untyped-def]
+    return {tuple(np.roll(face, -face.argmin())) for face in faces}
 
 
 def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: SkinnedBody) -> None:
@@ -180,7 +181,7 @@ def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: SkinnedBody) -> N
     assert abs(here[body.mirror] * FLIP - there).max() < 1e-14
 
 
-def test_pose_blend_shapes_are_local_and_sane(body: SkinnedBody) -> None:
+def test_pose_blend_shapes_are_local(body: SkinnedBody) -> None:
     """A vertex follows joints at most two bones from one that carries it."""
     posedirs, parents = body.posedirs, body.parents
     assert 0.01 < abs(posedirs).max() < 0.15  # m
@@ -198,7 +199,7 @@ def test_pose_blend_shapes_are_local_and_sane(body: SkinnedBody) -> None:
     assert moved[body.template[:, 0] < -0.05].max() < 0.003  # the other leg
 
 
-def test_pose_blend_shapes_help_where_nothing_was_learned(body: SkinnedBody) -> None:
+def test_held_out_errors_on_the_card_are_small(body: SkinnedBody) -> None:
     """Beside skinning, mm: without them, and where it was told shapes, joints and poses.
 
     Half of the vertices of `full` are of hands and face, which skinning alone moves right.
@@ -214,6 +215,7 @@ def test_pose_blend_shapes_help_where_nothing_was_learned(body: SkinnedBody) -> 
     assert met["their_shape_variance_explained"] > 0.95
 
 
+@pytest.mark.thorough
 def test_card_says_where_the_numbers_come_from(name: str, body: SkinnedBody) -> None:
     card = body.card
     assert card["name"] == name
@@ -229,7 +231,7 @@ def test_all_bodies_together_are_small() -> None:
     assert sum(path.stat().st_size for path in FOLDER.glob("*.npz")) < 15e6
 
 
-def test_what_is_no_body_is_refused(tmp_path: Path) -> None:
+def test_files_without_a_body_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match=r"there is no file .*nothing\.npz"):
         read_embedded(tmp_path / "nothing.npz")
     np.savez(tmp_path / "other.npz", template=np.zeros((3, 3)))

@@ -1,7 +1,6 @@
 """The embedded hands: what must be true of their arrays, their mirror, their pose space, points."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as cs
 import numpy as np
@@ -11,13 +10,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
-from tests.bodies_made_up import random_body
 from tests.differences import assert_jacobian
 from workbench.blocks import Block
-from workbench.blocks.joined_points import joined
 from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, mirrored, pose_space
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.gltf import write_gltf
 from workbench.errors import BadArgument, BadBody, NotSupported, UnknownName
 from workbench.geometry.mesh_graph import along_edges
 from workbench.geometry.mirror import AXIAL, REFLECTION
@@ -36,7 +32,7 @@ def someone(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return pose, rng.standard_normal(10), rng.standard_normal(3)
 
 
-def at_rest_of_the_space() -> dict[str, np.ndarray]:
+def mean_pose() -> dict[str, np.ndarray]:
     return {
         "pose": SPACE.poses(HAND, np.zeros(45)),
         "betas": np.zeros(10),
@@ -44,7 +40,7 @@ def at_rest_of_the_space() -> dict[str, np.ndarray]:
     }
 
 
-def test_the_mesh_is_a_hand_with_one_open_loop_at_the_wrist() -> None:
+def test_mesh_of_the_hand_is_open_at_the_wrist() -> None:
     assert HAND.template.shape == (778, 3)
     assert HAND.faces.shape == (1534, 3)
     mesh = trimesh.Trimesh(HAND.template, HAND.faces, process=False)
@@ -64,7 +60,8 @@ def test_the_mesh_is_a_hand_with_one_open_loop_at_the_wrist() -> None:
     assert outwards[back].mean() > 0.3
 
 
-def test_the_hand_lies_flat_palm_down_with_its_index_in_front() -> None:
+@pytest.mark.thorough
+def test_hand_lies_flat_palm_down() -> None:
     at = dict(zip(HAND.joint_names, HAND.joints(), strict=True))
     assert abs(at["wrist"]).max() < 1e-12
     assert at["middle1"][0] < -0.08
@@ -77,7 +74,7 @@ def test_the_hand_lies_flat_palm_down_with_its_index_in_front() -> None:
     assert HAND.template[:, 0].min() == tips["middle_tip"][0]
 
 
-def test_weights_are_at_most_four_and_no_finger_moves_the_tip_of_another() -> None:
+def test_no_finger_moves_the_tip_of_another() -> None:
     assert (HAND.weights > 0).sum(axis=1).max() <= 4
     np.testing.assert_allclose(HAND.weights.sum(axis=1), 1, atol=1e-12)
     for tip, row in zip(
@@ -100,14 +97,8 @@ def test_pose_blend_shapes_are_local() -> None:
     assert HAND.card["pose_blend_shapes"]["share_beyond_4_cm"] <= 0.10
 
 
-def test_held_out_hands_are_met_within_a_quarter_of_a_millimetre() -> None:
-    met = HAND.card["held_out"]
-    assert met["mean_mm"] < 0.05
-    assert met["mean_mm"] < 0.4 * met["mean_without_posedirs_mm"]
-    assert met["their_shape_variance_explained"] > 0.97
-
-
-def test_the_card_says_that_no_hand_was_measured() -> None:
+@pytest.mark.thorough
+def test_card_says_that_no_hand_was_measured() -> None:
     for body in (HAND, LEFT):
         text = " ".join([body.card["synthetic"], *body.card["provenance"]])
         assert "no hand was measured" in text
@@ -115,17 +106,16 @@ def test_the_card_says_that_no_hand_was_measured() -> None:
         assert "CC0" in body.card["licence"]
         assert "Apache-2.0" in body.card["licence"]
     assert "mirror" in LEFT.card["mirrored"]
-
-
-def test_the_file_is_small() -> None:
-    folder = Path(wb.__file__).parent / "data" / "bodies"
-    assert (folder / "hand.npz").stat().st_size < 0.45e6
+    met = HAND.card["held_out"]
+    assert met["mean_mm"] < 0.05
+    assert met["mean_mm"] < 0.4 * met["mean_without_posedirs_mm"]
+    assert met["their_shape_variance_explained"] > 0.97
 
 
 # The left hand.
 
 
-def test_the_left_hand_is_the_right_one_in_a_mirror() -> None:
+def test_left_hand_is_the_right_one_mirrored() -> None:
     pose, betas, trans = someone()
     right = HAND.vertices(pose, betas, trans)
     left = LEFT.vertices(pose * AXIAL, betas, trans * REFLECTION)
@@ -134,16 +124,7 @@ def test_the_left_hand_is_the_right_one_in_a_mirror() -> None:
     np.testing.assert_allclose(joints * REFLECTION, HAND.joints(pose, betas, trans), atol=1e-12)
 
 
-def test_shapedirs_that_are_not_turned_are_noticed() -> None:
-    """The mistake in files of the left MANO: the sign of x in shapedirs is that of the right."""
-    pose, betas, trans = someone()
-    wrong = replace(LEFT, shapedirs=HAND.shapedirs)
-    right = HAND.vertices(pose, betas, trans) * REFLECTION
-    off = np.linalg.norm(wrong.vertices(pose * AXIAL, betas, trans * REFLECTION) - right, axis=1)
-    assert off.max() > 0.01  # m
-
-
-def test_the_mirror_of_a_mirror_is_the_body() -> None:
+def test_mirroring_twice_gives_the_body() -> None:
     again = mirrored(LEFT, "hand")
     for name in ("template", "shapedirs", "posedirs", "weights"):
         np.testing.assert_array_equal(getattr(again, name), getattr(HAND, name))
@@ -151,22 +132,14 @@ def test_the_mirror_of_a_mirror_is_the_body() -> None:
     volumes = [trimesh.Trimesh(b.template, b.faces, process=False).volume for b in (HAND, LEFT)]
     assert volumes[0] == pytest.approx(volumes[1])
     assert volumes[0] > 0
-
-
-def test_sides_in_names_change_and_other_bodies_are_refused() -> None:
-    body = load_skinned("small")
     with pytest.raises(NotSupported, match="cannot be mirrored"):
-        mirrored(body, "other")
-    turned = mirrored(replace(body, capsules=None), "other")
-    assert turned.joint_names[1] == "right_hip"
-    with pytest.raises(NotSupported, match="free arrays"):
-        mirrored(replace(body, capsules=None).freed("template"), "other")
+        mirrored(load_skinned("small"), "other")
 
 
 # The pose space.
 
 
-def test_coefficients_and_poses_are_each_others_inverses() -> None:
+def test_coefficients_and_poses_are_inverses() -> None:
     rng = np.random.default_rng(1)
     z = rng.standard_normal((3, 45))
     poses = SPACE.poses(HAND, z)
@@ -180,7 +153,7 @@ def test_coefficients_and_poses_are_each_others_inverses() -> None:
     np.testing.assert_allclose(few.poses(HAND, np.zeros(6))[1:], SPACE.mean)  # added once
 
 
-def test_a_body_is_posed_by_coefficients_with_the_derivatives_of_arithmetic() -> None:
+def test_hand_is_posed_by_coefficients() -> None:
     few = SPACE.first(5)
     z, wrist, (_, betas, trans) = few.block(), Block("wrist", (1, 3), "rad"), HAND.blocks()
     pose = few.pose(HAND, z.symbol, wrist.symbol)
@@ -199,7 +172,8 @@ def test_a_body_is_posed_by_coefficients_with_the_derivatives_of_arithmetic() ->
     np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
 
 
-def test_the_two_first_components_are_synergies() -> None:
+@pytest.mark.thorough
+def test_first_two_components_are_synergies() -> None:
     shares = np.cumsum(SPACE.deviations**2) / np.sum(SPACE.deviations**2)
     assert 0.78 < shares[1] < 0.92
     assert (np.diff(SPACE.deviations) <= 0).all()
@@ -208,7 +182,8 @@ def test_the_two_first_components_are_synergies() -> None:
     assert (np.sign(bent) == np.sign(bent[0])).all()  # all fingers bend together
 
 
-def test_the_space_of_files_in_manos_layout() -> None:
+@pytest.mark.thorough
+def test_pose_space_is_read_from_mano_arrays() -> None:
     rng = np.random.default_rng(3)
     rows, coefficients = rng.standard_normal((45, 45)), rng.standard_normal((7, 45))
     extras = {"hands_mean": np.zeros(45), "hands_components": rows}
@@ -225,7 +200,7 @@ def test_the_space_of_files_in_manos_layout() -> None:
         pose_space(replace(HAND, extras={"hands_mean": np.zeros(9), "hands_components": rows}))
 
 
-def test_spaces_and_coefficients_that_do_not_fit_are_refused() -> None:
+def test_coefficients_that_do_not_fit_are_refused() -> None:
     with pytest.raises(BadArgument, match="0 to so many"):
         SPACE.first(46)
     with pytest.raises(BadArgument, match="have shape"):
@@ -244,7 +219,7 @@ def test_spaces_and_coefficients_that_do_not_fit_are_refused() -> None:
 # Joints and finger tips together.
 
 
-def test_the_21_points_are_joints_and_tips_in_one_order() -> None:
+def test_21_points_are_joints_and_tips() -> None:
     pose, betas, trans = someone(4)
     values = {"pose": pose, "betas": betas, "trans": trans}
     points = hand_points(HAND, *(block.symbol for block in HAND.blocks()))
@@ -261,7 +236,7 @@ def test_the_21_points_are_joints_and_tips_in_one_order() -> None:
     np.testing.assert_allclose(numeric.evaluate_batch(batch)[1], expected, atol=1e-12)
 
 
-def test_joined_points_have_the_derivatives_of_their_graph() -> None:
+def test_jacobian_of_hand_points_is_that_of_differences() -> None:
     pose, betas, trans = someone(5)
     values = {"pose": pose, "betas": betas, "trans": trans}
     points = hand_points(HAND, *(block.symbol for block in HAND.blocks()))
@@ -271,22 +246,11 @@ def test_joined_points_have_the_derivatives_of_their_graph() -> None:
     assert_jacobian(problem, problem.free.pack(values), np.zeros(0), 1e-6)
 
 
-def test_points_that_cannot_be_joined_are_refused() -> None:
-    at = [block.symbol for block in HAND.blocks()]
-    with pytest.raises(BadArgument, match="no points"):
-        joined([])
-    with pytest.raises(BadArgument, match="each of them once"):
-        joined([HAND.joint_points(*at)], ["wrist"])
-    other = random_body(0, n_vertices=30, n_joints=3)
-    with pytest.raises(BadBody, match="which a hand has"):
-        hand_points(other, *(block.symbol for block in other.blocks()))
-
-
-def test_joints_alone_leave_twists_and_the_last_joints_undetermined() -> None:
+def test_joints_alone_leave_rank_23_of_48() -> None:
     """No joint of a tip's own turn is seen, nor a finger that turns about itself."""
     at = [block.symbol for block in HAND.blocks()]
     seen = landmarks(HAND.joint_points(*at), np.zeros((16, 3)), sigma=0.002)
-    found = wb.diagnose(wb.Problem([seen], free=["pose"]), at_rest_of_the_space())
+    found = wb.diagnose(wb.Problem([seen], free=["pose"]), mean_pose())
     assert found.rank == 23
     names = [direction.name for direction in found.null_directions]
     assert len(names) == 48 - 23
@@ -296,19 +260,12 @@ def test_joints_alone_leave_twists_and_the_last_joints_undetermined() -> None:
         assert f"a turn of pose[{finger}1], undone at {finger}2" in names
 
 
-def test_finger_tips_see_three_more_numbers_of_each_finger() -> None:
+def test_finger_tips_raise_the_rank_to_38() -> None:
     at = [block.symbol for block in HAND.blocks()]
     seen = landmarks(hand_points(HAND, *at), np.zeros((21, 3)), sigma=0.002)
-    found = wb.diagnose(wb.Problem([seen], free=["pose"]), at_rest_of_the_space())
+    found = wb.diagnose(wb.Problem([seen], free=["pose"]), mean_pose())
     assert found.rank == 38
     names = [direction.name for direction in found.null_directions]
     for finger in ("index", "middle", "pinky", "ring", "thumb"):
         assert f"a turn of pose[{finger}2], undone at {finger}3" in names
         assert any(name.startswith(f"turns from {finger}1 down") for name in names)
-
-
-def test_a_hand_is_written_as_gltf(tmp_path: Path) -> None:
-    pose, betas, _ = someone(6)
-    for body in (HAND, LEFT):
-        write_gltf(tmp_path / f"{body.name}.glb", body, np.stack([0 * pose, pose]), betas)
-        assert (tmp_path / f"{body.name}.glb").stat().st_size > 10_000

@@ -1,24 +1,27 @@
-"""Files of triangle bodies: what is saved comes back bit for bit, and damage gets its sentence."""
+"""Triangle bodies in files, those that are shipped, and where they take the place of SMPL."""
 
-import copy
-import pickle
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.resources import files
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 import workbench as wb
-from tests.bodies.test_triangle_bodies import BODIES, some_arguments
+from tests.bodies.test_triangles import MADE, made, some_arguments
 from tests.bodies_made_up import tube_body
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.errors import BadBody, BadFile
-from workbench.experiments.body_problems import body_outliers
-from workbench.experiments.model_fits import body_points
-from workbench.reports import card_text, write_card
+from tests.tiers import few
+from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned
+from workbench.bodies.files.embedded_triangles import UNTRAINED, read_embedded_triangles
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.errors import BadArgument, BadBody, BadFile
+from workbench.experiments import EXPERIMENTS, SUITES, find, run
+from workbench.experiments.arguments import parameters
+from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.reports import card_text
 
 EXTRAS = {"joint_limits": np.arange(6.0).reshape(3, 2), "gender": np.array("neutral")}
 CARD = {"source": "made up", "numbers": [1, 0.1, None], "nested": {"é": "ü"}}
@@ -56,48 +59,27 @@ def assert_same(one: TriangleBody, other: TriangleBody) -> None:
         np.testing.assert_array_equal(value, other.extras[key])
 
 
-@pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
-def test_what_is_saved_comes_back(body: TriangleBody, tmp_path: Path) -> None:
-    given = whole(body)
+@pytest.mark.parametrize("name", few(MADE, ("SCAPE", "BlendSCAPE", "no betas", "no twists")))
+def test_saved_body_comes_back(name: str, tmp_path: Path) -> None:
+    given = whole(made(name))
     wb.save_body(given, tmp_path / "body.npz")
     found = wb.load_body(tmp_path / "body.npz")
     assert isinstance(found, TriangleBody)
     assert_same(given, found)
-    arguments = some_arguments(body)
+    arguments = some_arguments(given)
     np.testing.assert_array_equal(found.vertices(*arguments), given.vertices(*arguments))
-    wb.save_body(found, tmp_path / "again.npz")
-    assert_same(given, wb.load_body(tmp_path / "again.npz"))
 
 
-@pytest.mark.parametrize(
-    "copied", [copy.copy, copy.deepcopy, lambda b: pickle.loads(pickle.dumps(b))]
-)
-def test_copies_keep_card_and_extras(copied: Callable[[Any], Any]) -> None:
-    given = whole(BODIES["tube, SCAPE"])
-    assert_same(copied(given), given)
-
-
-def test_a_file_says_which_kind_it_holds(tmp_path: Path) -> None:
+def test_file_says_which_kind_it_holds(tmp_path: Path) -> None:
     skinned = tube_body()
     wb.save_body(skinned, tmp_path / "skinned.npz")
     wb.save_body(blend_scape(skinned), tmp_path / "triangles.npz")
-    assert isinstance(wb.load_body(tmp_path / "skinned.npz"), wb.SkinnedBody)
     assert isinstance(load_skinned(tmp_path / "skinned.npz"), wb.SkinnedBody)
-    for name, style in (("skinned", "lbs"), ("triangles", "triangles")):
-        with np.load(tmp_path / f"{name}.npz") as archive:
-            assert archive["bs_style"].item() == style
-    said = r"a SkinnedBody is needed here, but body .* is a TriangleBody; the skinned bodies are"
-    with pytest.raises(BadBody, match=said):
+    with pytest.raises(BadBody, match="a SkinnedBody is needed here"):
         load_skinned(tmp_path / "triangles.npz")
-    with pytest.raises(BadBody, match=said):
-        body_points(body=str(tmp_path / "triangles.npz"))
-    assert body_outliers(str(tmp_path / "triangles.npz")).body is not None
-
-
-def test_a_triangle_body_is_no_pickle_for_smplx(tmp_path: Path) -> None:
-    with pytest.raises(BadFile, match=r"is a TriangleBody, which the package smplx does not know"):
-        wb.save_body(BODIES["tube, SCAPE"], tmp_path / "body.pkl")
-    assert not list(tmp_path.iterdir())
+    with pytest.raises(BadFile, match="which the package smplx does not know"):
+        wb.save_body(blend_scape(skinned), tmp_path / "body.pkl")
+    assert not (tmp_path / "body.pkl").exists()
 
 
 def without(*keys: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -108,86 +90,161 @@ def put(**changed: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
     return lambda arrays: arrays | {k.replace("__", "/"): v for k, v in changed.items()}
 
 
-@pytest.mark.parametrize(
-    ("damage", "error", "text"),
-    [
-        (without("near"), BadFile, "has no near; it has .*The file of a triangle body has"),
-        (without("card", "f"), BadFile, "has no f, card; it has"),
-        (without("weights/indptr"), BadFile, "has no weights/indptr"),
-        (put(bs_style=np.array("chain")), BadFile, "bs_style 'chain'; there is lbs, .*triangles"),
-        (put(near=np.zeros((40, 3), int)), BadFile, r"posedirs has shape .*\(40, 3, 3, 9\)"),
-        (put(near=np.zeros((40, 2), int)), BadBody, r"face 0 is near the joints \[0, 0\]"),
-        (put(near=np.full((40, 2), 0.5)), BadFile, "near must hold whole numbers"),
-        (put(near=np.array(2)), BadFile, r"near has shape \(\), but must be \(40, J\)"),
-        (put(f=np.zeros((40, 4), int)), BadFile, r"f has shape \(40, 4\), but must be \(F, 3\)"),
-        (put(f=np.full((40, 3), 99)), BadBody, r"face 0 is \[99, 99, 99\], but there are 22"),
-        (put(shapedirs=np.zeros((40, 9, 2))), BadFile, r"must be \(40, 3, 3, B\)"),
-        (put(shapedirs=np.full((40, 3, 3, 2), np.inf)), BadBody, "shapedirs.* is not finite"),
-        (put(v_template=np.array("tall")), BadFile, "v_template holds .*must hold numbers"),
-        (put(v_template=1e200 * np.eye(22, 3)), BadBody, "has no area"),
-        (put(v_template=np.full((22, 3), -1e300) * np.arange(22)[:, None]), BadBody, "no area"),
-        (put(weights__indices=np.full(40, 99)), BadFile, "weights is no sparse matrix"),
-        (put(weights__data=np.full(40, 2.0)), BadBody, "weights of face 0 sum to 2"),
-        (put(weights__shape=np.array([2**40, 3])), BadFile, "weights is no sparse matrix"),
-        (put(J_regressor__shape=np.array([3, 2**40])), BadBody, "J_regressor has shape"),
-        (put(kintree_table=np.array([[9, 2, 1], [0, 1, 2]])), BadBody, "joint 1 has parent 2"),
-        (put(joint_names=np.array(["a", "b"])), BadBody, "2 names for 3 joints"),
-        (put(card=np.array("{")), BadFile, "its card is no JSON"),
-        (put(card=np.array("[1]")), BadFile, "its card is a list, not an object"),
-    ],
-)
-def test_damaged_files_get_a_sentence(
-    damage: Any, error: type[Exception], text: str, tmp_path: Path
-) -> None:
-    wb.save_body(BODIES["tube, SCAPE"], tmp_path / "body.npz")
-    with np.load(tmp_path / "body.npz") as archive:
-        arrays = dict(archive)
-    np.savez(tmp_path / "body.npz", **damage(arrays))
-    with pytest.raises(error, match=text):
-        wb.load_body(tmp_path / "body.npz")
+DAMAGES = [
+    (without("card", "f"), BadFile, "has no f, card"),
+    (put(bs_style=np.array("chain")), BadFile, "bs_style 'chain'"),
+    (put(near=np.zeros((40, 3), int)), BadFile, "posedirs has shape"),
+    (put(near=np.full((40, 2), 0.5)), BadFile, "near must hold whole numbers"),
+    (put(f=np.zeros((40, 4), int)), BadFile, "f has shape"),
+    (put(f=np.full((40, 3), 99)), BadBody, "there are 22"),
+    (put(shapedirs=np.full((40, 3, 3, 2), np.inf)), BadBody, "not finite"),
+    (put(v_template=np.array("tall")), BadFile, "must hold numbers"),
+    (put(v_template=1e200 * np.eye(22, 3)), BadBody, "no area"),
+    (put(weights__indices=np.full(40, 99)), BadFile, "weights is no sparse matrix"),
+    (put(weights__data=np.full(40, 2.0)), BadBody, "sum to 2"),
+    (put(weights__shape=np.array([2**40, 3])), BadFile, "weights is no sparse matrix"),
+    (put(J_regressor__shape=np.array([3, 2**40])), BadBody, "J_regressor has shape"),
+    (put(kintree_table=np.array([[9, 2, 1], [0, 1, 2]])), BadBody, "joint 1 has parent 2"),
+    (put(card=np.array("{")), BadFile, "its card is no JSON"),
+]
 
 
-def test_what_cannot_be_kept_is_named_in_the_card(tmp_path: Path) -> None:
-    wb.save_body(whole(BODIES["tube, SCAPE"]), tmp_path / "body.npz")
+def test_damaged_files_are_refused(tmp_path: Path) -> None:
+    wb.save_body(made("SCAPE"), tmp_path / "body.npz")
     with np.load(tmp_path / "body.npz") as archive:
         arrays = dict(archive)
-    np.savez(tmp_path / "body.npz", **arrays, thing=np.array([{}], dtype=object))
-    found = wb.load_body(tmp_path / "body.npz")
-    (said,) = found.card["left_out"]
+    for damage, error, text in DAMAGES:
+        np.savez(tmp_path / "damaged.npz", **damage(arrays))
+        with pytest.raises(error, match=text):
+            wb.load_body(tmp_path / "damaged.npz")
+    np.savez(tmp_path / "more.npz", **arrays, thing=np.array([{}], dtype=object))
+    (said,) = wb.load_body(tmp_path / "more.npz").card["left_out"]
     assert said.startswith("thing, which is an array of Python objects")
-    assert found.extras.keys() == EXTRAS.keys()
 
 
-@pytest.mark.parametrize("key", ["near", "weights/data", "bs_style", "landmarks/x/names"])
-def test_extras_cannot_take_the_place_of_its_own_arrays(key: str) -> None:
-    with pytest.raises(BadBody, match=f"extras must not be called .*: {key}"):
-        replace(BODIES["tube, SCAPE"], extras={key: np.zeros(3)})
+def test_extras_cannot_replace_the_body_s_arrays() -> None:
+    for key in ("near", "weights/data", "bs_style", "landmarks/x/names"):
+        with pytest.raises(BadBody, match=f"extras must not be called .*: {key}"):
+            replace(made("SCAPE"), extras={key: np.zeros(3)})
 
 
-def test_a_triangle_body_has_a_card(tmp_path: Path) -> None:
-    body = whole(BODIES["small, SCAPE"])
+def test_card_tells_faces_of_each_joint_and_what_it_is_made_of(tmp_path: Path) -> None:
+    body = whole(made("small SCAPE"))
     text = card_text(body)
-    for said in (
-        "TriangleBody, each triangle with one part, then stitched",
-        "734",
-        "faces moved",
-        "carried along",
-        "joint_limits (3 × 2), gender",
-        "made up",
-        "at most 1 per face",
-    ):
+    for said in ("each triangle with one part", "734", "faces moved", "carried along", "made up"):
         assert said in text
-    assert "each triangle with several parts" in card_text(BODIES["small, BlendSCAPE"])
     # each face moves with one joint, so the table's column adds up to them
     rows = [line.split() for line in text.splitlines() if line.strip()[:1].isdigit()]
     assert sum(int(row[-2]) for row in rows) == body.n_faces
-    page = write_card(body, tmp_path / "card").read_text()
-    assert "each triangle with one part" in page
-
-
-def test_a_triangle_body_carries_where_its_numbers_come_from(tmp_path: Path) -> None:
     skinned = wb.load_body("small")
     wb.save_body(blend_scape(skinned), tmp_path / "body.npz")
     card = wb.load_body(tmp_path / "body.npz").card
     assert card["made_of"].startswith("body 'small'")
     assert {key: card[key] for key in skinned.card} == dict(skinned.card)
+
+
+# Those that are shipped.
+
+FOLDER = Path(str(files("workbench"))) / "data" / "bodies"
+SHIPPED = pytest.mark.parametrize("name", few(get_args(EmbeddedTriangles), ("small-scape",)))
+
+
+@SHIPPED
+def test_shipped_bodies_have_only_posedirs_of_their_own(name: str) -> None:
+    body, (mesh, model) = load_body(name), UNTRAINED[name]
+    untrained = model(wb.load_body(mesh))
+    for part in ("template", "faces", "shapedirs", "near"):
+        np.testing.assert_array_equal(getattr(body, part), getattr(untrained, part))
+    for part in ("weights", "J_regressor"):
+        assert (getattr(body, part) != getattr(untrained, part)).nnz == 0
+    assert body.posedirs.any()
+    assert (FOLDER / f"{name}.npz").stat().st_size < 0.3e6
+
+
+@SHIPPED
+def test_posedirs_help_on_people_not_learned_from(name: str) -> None:
+    body, (mesh, model) = load_body(name), UNTRAINED[name]
+    skinned, rng = wb.load_body(mesh), np.random.default_rng(99)
+    poses = draw_poses(shipped_gaussian(), 20, rng)
+    betas = rng.standard_normal((20, body.n_betas))
+    wanted = skinned.vertices(poses, betas)
+    off, before = (
+        np.sqrt(((centred(one.vertices(poses, betas)) - centred(wanted)) ** 2).sum(axis=2).mean())
+        for one in (body, model(skinned))
+    )
+    assert off < 0.4 * before
+    held_out = body.card["held_out"]
+    assert held_out["rms_mm"] < 0.35 * held_out["rms_without_posedirs_mm"]
+
+
+def centred(surfaces: np.ndarray) -> np.ndarray:
+    return surfaces - surfaces.mean(axis=1, keepdims=True)
+
+
+def test_cards_and_provenance_of_shipped_bodies_agree() -> None:
+    said = (FOLDER / "PROVENANCE.md").read_text(encoding="utf-8")
+    for name in get_args(EmbeddedTriangles):
+        card, (mesh, _) = load_body(name).card, UNTRAINED[name]
+        assert "no scan was seen" in card["learned"]
+        assert f"body {mesh!r}" in card["learned"]
+        assert card["synthetic"]
+        assert "Apache-2.0" in card["licence"]
+        held_out = card["held_out"]
+        row = f"| `{name}` | {held_out['rms_mm']:.1f} | {held_out['rms_without_posedirs_mm']:.1f} |"
+        assert said.count(row) == 1
+        assert f"    {card['builder']['command']}\n" in said
+
+
+def test_damaged_shipped_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match=r"there is no file .*nothing\.npz"):
+        read_embedded_triangles(tmp_path / "nothing.npz", "small", scape)
+    np.savez(tmp_path / "other.npz", near=np.zeros((734, 2), dtype=np.uint8))
+    with pytest.raises(BadFile, match="card, posedirs, posedirs_step missing"):
+        read_embedded_triangles(tmp_path / "other.npz", "small", scape)
+
+
+# In the place of SMPL.
+
+FITS = (
+    "landmarks",
+    "known-correspondences",
+    "balance",
+    "balance-monocular",
+    "registration",
+    "body-vertices",
+    "body-joints",
+    "body-video",
+)
+OWN = tuple(f"body-points-{model}" for model in ("lbs", "smpl", "scape", "blend-scape"))
+SKINNED = ("markers", "self-contact")  # of offsets and capsules, which only skinned bodies have
+CHOOSING = tuple(  # the experiments that let their body be chosen
+    one.name
+    for one in (*EXPERIMENTS.values(), *chain.from_iterable(SUITES.values()))
+    if "body" in parameters(one.build)
+)
+
+
+@pytest.mark.parametrize("experiment", few(FITS, 1))
+def test_fits_take_scape_in_the_place_of_smpl(experiment: str) -> None:
+    outcome = run(find(experiment, {"body": "small-scape"}), compare=False)
+    assert outcome.solution.converged
+    assert outcome.solution.cost < outcome.setup.problem.linearize(outcome.setup.start).cost
+    assert outcome.diagnosis.rank == outcome.setup.problem.free.size
+    if experiment != "body-video":  # in which there are eight bodies, and none is drawn
+        assert isinstance(outcome.setup.body, TriangleBody)
+        assert outcome.surface is not None
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("experiment", [n for n in CHOOSING if n not in (*FITS, *OWN, *SKINNED)])
+def test_other_experiments_take_a_triangle_body(experiment: str) -> None:
+    setup = find(experiment, {"body": "small-scape"}).setup()
+    assert isinstance(setup.body or (setup.moving and setup.moving.body), TriangleBody)
+    assert setup.problem.free.size > 3
+    assert np.isfinite(setup.problem.linearize(setup.start).cost)
+
+
+@pytest.mark.parametrize("experiment", few([*SKINNED, *OWN], ("self-contact", OWN[0])))
+def test_experiments_of_skinned_bodies_refuse_a_triangle_body(experiment: str) -> None:
+    with pytest.raises((BadArgument, BadBody), match="small-scape"):
+        find(experiment, {"body": "small-scape"}).setup()

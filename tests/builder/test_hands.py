@@ -5,26 +5,27 @@ import pytest
 from scipy.sparse import csr_array
 
 from builder.collapsing import collapsed_part
-from builder.hands.anatomy import JOINT_NAMES, PARENTS, bone_of
-from builder.hands.poses import ANGLES, DIP, HandPoses, draw_angles, pose_space
+from builder.full_hands import held_fingers
+from builder.hands.anatomy import JOINT_NAMES
+from builder.hands.poses import ANGLES, DIP, HandPoses, draw_angles
 from builder.hands.rest import to_flat
-from builder.hands.sets import HandTeacher, hand_rig
-from builder.hands.training import own_finger
+from builder.hands.sets import HandTeacher
 from builder.priced_blends import far_share, solved
-from builder.rigs import BODY
 from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.embedded import embedded, embedded_hand
+from workbench.bodies.files.embedded_with_hands import sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.synthetic.skeleton import PARENTS as BODY_PARENTS
-from workbench.synthetic.teacher import Teacher
 from workbench.training.ridge import Sums
+
+pytestmark = pytest.mark.thorough
 
 HAND = load_skinned("hand")
 JOINTS = HAND.joints()
 ENDS = HAND.landmark("tips")
 
 
-def test_two_synergies_hold_what_santello_reports() -> None:
+def test_two_synergies_explain_what_santello_reports() -> None:
     """Over 80 % of the variance of fifteen angles, in two components."""
     angles = draw_angles(4000, np.random.default_rng(0))
     table = np.radians(np.array(list(ANGLES.values()), dtype=float))
@@ -34,7 +35,7 @@ def test_two_synergies_hold_what_santello_reports() -> None:
     assert 0.80 < variances[:2].sum() / variances.sum() < 0.90
 
 
-def test_the_last_joint_turns_by_two_thirds_of_the_one_before() -> None:
+def test_last_joint_turns_by_two_thirds() -> None:
     poses = HandPoses(JOINTS, ENDS).draw(50, np.random.default_rng(1))
     at = {name: poses[:, k] for k, name in enumerate(JOINT_NAMES)}
     assert not at["wrist"].any()
@@ -56,14 +57,6 @@ def test_bent_fingers_go_to_the_palm() -> None:
     assert np.linalg.norm(moved - little) < np.linalg.norm(ENDS[4] - little)
 
 
-def test_a_pose_space_is_orthonormal_and_in_order() -> None:
-    poses = HandPoses(JOINTS, ENDS).draw(200, np.random.default_rng(2))
-    mean, components, deviations = pose_space(poses)
-    np.testing.assert_allclose(components @ components.T, np.eye(45), atol=1e-10)
-    assert (np.diff(deviations) <= 0).all()
-    np.testing.assert_allclose(mean, poses[:, 1:].reshape(200, 45).mean(axis=0))
-
-
 def test_flattening_is_undone_by_skinning() -> None:
     """The exact inverse: a curled hand at rest, posed back, is the curled hand."""
     pose = HandPoses(JOINTS, ENDS).draw(1, np.random.default_rng(3))[0]
@@ -79,7 +72,7 @@ def test_flattening_is_undone_by_skinning() -> None:
         assert np.ptp(rest.joints[first : first + 3, 1]) < 1e-12
 
 
-def test_the_teacher_moves_a_hand_as_a_whole_and_leaves_it_at_rest() -> None:
+def test_teacher_of_hands_moves_rigidly() -> None:
     teacher = HandTeacher(HAND.template, JOINTS, csr_array(HAND.weights))
     pose = np.zeros((16, 3))
     np.testing.assert_allclose(teacher.vertices(pose), HAND.template, atol=1e-12)
@@ -88,26 +81,7 @@ def test_the_teacher_moves_a_hand_as_a_whole_and_leaves_it_at_rest() -> None:
     np.testing.assert_allclose(teacher.vertices(pose), turned, atol=1e-12)
 
 
-def test_bodies_and_hands_are_rigs_of_one_kind() -> None:
-    hand, rng = hand_rig(JOINTS, ENDS), np.random.default_rng(4)
-    assert BODY.teacher is Teacher
-    assert BODY.parents == BODY_PARENTS
-    for rig in (BODY, hand):
-        assert rig.draw(3, rng).shape == (3, len(rig.parents), 3)
-    assert hand.parents == PARENTS == HAND.parents
-    assert [bone_of(name) for name in ("wrist", "pinky3")] == ["wrist.R", "finger5-3.R"]
-
-
-def test_a_vertex_beyond_the_first_joint_follows_its_own_finger() -> None:
-    weights = np.zeros((2, 16))
-    weights[0, [0, 1, 2, 5]] = 0.1, 0.2, 0.5, 0.2  # index2, and middle2
-    weights[1, [0, 1, 4]] = 0.2, 0.5, 0.3  # index1 and middle1: the web between them
-    kept = own_finger(weights)
-    np.testing.assert_allclose(kept[0, [0, 1, 2, 5]], np.array([0.1, 0.2, 0.5, 0]) / 0.8)
-    np.testing.assert_allclose(kept[1], weights[1])
-
-
-def test_a_higher_price_makes_blend_shapes_more_local() -> None:
+def test_higher_price_makes_blend_shapes_local() -> None:
     rng = np.random.default_rng(5)
     features, errors = rng.standard_normal((60, 18)), rng.standard_normal((60, 4, 3))
     sums = Sums.of([(features, errors)])
@@ -122,7 +96,7 @@ def test_a_higher_price_makes_blend_shapes_more_local() -> None:
     np.testing.assert_allclose(found[0][0], plain)
 
 
-def test_a_part_collapses_with_its_border_in_place() -> None:
+def test_part_collapses_with_its_border() -> None:
     n = 9
     grid = np.array([[i, j, 0.0] for i in range(n) for j in range(n)]) / n
     faces = [
@@ -142,3 +116,21 @@ def test_a_part_collapses_with_its_border_in_place() -> None:
     assert areas.sum() == pytest.approx(((n - 1) / n) ** 2)
     with pytest.raises(BadArgument, match="does not come down"):
         collapsed_part(grid, np.array(faces), border, 3)
+
+
+def test_bent_fingers_are_found_from_the_surface() -> None:
+    hand = embedded_hand()
+    pose = np.random.default_rng(0).normal(0, 0.15, (16, 3))
+    pose[0] = 0
+    betas = np.array([1.0, -0.5])
+    found, rms = held_fingers(hand, hand.vertices(pose, betas, [0.3, 0.2, 0.1]))
+    assert rms < 1e-4
+    np.testing.assert_array_equal(found[0], 0)
+    np.testing.assert_allclose(found, pose, atol=0.02)
+
+
+def test_shipped_finger_pose_is_found_again() -> None:
+    sewing = sewing_of("full")
+    found, rms = held_fingers(embedded_hand(), embedded("full").template[sewing.vertices])
+    np.testing.assert_allclose(found, sewing.held, atol=1e-6)
+    assert round(1e3 * rms, 2) == 1.06  # mm, as PROVENANCE.md says

@@ -1,5 +1,6 @@
-"""The made training sets: what is written is what training reads."""
+"""Training sets that are written are what training reads; trained bodies are made symmetric."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,24 @@ from scipy.sparse import csr_array
 from builder import sets
 from builder.bodies import already_made
 from builder.sets import SetRecipe, Subjects, _stack, _table
+from builder.symmetrize import even_body, pose_parts, regressor_from
 from workbench import load_body
-from workbench.errors import BadFile
+from workbench.errors import BadBody, BadFile
+from workbench.geometry.mirror import Mirror, opposites
 from workbench.synthetic.ground_truth import FILE, read_ground_truth
+from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
+from workbench.training.objective import Objective
+from workbench.training.pose_training import PoseModel
+from workbench.training.registrations import InMemory
+from workbench.training.skinning_pass import SkinningPass
+
+pytestmark = pytest.mark.thorough
 
 BODY = load_body("small")
+START = Start.of(BODY)
+S, EACH = 12, 10
 
 
 def subjects() -> Subjects:
@@ -28,22 +40,7 @@ def subjects() -> Subjects:
     return Subjects(people, joints, female, BODY.weights, fine, regressor)
 
 
-def test_every_option_of_the_command_is_in_the_recipe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[SetRecipe] = []
-    monkeypatch.setattr(sets, "make_sets", lambda sources, recipe, *_: asked.append(recipe))
-    monkeypatch.setattr(sets, "gather_sources", lambda *_: None)
-    monkeypatch.setattr(sets, "Wheel", lambda path: path)
-    options = "--body full --vertices 6890 --people 5 --subjects 4 --poses 3"
-    for held_out in ("--held-out 2", "--strangers 2"):  # the second is the former name
-        line = f"sets WHEEL --out {tmp_path} {options} {held_out} --others 1 --seed 9"
-        monkeypatch.setattr("sys.argv", line.split())
-        sets.main()
-    assert asked == 2 * [SetRecipe("full", 5, 4, 3, 2, 1, 6890, seed=9)]
-
-
-def test_nobody_moves_without_a_pose() -> None:
+def test_pose_zero_is_rest_and_root_turns_all() -> None:
     everyone, away = subjects(), np.array([0.1, 0.2, 0.3])
     posed = everyone.posed(1, np.zeros((24, 3)), away)
     np.testing.assert_allclose(posed, everyone.rest[1] + away, atol=1e-12)
@@ -55,7 +52,7 @@ def test_nobody_moves_without_a_pose() -> None:
     np.testing.assert_allclose(turned, expected, atol=1e-12)
 
 
-def test_what_is_written_is_a_folder_of_registrations(tmp_path: Path) -> None:
+def test_written_sets_are_registrations(tmp_path: Path) -> None:
     everyone, rng = subjects(), np.random.default_rng(1)
     poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
     truth = _stack(everyone, 2, poses, rng, tmp_path / "poses.npy")
@@ -68,7 +65,7 @@ def test_what_is_written_is_a_folder_of_registrations(tmp_path: Path) -> None:
     assert found.read(slice(0, 6)).vertices.shape == (6, 369, 3)
 
 
-def test_what_was_made_is_kept_beside_it(tmp_path: Path) -> None:
+def test_ground_truth_is_kept_beside_sets(tmp_path: Path) -> None:
     everyone, rng = subjects(), np.random.default_rng(1)
     poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
     _stack(everyone, 2, poses, rng, tmp_path / "poses.npy").save(tmp_path)
@@ -78,25 +75,12 @@ def test_what_was_made_is_kept_beside_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(truth.rest, everyone.rest[2:])
 
 
-def test_registrations_of_unknown_making_are_refused(tmp_path: Path) -> None:
+def test_missing_ground_truth_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="does not exist"):
         read_ground_truth(tmp_path)
     np.savez(tmp_path / FILE, rest=np.zeros(3))
     with pytest.raises(BadFile, match="joints"):
         read_ground_truth(tmp_path)
-
-
-def test_every_other_pose_moves_every_joint() -> None:
-    """Mocap hardly bends a wrist; the poses between are as they were drawn."""
-    recipe = SetRecipe(subjects=30, poses=4)
-    drawn = np.zeros((30, 4, 24, 3))
-    drawn[..., 3, :] = 2.5, 0, 0  # already far
-    stirred = sets._stirred(drawn, recipe)
-    assert np.array_equal(stirred[:, 1::2], drawn[:, 1::2])
-    spread = stirred[:, ::2, 4:].std(axis=(0, 1))
-    np.testing.assert_allclose(spread, recipe.stirred, rtol=0.4)
-    assert np.linalg.norm(stirred, axis=-1).max() <= sets.LARGEST_ANGLE + 1e-12
-    assert np.array_equal(stirred, sets._stirred(drawn, recipe))
 
 
 def test_sets_of_another_recipe_are_refused(tmp_path: Path) -> None:
@@ -113,3 +97,48 @@ def test_sets_of_another_recipe_are_refused(tmp_path: Path) -> None:
         already_made(tmp_path, SetRecipe(seed=7), None)
     with pytest.raises(BadFile, match="were made otherwise"):
         already_made(tmp_path, recipe, np.zeros((5, 24, 3)))
+
+
+# Both sides alike.
+
+
+@pytest.fixture(scope="module")
+def model() -> PoseModel:
+    """Exact registrations of twelve people, and blend shapes that are wrong."""
+    rng = np.random.default_rng(0)
+    people = np.stack([BODY.template + BODY.shapedirs @ b for b in rng.normal(size=(S, 10))])
+    joints = np.stack([BODY.J_regressor @ T for T in people])
+    poses = 0.3 * rng.normal(size=(S * EACH, 24, 3))
+    subject = np.repeat(np.arange(S), EACH)
+    exact = Estimate(people, joints, BODY.posedirs, BODY.weights, poses, BODY.parents)
+    data = InMemory(SkinningPass.of(exact, slice(0, S * EACH), subject).points, subject)
+    assert BODY.mirror is not None
+    mirror = Mirror(BODY.mirror, opposites(BODY.joint_names))
+    objective = Objective(data, BODY.J_regressor, BODY.weights, mirror, Sigmas(), BODY.template)
+    wrong = replace(exact, posedirs=BODY.posedirs + 1e-3 * rng.normal(size=BODY.posedirs.shape))
+    return PoseModel(wrong, objective, ())
+
+
+def test_local_blend_shapes_are_found_again(model: PoseModel) -> None:
+    """About where the data say; the translation was taken from the wrong ones."""
+    parts = pose_parts(model, START)
+    before, after = (model.objective.rms(e) for e in (model.estimate, parts.estimate))
+    assert before > 0.003
+    assert after < before / 10
+    assert np.array_equal(parts.mirror.posedirs(parts.estimate.posedirs), parts.estimate.posedirs)
+    assert parts.estimate.weights == pytest.approx(BODY.weights, abs=1e-3)
+
+
+def test_joints_and_shapes_are_symmetric(model: PoseModel) -> None:
+    parts = pose_parts(model, START)
+    regressor, errors = regressor_from(parts, np.arange(S))
+    assert errors.max() < 0.002
+    assert np.diff(regressor.indptr).max() <= 40
+    body, explained = even_body(parts, parts.estimate.templates, regressor)
+    assert explained.sum() == pytest.approx(1, abs=1e-3)  # ten directions made them
+    assert body.template[BODY.mirror] * [-1, 1, 1] == pytest.approx(body.template, abs=1e-12)
+
+
+def test_mesh_without_sides_is_refused(model: PoseModel) -> None:
+    with pytest.raises(BadBody, match="a mesh with sides"):
+        pose_parts(replace(model, objective=replace(model.objective, mirror=None)), START)

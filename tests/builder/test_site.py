@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 import workbench as wb
-from builder.site import documents, examples, write_site
+from builder import lite
+from builder.site import examples, write_site
 from builder.site.__main__ import main
 from builder.site.docstrings import rendered
 from builder.site.examples import Example
 from builder.site.inventory import annotated, inventory
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
+from workbench.course.outline import lecture
 from workbench.errors import BadFile
 from workbench.site import NEEDED, course_pages
 
@@ -45,7 +47,8 @@ def stand_in(script: Path, figure: Path) -> Example:
     return Example(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
 
 
-def test_a_site_has_all_its_pages_and_no_dead_link(site: Path) -> None:
+@pytest.mark.thorough
+def test_site_has_all_pages_and_no_dead_link(site: Path) -> None:
     """One test, so that the site is written once, and not by every process of a test run."""
     every_public_name_has_a_page_with_an_example(site)
     no_link_is_dead_and_nothing_is_fetched(site)
@@ -86,10 +89,9 @@ def names_are_links_and_types_are_short(site: Path) -> None:
     assert "numpy.ndarray" not in solve
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("script", SHOWN, ids=lambda path: path.stem)
-def test_every_example_of_the_reference_runs(
-    script: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_example_of_the_reference_runs(script: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = script.read_text(encoding="utf-8")
     exec(compile(source, str(script), "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out.strip()
@@ -132,7 +134,8 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
 }
 
 
-def test_what_public_names_take_and_give_is_public() -> None:
+@pytest.mark.thorough
+def test_classes_in_public_annotations_are_public() -> None:
     """Every class in their annotations is `wb.Name`, or `wb.room.Name` by its room's `__all__`."""
     entries = inventory()
     hidden = {(e.module, e.name) for e in entries if e.exported == e.module and not e.public}
@@ -155,49 +158,34 @@ def linked(name: str) -> str | None:
     return f"{name}.html" if name in ("Problem", "UnknownName") else None
 
 
-@pytest.mark.parametrize(
-    ("docstring", "html"),
-    [
-        (
-            "B_P(theta) = sum of f_n P_n, *not* <b>.",
-            "<p>B_P(theta) = sum of f_n P_n, *not* &lt;b&gt;.</p>",
-        ),
-        (
-            "Raises UnknownName.",
-            '<p>Raises <a href="UnknownName.html">UnknownName</a>.</p>',
-        ),
-        (
-            "Of a `Problem`, or `other`.",
-            '<p>Of a <a href="Problem.html"><code>Problem</code></a>, or <code>other</code>.</p>',
-        ),
-        (
-            "As\n\n    x = $y$ `z`\n      + 1\n\nand",
-            "<p>As</p>\n<pre>x = $y$ `z`\n  + 1</pre>\n<p>and</p>",
-        ),
-        (
-            "Two:\n- one\n  more\n- `two`",
-            "<p>Two:</p>\n<ul><li>one more</li><li><code>two</code></li></ul>",
-        ),
-        (
-            "A batch.\n\nAttributes:\n    subject: (c,) the\n        number.\n    v: (N, 3) m.",
-            '<p>A batch.</p>\n<p class="part">Attributes</p>\n<dl class="fields">'
-            "<dt><code>subject</code></dt><dd>(c,) the number.</dd>"
-            "<dt><code>v</code></dt><dd>(N, 3) m.</dd></dl>",
-        ),
-        ("One ` backtick ``` of many.", "<p>One ` backtick ``` of many.</p>"),
-    ],
-)
-def test_docstrings_are_rendered_whatever_is_in_them(docstring: str, html: str) -> None:
-    assert rendered(docstring, linked) == html
+DOCSTRINGS = {
+    "B_P(theta) = sum of f_n P_n, *not* <b>.": (
+        "<p>B_P(theta) = sum of f_n P_n, *not* &lt;b&gt;.</p>"
+    ),
+    "Raises UnknownName, or `other`.": (
+        '<p>Raises <a href="UnknownName.html">UnknownName</a>, or <code>other</code>.</p>'
+    ),
+    "As\n\n    x = $y$ `z`\n      + 1\n\nand": (
+        "<p>As</p>\n<pre>x = $y$ `z`\n  + 1</pre>\n<p>and</p>"
+    ),
+    "Two:\n- one\n  more\n- `two`": (
+        "<p>Two:</p>\n<ul><li>one more</li><li><code>two</code></li></ul>"
+    ),
+    "A batch.\n\nAttributes:\n    subject: (c,) the\n        number.\n    v: (N, 3) m.": (
+        '<p>A batch.</p>\n<p class="part">Attributes</p>\n<dl class="fields">'
+        "<dt><code>subject</code></dt><dd>(c,) the number.</dd>"
+        "<dt><code>v</code></dt><dd>(N, 3) m.</dd></dl>"
+    ),
+    "One ` backtick ``` of many.": "<p>One ` backtick ``` of many.</p>",
+}
 
 
-def test_a_wheel_is_told_what_it_lacks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(documents.workbench, "__file__", str(tmp_path / "workbench" / "x.py"))
-    with pytest.raises(BadFile, match="lecture site FOLDER"):
-        documents.checkout()
+def test_docstrings_are_rendered_whatever_is_in_them() -> None:
+    for docstring, html in DOCSTRINGS.items():
+        assert rendered(docstring, linked) == html
 
 
-def test_nothing_of_somebody_elses_is_replaced(
+def test_other_people_s_folders_are_not_replaced(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
@@ -207,25 +195,14 @@ def test_nothing_of_somebody_elses_is_replaced(
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
-def test_an_interrupt_is_told(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted(folder: Path, tell: object) -> Path:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("builder.site.__main__.write_site", interrupted)
-    assert main([str(tmp_path / "site")]) == 130
-    assert capsys.readouterr().err == "interrupted; nothing was written\n"
-
-
-def test_an_example_that_fails_is_named(tmp_path: Path) -> None:
+def test_failing_example_is_named(tmp_path: Path) -> None:
     script = tmp_path / "wrong.py"
     script.write_text("raise ValueError('so wrong')")
     with pytest.raises(BadFile, match=r"wrong\.py stops with an error(.|\n)*so wrong"):
         examples.run_example(script)
 
 
-def test_figures_and_words_are_taken_from_a_run(tmp_path: Path) -> None:
+def test_figures_and_output_are_taken_from_a_run(tmp_path: Path) -> None:
     script = tmp_path / "draws.py"
     script.write_text(
         '"""solve: shown.\n"""\nfrom pathlib import Path\n'
@@ -234,3 +211,31 @@ def test_figures_and_words_are_taken_from_a_run(tmp_path: Path) -> None:
     found: Any = examples.run_example(script)
     assert (found.printed, [figure.name for figure in found.figures]) == ("done", ["a.png"])
     assert found.names == ("solve",)
+
+
+# The course for JupyterLite.
+
+
+@pytest.mark.thorough
+def test_notebook_installs_what_a_browser_needs() -> None:
+    for name in ("jupytext", "nbformat"):
+        pytest.importorskip(name)
+    made = lite.for_browsers(lecture(2))
+    code = [cell for cell in made.cells if cell.cell_type == "code"]
+    compile(code[0].source, "cell", "exec", flags=0x2000)  # with await at its top
+    assert "piplite.install('smpl-workbench', deps=False)" in code[0].source
+    assert "'casadi'" in code[0].source
+    assert all("piplite" not in cell.source for cell in code[1:])
+
+
+def test_missing_tools_of_lite_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, wheel = tmp_path / "out", tmp_path / "one.whl"
+    assert lite.main([str(out), "--wheel", str(wheel)]) == 2
+    assert "is no wheel; build one with: pip wheel" in capsys.readouterr().err
+    wheel.touch()
+    monkeypatch.setattr(lite, "NEEDED", ("jupyterlite_of_nobody",))
+    assert lite.main([str(out), "--wheel", str(wheel)]) == 2
+    assert "pip install jupyterlite-of-nobody" in capsys.readouterr().err
+    assert not out.exists()

@@ -1,6 +1,6 @@
-"""Files of the whole family: all keys survive, joints have names, expressions are apart."""
+"""What models of the family have beside SMPL: names, expressions, hands, STAR's features."""
 
-import pickle
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,51 +8,21 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import issparse
 
 import workbench as wb
-from tests.bodies.model_files import MODELS, flame, layout, mano, smplh, smplx, star, written
-from tests.bodies.random_bodies import Entries, same
-from workbench.blocks import Block
-from workbench.bodies import SkinnedBody, mirrored, pose_space, shape_space
-from workbench.bodies.catalogue import load_skinned
+from tests.bodies.model_files import flame, layout, mano, smplh, smplx, star, written
+from tests.bodies.random_bodies import Entries, entries
+from tests.tiers import few
+from workbench.bodies import mirrored, pose_space, shape_space
+from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.bodies.files.joint_names import FLAME, NAMES, TREES
-from workbench.bodies.files.npz_files import read_npz
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.files.smplx_vertices import vertex_ids
-from workbench.errors import BadArgument, BadFile
-
-OBJECTS = {"joint2num", "part2num"}  # dictionaries, which are not read
-
-
-def dense(value: Any) -> Any:
-    return value.toarray() if issparse(value) else np.asarray(value)
+from workbench.bodies.files.smpl_layout import body_from
+from workbench.bodies.files.smplx_vertices import extras, vertex_ids
+from workbench.errors import BadArgument
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("saved", [".npz", ".pkl"])
-def test_every_key_of_a_model_survives(tmp_path: Path, model: str, saved: str) -> None:
-    make, suffix = MODELS[model]
-    raw = make() | {"a key that nobody knows": np.arange(6, dtype=np.int16).reshape(2, 3)}
-    body = load_skinned(written(raw, tmp_path / f"model{suffix}"))
-    assert body.card["model"] == model
-    assert {
-        line.partition(",")[0] for line in body.card.get("left_out", ())
-    } == raw.keys() & OBJECTS
-    if (model, saved) == ("STAR", ".pkl"):
-        with pytest.raises(BadFile, match="star_features"):
-            save_body(body, tmp_path / "again.pkl")
-        return
-    save_body(body, tmp_path / f"again{saved}")
-    again = load_skinned(tmp_path / f"again{saved}")
-    same(body, again)
-    path = tmp_path / f"again{saved}"
-    found = read_npz(path) if saved == ".npz" else pickle.loads(path.read_bytes())
-    for key in raw.keys() - OBJECTS:
-        np.testing.assert_array_equal(dense(found[key]), dense(raw[key]), err_msg=key)
-
-
-def test_the_trees_are_those_of_the_family() -> None:
+def test_trees_and_names_are_those_of_the_family() -> None:
     for n_joints, (model, names) in NAMES.items():
         tree = TREES[model]
         assert len(tree) == len(names) == n_joints
@@ -67,7 +37,7 @@ def test_the_trees_are_those_of_the_family() -> None:
     assert [of_body[TREES["SMPL-X"][of_body.index(n)]] for n in FLAME[2:]] == ["head"] * 3
 
 
-def test_the_joints_of_flame_have_names(tmp_path: Path) -> None:
+def test_joints_of_flame_have_names(tmp_path: Path) -> None:
     body = load_skinned(written(flame(), tmp_path / "generic_model.pkl"))
     assert body.joint_names == ("root", "neck", "jaw", "left_eye", "right_eye")
     other = layout("FLAME")
@@ -75,30 +45,17 @@ def test_the_joints_of_flame_have_names(tmp_path: Path) -> None:
     assert load_skinned(written(other, tmp_path / "other.npz")).joint_names[4] == "joint_4"
 
 
-def test_supr_is_refused_by_name(tmp_path: Path) -> None:
-    raw = layout("SMPL", N=20)
-    raw["J_regressor"] = np.zeros((72, 61))
-    raw["posedirs"] = np.zeros((20, 3, 96))
-    with pytest.raises(BadFile, match="holds SUPR"):
-        load_skinned(written(raw, tmp_path / "supr.npz"))
-
-
 # Shape and expression.
 
 
 @pytest.mark.parametrize(
-    ("raw", "shape", "expression"),
-    [
-        (smplx(), 300, 100),
-        (smplx(B=20), 10, 10),
-        (smplx(B=16), 16, 0),
-        (flame(), 300, 100),
-        (smplh(), 16, 0),
-    ],
+    ("B", "shape", "expression"),
+    few([pytest.param(20, 10, 10), pytest.param(400, 300, 100), pytest.param(16, 16, 0)], 1),
 )
 def test_shape_and_expression_are_apart(
-    tmp_path: Path, raw: Entries, shape: int, expression: int
+    tmp_path: Path, B: int, shape: int, expression: int
 ) -> None:
+    raw = smplx(B=B)
     body = load_skinned(written(raw, tmp_path / "m.pkl"))
     space = shape_space(body)
     assert (len(space.shape), len(space.expression)) == (shape, expression)
@@ -110,7 +67,7 @@ def test_shape_and_expression_are_apart(
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_an_expression_is_fitted_while_the_shape_is_held(tmp_path: Path) -> None:
+def test_expression_is_fitted_while_shape_is_held(tmp_path: Path) -> None:
     body = load_skinned(written(flame(), tmp_path / "m.pkl"))
     space = shape_space(body).first(4, 5)
     shape, expression = space.blocks()
@@ -135,7 +92,7 @@ def test_an_expression_is_fitted_while_the_shape_is_held(tmp_path: Path) -> None
 # Hands.
 
 
-@pytest.mark.parametrize("make", [smplh, smplx])
+@pytest.mark.parametrize("make", few([smplx, smplh], 1))
 def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> None:
     raw = make()
     body = load_skinned(written(raw, tmp_path / "m.pkl"))
@@ -164,7 +121,7 @@ def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> No
         np.testing.assert_allclose(np.asarray(found).T, pose, atol=1e-14)
 
 
-def test_a_hands_mean_is_in_the_pose_and_nowhere_else(tmp_path: Path) -> None:
+def test_mean_of_a_hand_is_in_the_pose_alone(tmp_path: Path) -> None:
     """At pose zero a file of MANO is its template, whatever mean the file has."""
     raw = mano()
     body = load_skinned(written(raw, tmp_path / "MANO_RIGHT.pkl"))
@@ -173,6 +130,24 @@ def test_a_hands_mean_is_in_the_pose_and_nowhere_else(tmp_path: Path) -> None:
     posed = pose_space(body).poses(body, np.zeros(45))
     np.testing.assert_array_equal(body.vertices(posed), without.vertices(posed))
     np.testing.assert_array_equal(posed[1:].ravel(), raw["hands_mean"])
+
+
+def test_vertices_that_smplx_appends_are_named(tmp_path: Path) -> None:
+    body = load_body("default")
+    save_body(body, tmp_path / "SMPL_NEUTRAL.pkl")
+    ids = json.loads((tmp_path / "SMPL_NEUTRAL_vertex_ids.json").read_text())
+    assert ids == vertex_ids(body)
+    assert len(ids) == len(extras()) == 21
+    at = {name: body.template[i] for name, i in ids.items()}
+    landmarks = dict(zip(body.landmark_names("coco"), body.landmark("coco"), strict=True))
+    assert np.linalg.norm(at["nose"] - landmarks["nose"]) < 0.02
+    assert np.linalg.norm(at["RHeel"] - landmarks["right_heel"]) < 0.03
+    for left, right in (("lear", "rear"), ("LBigToe", "RBigToe"), ("lthumb", "rthumb")):
+        np.testing.assert_allclose(at[left] * (-1, 1, 1), at[right], atol=0.005)
+    bare = vertex_ids(replace(body, landmarks={}))  # guesses from the shape alone
+    for name, i in bare.items():
+        assert np.linalg.norm(body.template[i] - at[name]) < 0.08, name
+    assert max(vertex_ids(body_from(entries(), "b", "b")).values()) < 40
 
 
 def test_finger_tips_for_smplx_are_on_the_fingers(tmp_path: Path) -> None:
@@ -218,27 +193,20 @@ def star_in_numpy(raw: Entries, pose: np.ndarray, betas: np.ndarray) -> tuple[An
     return found, np.array([transform[:3, 3] for transform in world])
 
 
-@pytest.mark.parametrize("n_betas", [10, 300])
+@pytest.mark.parametrize("n_betas", few([10, 300], 1))
 def test_star_agrees_with_an_independent_formula(tmp_path: Path, n_betas: int) -> None:
     raw = star(N=60, B=n_betas)
     body = load_skinned(written(raw, tmp_path / "STAR_NEUTRAL.npz"))
     assert body.joint_names[23] == "right_hand"
     rng = np.random.default_rng(8)
-    for _ in range(20):
+    for _ in range(5):
         pose, betas = rng.normal(size=(24, 3)), rng.normal(size=n_betas)
         vertices, joints = star_in_numpy(raw, pose, betas)
         assert abs(body.vertices(pose, betas) - vertices).max() < 1e-10
         assert abs(body.joints(pose, betas) - joints).max() < 1e-10
 
 
-def test_blocks_of_shape_have_prefixes() -> None:
-    body: SkinnedBody = load_skinned("small")
-    shape, expression = shape_space(body).blocks("anna/")
-    assert (shape.name, shape.shape, expression.shape) == ("anna/shape", (10,), (0,))
-    assert isinstance(shape, Block)
-
-
-def test_a_body_in_a_mirror_exchanges_its_hands(tmp_path: Path) -> None:
+def test_mirrored_body_exchanges_hands_and_landmarks(tmp_path: Path) -> None:
     """Also what is said of the corners of faces, which a mirrored face has in another order."""
     raw = smplx(B=20)
     body = load_skinned(written(raw, tmp_path / "m.npz"))

@@ -1,4 +1,4 @@
-"""The exponential map against 50 digits of truth, and the laws of rotations."""
+"""Rotations against 50 digits of truth, dual quaternions against SciPy and 4 x 4 matrices."""
 
 from functools import cache
 
@@ -9,8 +9,11 @@ import pytest
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
+from tests.tiers import few
+from workbench.geometry.dual_quaternions import dual_quaternions, moved, quaternions
 from workbench.geometry.rotation import (
     SERIES_BELOW,
+    half_turns,
     matrix_from_vector,
     nearest_rotation,
     rodrigues,
@@ -19,10 +22,13 @@ from workbench.geometry.rotation import (
 
 Array = np.ndarray
 SWITCH = float(np.sqrt(SERIES_BELOW))  # 0.5 rad: from the series to the closed form
-ANGLES = (0, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1, 3, np.pi, 6.2)
-AROUND_THE_SWITCH = (0.49, SWITCH * (1 - 1e-15), SWITCH, SWITCH * (1 + 1e-15), 0.51)
+ANGLES = (0, 1e-9, 1e-3, 1, np.pi, 6.2)
+AROUND_THE_SWITCH = (SWITCH * (1 - 1e-15), SWITCH, SWITCH * (1 + 1e-15))
 DIRECTIONS = np.array([[1, 0, 0], [0, -1, 0], [0.48, 0.6, -0.64], [-0.6, 0.0, 0.8]])
 TOLERANCE = 1e-12  # entries of R and its derivatives are of order one; eps is 2e-16
+KINDS = pytest.mark.parametrize(
+    "kind", few([pytest.param(k, id=k.__name__) for k in (cs.SX, cs.MX)], 1)
+)
 
 
 def skew(w: Array) -> Array:
@@ -65,7 +71,7 @@ def value_gradient_hessian(kind: type) -> cs.Function:
     return cs.Function("f", [w], [r, J, cs.jacobian(cs.vec(J), w)])
 
 
-def test_the_truth_is_the_matrix_exponential() -> None:
+def test_reference_is_the_matrix_exponential() -> None:
     for w in DIRECTIONS * 2.5:
         R, dR, _ = truth(tuple(w))
         A = skew(w)
@@ -75,8 +81,8 @@ def test_the_truth_is_the_matrix_exponential() -> None:
             np.testing.assert_allclose(dR[:, :, k], change, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", [cs.SX, cs.MX], ids=["SX", "MX"])
-@pytest.mark.parametrize("angle", ANGLES + AROUND_THE_SWITCH)
+@KINDS
+@pytest.mark.parametrize("angle", few([*ANGLES, *AROUND_THE_SWITCH], (0, 1e-3, np.pi, SWITCH)))
 def test_value_jacobian_and_hessian_are_exact(angle: float, kind: type) -> None:
     for direction in DIRECTIONS:
         w = angle * direction
@@ -90,8 +96,8 @@ def test_value_jacobian_and_hessian_are_exact(angle: float, kind: type) -> None:
         np.testing.assert_allclose(H, second, rtol=0, atol=TOLERANCE)
 
 
-@pytest.mark.parametrize("kind", [cs.SX, cs.MX], ids=["SX", "MX"])
-def test_many_rotations_stand_side_by_side(kind: type) -> None:
+@KINDS
+def test_rotations_of_a_matrix_stand_side_by_side(kind: type) -> None:
     vectors = np.array([angle * d for angle in ANGLES for d in DIRECTIONS])
     w = kind.sym("w", 3, len(vectors))
     r = rodrigues(w)
@@ -113,7 +119,7 @@ def random_vectors(n: int = 200, longest: float = 6.2) -> Array:
     return w / np.linalg.norm(w, axis=1, keepdims=True) * rng.uniform(0, longest, (n, 1))
 
 
-def test_numbers_come_in_batches() -> None:
+def test_matrices_come_in_batches() -> None:
     w = random_vectors(24).reshape(2, 4, 3, 3)
     R = matrix_from_vector(w)
     assert R.shape == (2, 4, 3, 3, 3)
@@ -132,15 +138,8 @@ def test_rotations_are_orthogonal_and_keep_their_axis() -> None:
     np.testing.assert_allclose(R, Rotation.from_rotvec(w).as_matrix(), atol=1e-14)
 
 
-def test_the_distance_to_the_identity_is_that_of_the_half_angle() -> None:
-    w = random_vectors()
-    distance = np.linalg.norm(matrix_from_vector(w) - np.eye(3), axis=(1, 2))
-    half = np.linalg.norm(w, axis=1) / 2
-    np.testing.assert_allclose(distance, 2 * np.sqrt(2) * np.abs(np.sin(half)), atol=1e-14)
-
-
 @pytest.mark.parametrize(("angle", "singular_values"), [(0.0, (1, 1, 1)), (2 * np.pi, (1, 0, 0))])
-def test_the_map_loses_two_directions_at_a_full_turn(
+def test_jacobian_loses_two_directions_at_a_full_turn(
     angle: float, singular_values: tuple[int, ...]
 ) -> None:
     for direction in DIRECTIONS:
@@ -149,7 +148,7 @@ def test_the_map_loses_two_directions_at_a_full_turn(
         np.testing.assert_allclose(s, np.sqrt(2) * np.array(singular_values), atol=1e-14)
 
 
-def test_the_logarithm_undoes_the_exponential() -> None:
+def test_logarithm_undoes_the_exponential() -> None:
     w = random_vectors(longest=3.1)
     np.testing.assert_allclose(vector_from_matrix(matrix_from_vector(w)), w, atol=1e-12)
     R = matrix_from_vector(random_vectors()).reshape(10, 20, 3, 3)  # also beyond half a turn
@@ -157,12 +156,9 @@ def test_the_logarithm_undoes_the_exponential() -> None:
     assert np.linalg.norm(vector_from_matrix(R), axis=-1).max() <= np.pi + 1e-12
 
 
-def test_the_nearest_rotation_of_a_rotation_is_itself() -> None:
-    R = matrix_from_vector(random_vectors())
-    np.testing.assert_allclose(nearest_rotation(R), R, atol=1e-14)
-
-
 def test_no_rotation_is_nearer_than_the_nearest() -> None:
+    rotations = matrix_from_vector(random_vectors())
+    np.testing.assert_allclose(nearest_rotation(rotations), rotations, atol=1e-14)
     rng = np.random.default_rng(1)
     others = Rotation.random(1000, rng=rng).as_matrix()
     matrices = rng.normal(size=(20, 3, 3))
@@ -175,3 +171,97 @@ def test_no_rotation_is_nearer_than_the_nearest() -> None:
         close = R @ matrix_from_vector(1e-3 * rng.normal(size=(100, 3)))
         distances = np.linalg.norm(np.concatenate([others, close]) - M, axis=(1, 2))
         assert np.linalg.norm(R - M) <= distances.min() + 1e-14
+
+
+# Quaternions.
+
+AXES = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(20, 3))])
+AXES /= np.linalg.norm(AXES, axis=1, keepdims=True)
+EACH_ANGLE = pytest.mark.parametrize(
+    "angle", few([0.0, 2.0, np.pi, 1e-6, np.pi - 1e-9, 6.0, np.pi / 2, 2 * np.pi / 3], 3)
+)
+
+
+def motions(n: int, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    R = Rotation.random(n, random_state=rng).as_matrix()
+    return np.concatenate([R, rng.normal(size=(n, 3, 1))], axis=2)
+
+
+def as_columns(found: cs.DM) -> np.ndarray:
+    return np.asarray(found).T
+
+
+@EACH_ANGLE
+def test_quaternions_are_those_of_the_rotations(angle: float) -> None:
+    """Also half turns, which are opposite after a full turn."""
+    R = Rotation.from_rotvec(angle * AXES)
+    found = as_columns(quaternions(cs.DM(np.concatenate(list(R.as_matrix()), axis=1))))
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-14)
+    back = Rotation.from_quat(found[:, [1, 2, 3, 0]]).as_matrix()
+    np.testing.assert_allclose(back, R.as_matrix(), atol=2e-15)
+    found = as_columns(half_turns(cs.DM((angle * AXES).T)))
+    expected = np.column_stack([np.full(len(AXES), np.cos(angle / 2)), np.sin(angle / 2) * AXES])
+    np.testing.assert_allclose(found, expected, atol=1e-15)
+    further = as_columns(half_turns(cs.DM(((angle + 2 * np.pi) * AXES).T)))
+    np.testing.assert_allclose(further, -expected, atol=2e-15)
+
+
+@EACH_ANGLE
+def test_derivatives_of_quaternions_are_those_of_half_turns(angle: float) -> None:
+    """Through R and Shepperd's columns, or straight from the vector: one curve, either sign."""
+    w = cs.SX.sym("w", 3)
+    through_R, straight = quaternions(rodrigues(w)), half_turns(w)
+    outputs = []
+    for q in (through_R, straight):
+        J = cs.jacobian(q, w)
+        outputs += [q, J, cs.jacobian(cs.vec(J), w)]
+    f = cs.Function("f", [w], outputs)
+    for axis in AXES:
+        q, J, H, q2, J2, H2 = (np.asarray(part) for part in f(angle * axis))
+        sign = np.sign((q.T @ q2).item())
+        np.testing.assert_allclose(q, sign * q2, atol=2e-15)
+        np.testing.assert_allclose(J, sign * J2, atol=1e-14)
+        np.testing.assert_allclose(H, sign * H2, atol=5e-14)
+
+
+def test_dual_quaternions_move_points_as_matrices_do() -> None:
+    M, v = motions(40), np.random.default_rng(1).normal(size=(40, 3))
+    dual = dual_quaternions([cs.DM(m) for m in M])
+    expected = np.einsum("nij,nj->ni", M[:, :, :3], v) + M[:, :, 3]
+    np.testing.assert_allclose(as_columns(moved(cs.DM(v.T), dual)), expected, atol=1e-14)
+    for factor in (-1.0, 7.0, -0.01):
+        found = as_columns(moved(cs.DM(v.T), factor * dual))
+        np.testing.assert_allclose(found, expected, atol=1e-13)
+    askew = dual + cs.vertcat(cs.DM.zeros(4, 40), 0.3 * dual[:4, :])  # no longer orthogonal
+    np.testing.assert_allclose(as_columns(moved(cs.DM(v.T), askew)), expected, atol=1e-13)
+
+
+def gap(angle: float, share: float) -> float:
+    """Degrees between blended dual quaternions and the screw, of a turn by `angle` rad."""
+    turned = np.column_stack([Rotation.from_rotvec([0, 0, angle]).as_matrix(), [0.1, 0.2, 0.3]])
+    still = np.column_stack([np.eye(3), np.zeros(3)])
+    q = dual_quaternions([cs.DM(still), cs.DM(turned)])
+    blend = (1 - share) * q[:, 0] + share * q[:, 1] * np.sign(float(q[:4, 0].T @ q[:4, 1]))
+    corners = cs.DM(np.column_stack([np.eye(3), np.zeros(3)]))
+    found = np.asarray(moved(corners, cs.repmat(blend, 1, 4)))
+    R = found[:, :3] - found[:, 3:]
+    screw = Rotation.from_rotvec([0, 0, share * angle])  # the share of the turn, about its axis
+    return float(np.degrees(Rotation.from_matrix(R @ screw.as_matrix().T).magnitude()))
+
+
+def test_blending_is_within_a_known_angle_of_the_screw() -> None:
+    """The gap grows with the angle; at 180 degrees it is 2 |atan(s / (1 - s)) - s pi / 2|.
+
+    Its derivative vanishes where (1 - s)^2 + s^2 = 2 / pi: 8.149 degrees (the 8.15 of Kavan et
+    al. 2008).
+    """
+    almost = np.pi - 1e-6
+    s = (1 - np.sqrt(4 / np.pi - 1)) / 2
+    largest = np.degrees(2 * abs(np.arctan(s / (1 - s)) - s * np.pi / 2))
+    assert round(largest, 3) == 8.149
+    assert gap(almost, s) == pytest.approx(largest, abs=1e-4)
+    grid = [[gap(a, s) for s in np.linspace(0, 1, 21)] for a in np.linspace(0.1, almost, 6)]
+    assert np.max(grid) <= largest + 1e-4
+    assert (np.diff(np.max(grid, axis=1)) > 0).all()
+    assert gap(almost, 0.5) < 1e-4  # halfway they agree

@@ -1,0 +1,197 @@
+"""How bodies are built: T-pose, mirror, rig, shapes, blend shapes, each with a known answer."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from builder.mirrored_poses import mirrored_pose
+from builder.regressors import regress
+from builder.symmetrize import regression_errors
+from tests.synthetic.test_teacher import skinned
+from workbench.arrays import Array
+from workbench.bodies.catalogue import load_skinned
+from workbench.geometry.mirror import REFLECTION, Mirror
+from workbench.synthetic.population import to_t_pose
+from workbench.synthetic.rig import at_most_four, carrier
+from workbench.synthetic.shape_targets import Person, ShapeTargets
+from workbench.synthetic.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
+from workbench.synthetic.topology import _triangulated
+from workbench.synthetic.wheel import parse_obj
+from workbench.training.ridge import Sums, solve_ridge
+from workbench.training.shape_training import learn_shape_space
+
+
+@pytest.fixture(scope="module")
+def small():  # type: ignore[no-untyped-def]
+    return load_skinned("small")
+
+
+@pytest.fixture(scope="module")
+def mirror(small) -> Mirror:  # type: ignore[no-untyped-def]
+    return Mirror(small.mirror, MIRRORED_JOINTS)
+
+
+def test_t_pose_is_undone_by_skinning(small) -> None:  # type: ignore[no-untyped-def]
+    """The exact inverse: what was un-posed is found again by skinning as it is written down."""
+    rng = np.random.default_rng(0)
+    vertices = small.template + rng.normal(scale=0.02, size=small.template.shape)
+    joints = small.J_regressor @ small.template
+    joints = skinned(joints, joints, np.eye(24), _arms_down()) + np.array([0.1, 0.9, -0.2])
+    wrist = joints[JOINT["left_wrist"]]
+    knuckles = wrist + np.array([[0.06, -0.06, 0.03], [0.07, -0.07, 0.0], [0.06, -0.06, -0.04]])
+    rest = to_t_pose(vertices, joints, knuckles, small.weights)
+    world = rest.rotations.transpose(0, 2, 1)
+    local = np.stack(
+        [world[k] if parent < 0 else world[parent].T @ world[k] for k, parent in enumerate(PARENTS)]
+    )
+    back = skinned(rest.vertices, rest.joints, small.weights, local) + joints[0]
+    assert abs(back - vertices).max() < 1e-10
+    assert abs(rest.vertices - vertices).max() > 0.1  # it did move
+
+
+def _arms_down() -> Array:
+    pose = np.zeros((24, 3))
+    pose[JOINT["left_shoulder"]], pose[JOINT["right_shoulder"]] = (0, 0.1, -0.8), (0, -0.1, 0.8)
+    pose[JOINT["left_elbow"]], pose[JOINT["right_elbow"]] = (0, -0.3, 0), (0, 0.3, 0)
+    matrices: Array = Rotation.from_rotvec(pose).as_matrix()
+    return matrices
+
+
+def test_limbs_of_the_t_pose_are_straight(small) -> None:  # type: ignore[no-untyped-def]
+    joints = small.J_regressor @ small.template
+    joints = skinned(joints, joints, np.eye(24), _arms_down())
+    knuckles = joints[JOINT["left_hand"]] + np.array([[0.0, 0, 0.03], [0.01, 0, 0], [0, 0, -0.03]])
+    t_pose = to_t_pose(small.template, joints, knuckles, small.weights)
+    rest = t_pose.joints
+    arm = rest[[JOINT[f"left_{j}"] for j in ("shoulder", "elbow", "wrist")]]
+    assert abs(arm[:, 1:] - arm[0, 1:]).max() < 1e-12
+    shank = rest[JOINT["right_ankle"]] - rest[JOINT["right_knee"]]
+    assert abs(shank[[0, 2]]).max() < 1e-12
+    for side in ("left", "right"):  # and elbows bend to the front
+        fore = joints[JOINT[f"{side}_wrist"]] - joints[JOINT[f"{side}_elbow"]]
+        still_bent = t_pose.rotations[JOINT[f"{side}_shoulder"]] @ fore / np.linalg.norm(fore)
+        assert still_bent[1] == pytest.approx(0)
+        assert still_bent[2] > 0.2
+
+
+def test_mirrored_pose_gives_the_mirrored_body(small, mirror: Mirror) -> None:  # type: ignore[no-untyped-def]
+    """M(mirrored pose) = mirrored M(pose), skinning and pose blend shapes together."""
+    rng = np.random.default_rng(1)
+    pose = rng.normal(scale=0.6, size=(24, 3))
+
+    def posed(pose: Array) -> Array:
+        R = Rotation.from_rotvec(pose).as_matrix()
+        person = small.template + small.shapedirs @ np.arange(-1, 1, 0.2)
+        rest = person + small.posedirs @ (R - np.eye(3))[1:].ravel()
+        return skinned(rest, small.J_regressor @ person, small.weights, R)
+
+    here, there = posed(pose), posed(mirrored_pose(pose, MIRRORED_JOINTS))
+    assert abs(mirror.points(here) - there).max() < 1e-13
+    assert abs(here - there).max() > 0.1
+
+
+def test_reflected_posedirs_act_reflected(mirror: Mirror) -> None:
+    """P' f(mirrored pose) = mirrored P f(pose), for pose blend shapes that are not symmetric."""
+    rng = np.random.default_rng(0)
+    posedirs = rng.normal(size=(len(mirror.vertices), 3, 207))
+    pose = rng.normal(size=(24, 3))
+    f, g = (
+        (Rotation.from_rotvec(p).as_matrix() - np.eye(3))[1:].ravel()
+        for p in (pose, mirrored_pose(pose, MIRRORED_JOINTS))
+    )
+    assert abs(mirror.posedirs(posedirs) @ g - mirror.points(posedirs @ f)).max() < 1e-13
+
+
+def test_bones_go_to_the_joint_that_carries_them() -> None:
+    carried = ("lowerarm02.L", "breast.R", "spine05", "metacarpal2.R", "finger3-2.L", "tongue01")
+    joints = ("left_elbow", "spine2", "pelvis", "right_wrist", "left_hand", "head")
+    assert [JOINT_NAMES[carrier(bone)] for bone in carried] == list(joints)
+
+
+def test_cutting_to_four_weights_is_symmetric() -> None:
+    weights = np.zeros((1, 24))
+    for name, share in (("spine2", 0.3), ("spine3", 0.25), ("neck", 0.2)):
+        weights[0, JOINT[name]] = share
+    weights[0, [JOINT["left_collar"], JOINT["right_collar"]]] = 0.125
+    cut = at_most_four(weights, np.array([0]))
+    assert cut[0, JOINT["left_collar"]] == cut[0, JOINT["right_collar"]] == 0
+    assert cut.sum() == pytest.approx(1)
+    assert cut[0, JOINT["spine2"]] == pytest.approx(0.3 / 0.75)
+
+
+def test_levels_of_a_trait_share_one() -> None:
+    person = Person(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
+    factors = person.factors()
+    assert (factors["male"], factors["female"]) == pytest.approx((0.2, 0.8))
+    assert (factors["averagemuscle"], factors["maxmuscle"]) == pytest.approx((0.5, 0.5))
+    assert (factors["minweight"], factors["averageweight"]) == pytest.approx((0.8, 0.2))
+    assert factors["minheight"] == factors["maxheight"] == 0  # nothing in the middle
+    assert factors["idealproportions"] == pytest.approx(0.8)
+
+
+def test_targets_are_weighed_by_products() -> None:
+    targets = ShapeTargets((("female", "old"), ("male",)), ("a", "b"), np.zeros((6, 3)))
+    person = Person(0.8, 0.25, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, (1, 0, 0), (0.3, -0.2))
+    expected = [0.8 * 0.25, 0.2, 0.3, 0, 0, 0.2]
+    assert targets.coefficients(person) == pytest.approx(expected)
+
+
+def test_quads_are_halved_symmetrically() -> None:
+    left = np.array([[1.0, 0, 0], [2, 0, 0], [2.2, 1, 0], [1, 1, 0]])
+    vertices = np.concatenate([left, left * REFLECTION])
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f 1 2 3 4", "f 6 5 8 7"]
+    mesh = parse_obj("\n".join(lines))
+    swap = np.array([4, 5, 6, 7, 0, 1, 2, 3])
+    triangles = _triangulated(mesh, swap)
+    reflected = swap[triangles][:, ::-1]
+    assert {frozenset(t) for t in reflected.tolist()} == {frozenset(t) for t in triangles.tolist()}
+    assert frozenset((0, 1, 3)) in {frozenset(t) for t in triangles.tolist()}  # shorter diagonal
+
+
+def test_shape_space_is_found_again(small, mirror: Mirror) -> None:  # type: ignore[no-untyped-def]
+    rng = np.random.default_rng(0)
+    betas = rng.normal(size=(60, 2))
+    betas = (betas - betas.mean(axis=0)) @ np.linalg.inv(np.linalg.cholesky(np.cov(betas.T)).T)
+    people = small.template + np.einsum("ncb,pb->pnc", small.shapedirs[:, :, :2], betas)
+    space = learn_shape_space(people, small.faces, mirror, n_betas=2)
+    assert abs(space.template - small.template).max() < 1e-12
+    assert abs(space.shapedirs - small.shapedirs[:, :, :2]).max() < 1e-4
+    assert space.explained.sum() == pytest.approx(1)
+    assert abs(space.betas(people) - betas).max() < 1e-3
+
+
+@pytest.mark.thorough
+def test_joint_regressor_is_found_again(small) -> None:  # type: ignore[no-untyped-def]
+    rng = np.random.default_rng(0)
+    betas = rng.normal(size=(80, 10))
+    people = small.template + np.einsum("ncb,pb->pnc", small.shapedirs, betas)
+    points = np.stack([small.J_regressor @ person for person in people])
+    rows = regress(people, points, JOINT_NAMES, small.mirror, radius=0.25)
+    assert rows.min() >= 0
+    assert rows.sum(axis=1) == pytest.approx(1)
+    assert np.array_equal(rows[MIRRORED_JOINTS][:, small.mirror], rows)
+    assert regression_errors(rows, people, points).max() < 2e-4
+
+
+def test_ridge_finds_posedirs_within_their_support() -> None:
+    rng = np.random.default_rng(0)
+    joints = np.zeros((4, 23), dtype=bool)
+    joints[[0, 1], 4], joints[2, [2, 6]] = True, True  # the last vertex notices nothing
+    support = np.repeat(joints, 9, axis=1)
+    true = rng.normal(size=(4, 3, 207)) * support[:, None]
+    features = rng.normal(size=(400, 207))
+    errors = np.einsum("ncf,pf->pnc", true, features)
+    sums = Sums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
+    assert sums.energy == pytest.approx(np.vdot(errors, errors))
+    assert sums.n_poses == 400
+    found = solve_ridge(sums, support, ridge=1e-12)
+    assert abs(found - true).max() < 1e-9
+    assert not found[3].any()
+    assert abs(sums.error(found)) < 1e-9
+    assert sums.error(np.zeros_like(found)) == pytest.approx(1)
+    everywhere = solve_ridge(
+        Sums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
+    )
+    assert not everywhere[~support[:, None].repeat(3, axis=1)].any()
+    norms = [np.linalg.norm(solve_ridge(sums, support, r)) for r in (0.01, 0.1, 1.0)]
+    assert norms == sorted(norms, reverse=True)
