@@ -8,6 +8,7 @@ import pytest
 
 import workbench as wb
 from tests.cli.conftest import Run
+from tests.tiers import few
 from workbench.experiments import find
 
 ROOT = Path(__file__).parents[2]
@@ -18,7 +19,7 @@ COMMANDS = re.compile(r"^```\n(workbench .*?)```", re.S | re.M)
 
 
 @EACH
-def test_the_code_prints_what_the_page_says(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_code_of_a_page_prints_what_it_says(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {"__name__": page.stem}
     blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
     assert len(blocks) >= 2
@@ -36,19 +37,16 @@ def commands(page: Path) -> list[list[str]]:
     return found
 
 
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=() if p.stem == "solver" else pytest.mark.thorough) for p in PAGES],
-    ids=lambda path: path.stem,
-)
-def test_the_commands_take_the_file(page: Path, workbench: Run) -> None:
+@pytest.mark.thorough
+@EACH
+def test_commands_of_a_page_take_its_file(page: Path, workbench: Run) -> None:
     for command in commands(page):
         code, out, err = workbench(*command)
         assert code == 0, out + err
 
 
-@EACH
-def test_the_file_that_is_written_is_solved_and_has_no_warnings(
+@pytest.mark.parametrize("page", few(PAGES, 1), ids=lambda path: path.stem)
+def test_file_of_a_page_is_solved_without_warnings(
     page: Path, workbench: Run, tmp_path: Path
 ) -> None:
     new, *others = commands(page)
@@ -63,26 +61,10 @@ def test_the_file_that_is_written_is_solved_and_has_no_warnings(
     assert wb.sample(setup.problem, values, setup.problem.free.spelled()[:1]).usable
 
 
-@EACH
-def test_the_page_is_found_and_its_links_lead_somewhere(page: Path) -> None:
-    link = f"howto/{page.name}"
-    for name in ("README.md", "CONTRIBUTING.md"):
-        assert link in (ROOT / name).read_text(encoding="utf-8"), name
-    for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
-        assert (page.parent / target).exists(), target
-
-
-def test_a_file_that_is_no_solver_or_several_ends_in_a_sentence(
-    workbench: Run, tmp_path: Path
-) -> None:
-    (tmp_path / "two.py").write_text("import workbench as wb\na = b = wb.GaussNewton()\n")
-    (tmp_path / "none.py").write_text("x = 3\n")
-    for file, said in (
-        ("two.py", "defines several solvers: a and b; say `solver = ...` for one"),
-        ("none.py", "none.py defines no solver; it needs `solver = ...`"),
-        ("missing.py", "there is no file missing.py"),
-    ):
-        code, _, err = workbench("run", "nist-misra1a", "--solver", file)
-        assert code == 2
-        assert said in err
-    assert not (tmp_path / "runs" / "nist-misra1a").exists()
+def test_pages_are_linked_and_their_links_lead_somewhere() -> None:
+    for page in PAGES:
+        link = f"howto/{page.name}"
+        for name in ("README.md", "CONTRIBUTING.md"):
+            assert link in (ROOT / name).read_text(encoding="utf-8"), (name, link)
+        for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), target
