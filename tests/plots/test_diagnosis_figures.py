@@ -33,18 +33,6 @@ def test_joints_are_named_above_the_pattern() -> None:
     np.testing.assert_allclose(middles, 1.5 + 3 * np.arange(24))
 
 
-def test_sigmas_are_drawn_where_they_are_known() -> None:
-    found = diagnose(*cases.joints_only())
-    _, (ax,) = sheet(8, 4)
-    plot_sigmas(found, ax=ax)
-    assert "unit" in ax.get_ylabel()
-    sigma = found.identifiability.sigma
-    drawn = {float(x): float(y) for line in ax.lines for x, y in zip(*line.get_data(), strict=True)}
-    for i in np.flatnonzero(np.isfinite(sigma)):
-        assert drawn[float(i)] == pytest.approx(sigma[i])
-    assert f"{int(np.sum(~np.isfinite(sigma)))} entries" in caption_sigmas(found)
-
-
 def test_what_is_unknown_is_drawn_without_a_number() -> None:
     found = diagnose(*cases.joints_only())
     _, (ax,) = sheet(8, 4)
@@ -105,6 +93,7 @@ def test_what_moves_is_red() -> None:
     assert "30 cm" in caption_direction("a shift", moved, 0.5, "m")
 
 
+@pytest.mark.thorough
 def test_what_moves_is_shown_as_large_as_the_body() -> None:
     body = load_body("small")
     here = body.vertices()

@@ -74,6 +74,7 @@ def test_the_crop_holds_everything_that_is_drawn() -> None:
         assert (points < [right, bottom]).all()
 
 
+@pytest.mark.thorough
 def test_nothing_seen_and_a_body_behind_the_camera_are_drawn_too() -> None:
     outcome = outcome_made_up()
     overlay = outcome.overlays[0]

@@ -5,7 +5,7 @@ import pytest
 
 from tests.sampling.densities import gaussian
 from workbench import laplace, load_body
-from workbench.plots import sheets, widest
+from workbench.plots import sheets
 from workbench.plots.silhouettes import silhouette
 
 
@@ -28,6 +28,7 @@ def test_what_is_not_finite_or_outside_is_left_out() -> None:
     assert not silhouette(corners, np.array([[0, 1, 2]]), np.zeros(2), 1.0, (10, 10)).any()
 
 
+@pytest.mark.thorough
 def test_a_corner_names_entries_and_units(posterior: object) -> None:
     figure = sheets.corner_sheet(posterior, [0, 3])  # type: ignore[arg-type]
     said = [ax.get_xlabel() for ax in figure.axes]
@@ -40,13 +41,7 @@ def test_traces_have_an_axis_for_each_entry(posterior: object) -> None:
     assert figure.axes[-1].get_xlabel() == "step of each walker"
 
 
-def test_the_widest_are_few_and_in_order(posterior: object) -> None:
-    some = widest(posterior, posterior)  # type: ignore[arg-type]
-    assert some == sorted(set(some))
-    assert len(some) == 6
-    sheets.beside_laplace_sheet(posterior, posterior)  # type: ignore[arg-type]
-
-
+@pytest.mark.thorough
 def test_a_spray_of_equal_bodies_is_sharp() -> None:
     body = load_body("small")
     figure = sheets.spray_sheet(np.stack([body.vertices()] * 3), body.faces)

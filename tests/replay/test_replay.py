@@ -122,6 +122,7 @@ def test_draws_have_the_covariance_of_the_solution() -> None:
 
 
 @pytest.mark.browser
+@pytest.mark.thorough
 def test_a_replay_is_small_and_asks_for_nothing() -> None:
     text = run_page(outcome(), {})
     found = recording()
@@ -143,13 +144,14 @@ def test_a_diagnosis_shows_its_directions() -> None:
     assert recorded_diagnosis(d, wb.load_body("small-scape"), ()) is None
 
 
+@pytest.mark.thorough
 def test_a_posterior_shows_its_draws() -> None:
-    o = outcome()
-    posterior = wb.laplace(o.setup.problem, o.values, ("betas",), draws=200)
-    found = recorded_posterior(posterior, "betas", o.setup.body, o.setup.views)
+    setup = find("landmarks", {"body": "small"}).setup()
+    posterior = wb.laplace(setup.problem, setup.start, ("trans",), draws=200)
+    found = recorded_posterior(posterior, "trans", setup.body, setup.views)
     assert found is not None
     assert found.data["draws"]["count"] == 40
-    assert found.data["draws"]["by"] == "the posterior of betas"
+    assert found.data["draws"]["by"] == "the posterior of trans"
 
 
 @pytest.fixture(scope="module")
@@ -158,18 +160,21 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return asked_of_replay(run_page(outcome(), {}), ASKED, tmp_path_factory.mktemp("page"))
 
 
+@pytest.mark.thorough
 def test_bodies_in_the_browser_are_those_of_python(answers: Any) -> None:
     for one, points in zip(outcome().solution.trace, answers["vertices"], strict=True):
         off = np.array(points).reshape(-1, 3) - vertices(one.values)
         assert np.linalg.norm(off, axis=1).max() < 1e-6  # m
 
 
+@pytest.mark.thorough
 def test_cameras_in_the_browser_are_those_of_python(answers: Any) -> None:
     for pixels, overlay in zip(answers["pixels"], outcome().overlays, strict=True):
         np.testing.assert_allclose(pixels, overlay.projected, atol=0.01)  # px
     assert np.abs(np.array(answers["onRays"], dtype=float)).max() < 1e-6  # px
 
 
+@pytest.mark.thorough
 def test_the_replay_says_what_it_shows(answers: Any) -> None:
     (measure,) = (m for m in outcome().measures if m.name == "reprojection, cam02")
     assert f"{measure.value:.1f} px off on average" in answers["camera"]

@@ -20,7 +20,7 @@ from workbench.experiments import find
 from workbench.fitting.marker_sets import default_markers
 from workbench.fitting.markers import marker_errors
 from workbench.fitting.setup import Setup
-from workbench.registration import FitStage, Recipe, Registration, fit_model, register
+from workbench.registration import FitStage, Recipe, Registration, register
 from workbench.replay import (
     Recording,
     recorded_ends,
@@ -72,6 +72,7 @@ def moving() -> wb.Motion:
     return wb.Motion(pose, trans, 30.0, BODY.joint_names, 0.5 * np.ones(3))
 
 
+@pytest.mark.thorough
 def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
     found = registration()
     names = ["start", "stage 1, 200 points", "stage 2, 300 points", "free vertices"]
@@ -80,15 +81,6 @@ def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
     assert found.stages[0].name == "model"
     off = [np.linalg.norm(one - found.vertices, axis=1).mean() for one in found.surfaces.values()]
     assert off[0] > 2 * off[2]
-
-
-def test_the_way_of_a_fit_leads_from_its_start_to_its_best_end() -> None:
-    scan = cloud(BODY, person(BODY, 2.0))
-    fit = fit_model(BODY, scan, stages=STAGES)
-    assert fit.way[-1] is fit.values
-    again = fit_model(BODY, scan, stages=STAGES[:1], starts=lambda body, scan: [fit.way[0]])
-    for name, wanted in fit.way[1].items():
-        np.testing.assert_allclose(again.values[name], wanted, atol=1e-9)
 
 
 def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
@@ -156,6 +148,7 @@ def test_stages_and_hypotheses_can_be_chosen() -> None:
     assert recording.data["observed"]["joints"] is True
 
 
+@pytest.mark.thorough
 def test_a_comparison_shows_where_every_solver_ended() -> None:
     solvers = "gauss-newton", "trust-region"
     found = wb.compare(("landmarks",), solvers, seeds=2)
@@ -203,6 +196,7 @@ def test_what_cannot_be_shown_is_said() -> None:
         wb.show(moving(), body=wb.load_body("small-scape"))
 
 
+@pytest.mark.thorough
 def test_surfaces_of_a_registration_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
     recording = recorded_registration(registration())
     assert recording is not None
@@ -215,6 +209,7 @@ def test_surfaces_of_a_registration_in_the_browser_are_those_of_python(tmp_path:
     assert answers["said"] == recording.data["series"][0]["said"][0]
 
 
+@pytest.mark.thorough
 def test_frames_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
     setup = markers()
     recording = recorded_frames(setup, setup.start)
