@@ -43,6 +43,7 @@ def test_diagnose_compares_two_files(workbench: Run) -> None:
     assert "COMPARISON" in Path("runs/a-diagnosis/diagnosis.txt").read_text()
 
 
+@pytest.mark.thorough
 def test_data_alone_leaves_the_priors_of_a_file_out(workbench: Run) -> None:
     Path("held.py").write_text(PARABOLA.format(n=3, columns=2) + "priors = 'hold'\n")
     out = workbench("diagnose", "held.py", "--at-start", "--data-alone")[1]

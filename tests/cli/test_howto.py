@@ -45,7 +45,7 @@ def test_commands_of_a_page_take_its_file(page: Path, workbench: Run) -> None:
         assert code == 0, out + err
 
 
-@pytest.mark.parametrize("page", few(PAGES, 1), ids=lambda path: path.stem)
+@pytest.mark.parametrize("page", few(PAGES, 0), ids=lambda path: path.stem)
 def test_file_of_a_page_is_solved_without_warnings(
     page: Path, workbench: Run, tmp_path: Path
 ) -> None:

@@ -69,6 +69,7 @@ def test_lecture_start_and_check_of_solutions(workbench: Run) -> None:
     assert [one["number"] for one in data["exercises"]][:2] == ["2.1", "2.2"]
 
 
+@pytest.mark.thorough
 def test_lecture_check_tells_why_an_answer_is_wrong(workbench: Run) -> None:
     Path("lec02_rotations.py").write_text(
         "import numpy as np\ndef hat(w):\n    return np.cross(np.eye(3), -w)\n"

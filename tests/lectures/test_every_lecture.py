@@ -19,6 +19,11 @@ from workbench.lectures.outline import COURSE
 
 THERE = [one for one in COURSE if one.there]
 IN_BROWSERS = 8  # lectures 1 to 8 also run there
+MOVING = (2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to the hand
+HEAVIEST = 700_000  # bytes of such a figure
+REQUESTS = re.compile(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""")
+WITH_SLOW_ANSWERS = (6, 12, 15)  # answers to these take a second or more
+MINUTES = 5.0  # of one core, top to bottom: ten times as long as the slowest takes
 
 
 def lectures() -> list:
@@ -34,11 +39,9 @@ def slow_but(*numbers: int) -> list:
     return few(lectures(), [one.folder_name for one in THERE if one.number in numbers])
 
 
-MOVING = (2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to the hand
-HEAVIEST = 700_000  # bytes of such a figure
-REQUESTS = re.compile(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""")
-WITH_SLOW_ANSWERS = (6, 12, 15)  # wrong answers to these take a second or more
-MINUTES = 5.0  # of one core, top to bottom: ten times as long as the slowest takes
+def quick() -> list:
+    """Of all lectures those are in the default run whose answers are marked in no time."""
+    return slow_but(*(one.number for one in THERE if one.number not in WITH_SLOW_ANSWERS))
 
 
 def test_outline_counts_lectures_and_their_files() -> None:
@@ -69,7 +72,7 @@ def test_lecture_runs_and_shows_figures(lecture: Lecture) -> None:
     assert run.printed, "numbers are printed"
 
 
-@pytest.mark.parametrize("lecture", lectures())
+@pytest.mark.parametrize("lecture", quick())
 def test_lecture_solutions_pass_and_stubs_are_unsolved(lecture: Lecture) -> None:
     begins_with_its_title(lecture)
     hands_out_its_exercises(lecture)
@@ -118,9 +121,7 @@ def checks_have_names(lecture: Lecture) -> None:
     assert len(labels) == len(set(labels))
 
 
-@pytest.mark.parametrize(
-    "lecture", slow_but(*(one.number for one in THERE if one.number not in WITH_SLOW_ANSWERS))
-)
+@pytest.mark.parametrize("lecture", quick())
 def test_lecture_checks_reject_every_known_mistake(lecture: Lecture) -> None:
     rejected = {(check.exercise, check.name): 0 for check in lecture.checks}
     for mistake in lecture.mistakes:

@@ -70,40 +70,6 @@ def test_equal_says_how_far_numbers_are_off() -> None:
     assert "off by up to 1e-08, allowed 1e-09" in number.value.came
 
 
-def test_checks_say_what_is_no_rotation() -> None:
-    near = [m for m in marks_of(2, nearest_rotation=lambda M: M) if "nearer" in m.check]
-    mean = [m for m in marks_of(2, mean_rotation=lambda rotations: rotations.mean(0))]
-    for one in (*near, mean[1]):
-        assert one.state is CheckState.FAILED
-        assert "not a rotation" in one.what
-        assert "det R = " in one.came
-
-
-def test_nan_has_a_hint_beside_another_mistake() -> None:
-    def misprinted(w):
-        t = np.linalg.norm(w)
-        n = np.cross(np.eye(3), w / t)
-        return np.eye(3) + np.sin(t) * n + np.cos(t) * n @ n
-
-    lengths, turns, zero = marks_of(2, rodrigues=misprinted)
-    assert "1 - cos t" in lengths.hint
-    assert "1 - cos t" in turns.hint
-    assert "nan" in zero.came
-    assert "divides 0 by 0" in zero.hint
-
-
-def test_too_long_step_is_told_from_a_one_sided_one() -> None:
-    for h, sides, told in ((1e-3, 2, "too large"), (1e-6, 1, "one-sided")):
-
-        def quotient(f, x, h=h, sides=sides):
-            back = h if sides == 2 else 0
-            return np.transpose([(f(x + h * d) - f(x - back * d)) / (h + back) for d in np.eye(3)])
-
-        _, good = marks_of(6, numeric_jacobian=quotient)
-        assert good.state is CheckState.FAILED
-        assert told in good.hint
-
-
 @pytest.mark.thorough
 def test_hostile_answers_leave_the_others_marked(tmp_path: Path) -> None:
     path = tmp_path / "answers.py"
@@ -282,7 +248,7 @@ CHEATS = {
 }
 
 
-@pytest.mark.parametrize("name", few(CHEATS, ["late"]))
+@pytest.mark.parametrize("name", few(CHEATS, 0))
 def test_withheld_solutions_earn_no_points(name: str, tmp_path: Path) -> None:
     path = tmp_path / "answers.py"
     path.write_text(CHEATS[name] + "\n")

@@ -10,6 +10,8 @@ from workbench.course.outline import lecture
 from workbench.errors import BadFile
 from workbench.site.slides import LINES, slides, write_slides
 
+pytestmark = pytest.mark.thorough
+
 ONE = lecture(6)
 
 
@@ -38,7 +40,6 @@ def test_prose_results_figures_and_code_are_there(made: list) -> None:
     assert "about 15" in made[-1].body
 
 
-@pytest.mark.thorough
 def test_pages_need_no_network_and_no_other_file_is_written_over(tmp_path: Path) -> None:
     pytest.importorskip("sphinx_revealjs")
     page = write_slides(ONE, tmp_path / "slides")
