@@ -23,7 +23,6 @@ MOVING = (2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to t
 HEAVIEST = 700_000  # bytes of such a figure
 REQUESTS = re.compile(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""")
 WITH_SLOW_ANSWERS = (6, 12, 15)  # answers to these take a second or more
-MINUTES = 5.0  # of one core, top to bottom: ten times as long as the slowest takes
 
 
 def lectures() -> list:
@@ -56,7 +55,6 @@ def test_outline_counts_lectures_and_their_files() -> None:
 @pytest.mark.parametrize("lecture", slow_but(2, 3, 6, 8, 9, 11))
 def test_lecture_runs_and_shows_figures(lecture: Lecture) -> None:
     run = run_of(lecture.number)
-    assert run.seconds < 60 * MINUTES
     pictures = [value for value in run.shown if isinstance(value, Picture)]
     assert pictures, "a lecture watches something fail in a figure"
     for picture in pictures:
