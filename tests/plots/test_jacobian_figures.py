@@ -47,7 +47,7 @@ def joints_only() -> Diagnosis:
     return diagnose(Problem([term], ("pose", "trans")), at)
 
 
-def test_a_small_pattern_is_drawn_as_it_is() -> None:
+def test_small_pattern_is_drawn_as_it_is() -> None:
     A = np.array([[1.0, 0, 2], [0, 1, 0], [0, 0, 3], [4, 0, 0], [0, 5, 0]])
     diagnosis = linear(A, (3, 2))
     _, (ax,) = sheet(6, 4)
@@ -62,7 +62,7 @@ def test_a_small_pattern_is_drawn_as_it_is() -> None:
     assert "share" not in caption_sparsity(diagnosis)
 
 
-def test_a_large_pattern_is_squeezed_and_says_so() -> None:
+def test_large_pattern_is_squeezed_and_says_so() -> None:
     pattern = np.zeros((36_816, 85), dtype=bool)
     pattern[20_001, 7] = True
     small = squeezed(pattern, 700)
@@ -86,7 +86,7 @@ def test_many_blocks_get_as_many_labels_as_fit() -> None:
     assert 5 < len(ax.get_xticklabels()) < 60
 
 
-def test_values_are_drawn_on_their_side_of_the_rank() -> None:
+def test_singular_values_are_drawn_beside_the_rank() -> None:
     diagnosis = linear(np.diag([100.0, 1.0, 1e-3, 0.0]), (4,))
     assert diagnosis.rank == 3
     figure = singular_values_sheet(diagnosis)
@@ -104,7 +104,7 @@ def test_values_are_drawn_on_their_side_of_the_rank() -> None:
     assert ax.get_ylabel()
 
 
-def test_full_rank_gives_the_condition() -> None:
+def test_full_rank_shows_the_condition() -> None:
     diagnosis = linear(np.diag([100.0, 1.0]), (2,))
     _, (ax,) = sheet(6, 4)
     plot_singular_values(diagnosis, ax=ax)
@@ -140,7 +140,7 @@ def test_any_spectrum_can_be_drawn() -> None:
         assert caption_singular_values(diagnosis)
 
 
-def test_a_jacobian_of_zeros_can_be_drawn() -> None:
+def test_jacobian_of_zeros_can_be_drawn() -> None:
     x = Block("x", (3,)).symbol
     diagnosis = diagnose(Problem([Residual("squares", x**2, 1.0)], ("x",)), {"x": np.zeros(3)})
     assert diagnosis.rank == 0

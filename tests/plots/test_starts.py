@@ -30,7 +30,7 @@ def drawn(solution: Solution) -> list[tuple[list[float], list[float]]]:
     return [(line.get_xdata().tolist(), line.get_ydata().tolist()) for line in ax.get_lines()]
 
 
-def test_each_minimum_is_a_step_as_wide_as_its_starts() -> None:
+def test_minimum_is_a_step_as_wide_as_its_starts() -> None:
     assert drawn(solution_of(THREE)) == [
         ([1, 2, 3], [0.5] * 3),
         ([4, 5, 6, 7, 8], [2.0] * 5),
@@ -38,7 +38,7 @@ def test_each_minimum_is_a_step_as_wide_as_its_starts() -> None:
     ]
 
 
-def test_a_cost_of_zero_is_drawn_far_below_the_others() -> None:
+def test_cost_of_zero_is_drawn_below_the_others() -> None:
     (_, lowest), (_, other) = drawn(solution_of({0.0: (0,), 4.0: (1,)}))
     assert lowest == [4e-12]
     assert other == [4.0]
@@ -56,7 +56,7 @@ def test_ends_without_a_cost_leave_their_places_empty(failed: float) -> None:
     assert not drawn(solution_of({failed: (0, 1)}))
 
 
-def test_the_caption_counts_and_says_how_sure_it_is() -> None:
+def test_caption_of_minima_says_how_sure_it_is() -> None:
     said = caption_minima(solution_of(THREE))
     assert "The cost at the end of 9 runs" in said
     assert "there are 3, and 3 of the 9 starts led to the lowest" in said
@@ -67,7 +67,7 @@ def test_the_caption_counts_and_says_how_sure_it_is() -> None:
     assert "too few starts to say whether there are further minima" in two
 
 
-def test_a_solution_of_one_start_is_refused() -> None:
+def test_minima_of_one_start_are_refused() -> None:
     _, (ax,) = sheet(4, 3)
     for refused in (lambda one: plot_minima(one, ax=ax), caption_minima):
         with pytest.raises(BadArgument, match=r"solution of made-up holds no minima .* `Starts`"):
@@ -83,7 +83,7 @@ def made_up(*axes: str, within: float = 60.0) -> BasinMap:
     return BasinMap(axes, angles, *ends, np.full(S, 9), (Stopped.SETTLED,) * S)
 
 
-def test_starts_at_the_truth_are_filled_and_the_others_empty() -> None:
+def test_basins_fill_starts_that_end_at_the_truth() -> None:
     figure, (ax,) = sheet(6, 4)
     assert plot_basins([made_up("y"), made_up("z", within=30)], ax=ax) is ax
     assert png(figure).startswith(b"\x89PNG")
@@ -100,14 +100,14 @@ def test_starts_at_the_truth_are_filled_and_the_others_empty() -> None:
     assert "degrees" in ax.get_ylabel()
 
 
-def test_the_caption_says_how_far_the_basin_reaches() -> None:
+def test_caption_says_how_far_a_basin_reaches() -> None:
     nowhere = made_up("z", within=-1)
     said = caption_basins([made_up("y"), nowhere])
     assert "truth for angles up to 60 degrees about y; for no range of angles about z." in said
     assert "within 20 mm on average" in said
 
 
-def test_two_axes_are_a_table_of_colours() -> None:
+def test_basin_grid_is_a_table_of_colours() -> None:
     one = made_up("x", "z")
     figure, (ax,) = sheet(6, 5)
     plot_basin_grid(one, ax=ax)
@@ -121,7 +121,7 @@ def test_two_axes_are_a_table_of_colours() -> None:
     assert "about x and then about z" in caption_basin_grid(one)
 
 
-def test_a_map_of_other_axes_is_told() -> None:
+def test_basins_refuse_maps_of_other_axes() -> None:
     _, (ax,) = sheet(4, 3)
     for maps in ([], [made_up("x", "y")]):
         with pytest.raises(BadArgument, match="maps of one axis"):

@@ -74,7 +74,7 @@ def test_packed_arrays_come_back(kind: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 5, 64, 65, 1000])
-def test_the_first_and_the_last_iterate_are_kept(count: int) -> None:
+def test_kept_iterates_include_first_and_last(count: int) -> None:
     at = kept(count)
     assert len(at) <= 64
     assert (at[0], at[-1]) == (0, count - 1)
@@ -82,7 +82,7 @@ def test_the_first_and_the_last_iterate_are_kept(count: int) -> None:
 
 
 @pytest.mark.browser
-def test_a_run_is_recorded_as_it_went() -> None:
+def test_recorded_run_has_the_iterates_of_the_solver() -> None:
     (track,) = recording().data["runs"]
     trace = outcome().solution.trace
     assert track["iterates"] == list(range(len(trace)))
@@ -96,7 +96,7 @@ def test_a_run_is_recorded_as_it_went() -> None:
 
 
 @pytest.mark.browser
-def test_along_unseen_directions_the_data_do_not_change() -> None:
+def test_unseen_directions_change_no_data() -> None:
     d = outcome().data_alone
     assert d is not None
     directions = recording().data["directions"]
@@ -113,7 +113,7 @@ def test_along_unseen_directions_the_data_do_not_change() -> None:
 
 
 @pytest.mark.browser
-def test_draws_have_the_covariance_of_the_solution() -> None:
+def test_recorded_draws_have_the_covariance_of_the_solution() -> None:
     d = outcome().diagnosis
     draws = numbers(recording().data["draws"]["x"]).reshape(40, -1)
     x = d.free.pack(d.values)
@@ -123,19 +123,19 @@ def test_draws_have_the_covariance_of_the_solution() -> None:
 
 @pytest.mark.browser
 @pytest.mark.thorough
-def test_a_replay_is_small_and_asks_for_nothing() -> None:
+def test_replay_is_small_and_fetches_nothing() -> None:
     text = run_page(outcome(), {})
     found = recording()
     assert len(json.dumps([found.body, found.data])) < LARGEST
     assert not re.findall(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""", text)
 
 
-def test_where_no_body_is_fitted_there_is_no_replay() -> None:
+def test_run_without_a_body_has_no_replay() -> None:
     assert recorded_run(run(find("nist-chwirut2", {}), compare=False)) is None
 
 
 @pytest.mark.browser
-def test_a_diagnosis_shows_its_directions() -> None:
+def test_recorded_diagnosis_has_the_directions() -> None:
     d, body = outcome().data_alone, outcome().setup.body
     assert d is not None
     found = recorded_diagnosis(d, body, outcome().setup.views)
@@ -145,7 +145,7 @@ def test_a_diagnosis_shows_its_directions() -> None:
 
 
 @pytest.mark.thorough
-def test_a_posterior_shows_its_draws() -> None:
+def test_recorded_posterior_has_draws() -> None:
     setup = find("landmarks", {"body": "small"}).setup()
     posterior = wb.laplace(setup.problem, setup.start, ("trans",), draws=200)
     found = recorded_posterior(posterior, "trans", setup.body, setup.views)
@@ -175,7 +175,7 @@ def test_cameras_in_the_browser_are_those_of_python(answers: Any) -> None:
 
 
 @pytest.mark.thorough
-def test_the_replay_says_what_it_shows(answers: Any) -> None:
+def test_replay_says_what_it_shows(answers: Any) -> None:
     (measure,) = (m for m in outcome().measures if m.name == "reprojection, cam02")
     assert f"{measure.value:.1f} px off on average" in answers["camera"]
     first = recording().data["directions"][0]

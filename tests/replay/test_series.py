@@ -73,7 +73,7 @@ def moving() -> wb.Motion:
 
 
 @pytest.mark.thorough
-def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
+def test_registration_keeps_surfaces_of_its_stages() -> None:
     found = registration()
     names = ["start", "stage 1, 200 points", "stage 2, 300 points", "free vertices"]
     assert list(found.surfaces) == names
@@ -83,7 +83,7 @@ def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
     assert off[0] > 2 * off[2]
 
 
-def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
+def test_recorded_scan_has_its_distances() -> None:
     found, shown = registration(), series(recorded_registration(registration()))
     far = numbers(shown["far"]).reshape(4, -1)[-1]
     M = found.scan.n_points
@@ -100,7 +100,7 @@ def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
     assert np.isin(np.round(1e5 * ends[:20]), [far.round() + d for d in (-1, 0, 1)]).all()
 
 
-def test_frames_have_the_numbers_of_the_body_and_the_markers_that_were_seen() -> None:
+def test_recorded_frames_have_poses_and_markers() -> None:
     setup = markers()
     shown = series(recorded_frames(setup, setup.start))
     x = numbers(shown["x"]).reshape(4, -1)
@@ -116,7 +116,7 @@ def test_frames_have_the_numbers_of_the_body_and_the_markers_that_were_seen() ->
     np.testing.assert_allclose(np.linalg.norm(found - places, axis=2), wanted, atol=1e-6)
 
 
-def test_points_in_space_are_known_by_their_residual() -> None:
+def test_observed_points_are_found_by_their_residual() -> None:
     setup = landmarks()
     values = setup.problem.read(setup.start)
     (one,) = observed_points(setup.problem.residuals, values)
@@ -128,7 +128,7 @@ def test_points_in_space_are_known_by_their_residual() -> None:
     assert one.count == 1229
 
 
-def test_stages_and_hypotheses_can_be_chosen() -> None:
+def test_recorded_solution_has_stages_and_hypotheses() -> None:
     setup = landmarks()
     solver = wb.Staged((("trans", "pose"),), wb.TrustRegion(max_iterations=20))
     found = wb.solve(setup.problem, setup.start, solver)
@@ -149,7 +149,7 @@ def test_stages_and_hypotheses_can_be_chosen() -> None:
 
 
 @pytest.mark.thorough
-def test_a_comparison_shows_where_every_solver_ended() -> None:
+def test_recorded_ends_are_those_of_every_solver() -> None:
     solvers = "gauss-newton", "trust-region"
     found = wb.compare(("landmarks",), solvers, seeds=2)
     shown = series(recorded_ends(found, "landmarks"))
@@ -163,7 +163,7 @@ def test_a_comparison_shows_where_every_solver_ended() -> None:
     assert f"trust-region {record.cost:.4g}" in shown["said"][1]
 
 
-def test_a_motion_is_a_page_and_a_frame_of_a_notebook() -> None:
+def test_recorded_motion_is_a_page_and_a_notebook_frame() -> None:
     motion = moving()
     shown = series(recorded_motion(motion, BODY))
     assert shown["fps"] == 30
@@ -183,7 +183,7 @@ def test_a_motion_is_a_page_and_a_frame_of_a_notebook() -> None:
     assert shown["labels"][-1] == "900"
 
 
-def test_what_cannot_be_shown_is_said() -> None:
+def test_show_refuses_what_it_cannot_show() -> None:
     with pytest.raises(BadArgument, match="what can be shown is"):
         wb.show(3)
     setup = landmarks()
