@@ -21,6 +21,8 @@ from workbench.replay.packing import KINDS, packed
 from workbench.replay.tracks import kept
 from workbench.reports.report import run_page
 
+pytestmark = pytest.mark.xdist_group("replays of a run")  # which is solved once
+
 LARGEST = 750_000  # bytes that a replay adds to the page of a run
 
 ASKED = """

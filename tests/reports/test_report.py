@@ -20,6 +20,8 @@ from workbench.reports.report import run_page
 from workbench.reports.tables import hypotheses_table
 from workbench.solvers import Solution, Status
 
+pytestmark = pytest.mark.xdist_group("reports of a run")  # which is made once
+
 FILES = {
     "index.html",
     "values.npz",
