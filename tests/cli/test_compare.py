@@ -1,4 +1,4 @@
-"""`workbench compare`, as a user types it."""
+"""`workbench compare`: own problems and solvers, counting, interrupts."""
 
 import signal
 import subprocess
@@ -8,43 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_cli import POLYNOMIAL, workbench
-
-SOLVER = '''
-"""Gauss and Newton's, by hand."""
-import workbench as wb
-class Mine:
-    def solve(self, problem, start, *, callback=None):
-        return wb.GaussNewton().solve(problem, start, callback=callback)
-solver = Mine()
-'''
+from tests.cli.conftest import Run
+from tests.cli.own_files import LINE, SOLVER
 
 
-def test_own_problem_and_own_solver_from_the_command_to_the_page(tmp_path: Path) -> None:
-    (tmp_path / "line.py").write_text(POLYNOMIAL)
-    (tmp_path / "mine.py").write_text(SOLVER)
-    command = (
-        "compare",
-        "line.py",
-        "nist-misra1a",
-        "--solver",
-        "mine.py",
-        "--solver",
-        "levenberg-marquardt",
-        "--seeds",
-        "2",
-        "--max-seconds",
-        "5",
-        "--out",
-        "found",
-    )
-    done = workbench(*command, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "solving: 0 of 6" in done.stdout
-    assert "each returned a point within the target τ = 1e-5 from all 3 starts." in done.stdout
-    assert "Jacobian 1 + 1.5 n" in done.stdout
-    assert "they rank no solver" in done.stdout
-    page = (tmp_path / "found" / "index.html").read_text(encoding="utf-8")
+@pytest.mark.thorough
+def test_compare_takes_own_problems_and_own_solvers(workbench: Run) -> None:
+    Path("line.py").write_text(LINE)
+    Path("mine.py").write_text(SOLVER)
+    solvers = ("--solver", "mine.py", "--solver", "levenberg-marquardt")
+    options = (*solvers, "--seeds", "2", "--max-seconds", "60", "--out", "found")
+    code, out, err = workbench("compare", "line.py", "nist-misra1a", *options)
+    assert code == 0, err
+    assert "solving: 0 of 6" in out
+    assert "each returned a point within the target τ = 1e-5 from all 3 starts." in out
+    assert "Jacobian 1 + 1.5 n" in out
+    page = Path("found/index.html").read_text(encoding="utf-8")
     assert "A line through three points." in page
     assert "mine" in page
 
@@ -79,47 +58,39 @@ newton, embedded = Newton(), Embedded()
 """
 
 
-def test_a_file_that_asks_the_graphs_is_counted_or_told_why_not(tmp_path: Path) -> None:
-    (tmp_path / "asking.py").write_text(ASKING)
-    done = workbench("compare", "nist-misra1a", "--solver", "asking.py", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+@pytest.mark.thorough
+def test_compare_counts_solvers_that_ask_the_graphs(workbench: Run) -> None:
+    Path("asking.py").write_text(ASKING)
+    code, out, err = workbench("compare", "nist-misra1a", "--solver", "asking.py")
+    assert code == 0, err
     lines: dict[str, list[str]] = {}
-    for line in filter(None, map(str.split, done.stdout.splitlines())):
+    for line in filter(None, map(str.split, out.splitlines())):
         lines.setdefault(line[0], line)  # the first table; seconds come later
     newton, embedded = lines["asking:newton"], lines["asking:embedded"]
     assert newton[1:3] == embedded[1:3] == ["1/1", "1/1"]
     assert float(newton[3]) % 4.0 == 0  # Jacobians alone, n = 2: 1 + 1.5 n
     assert embedded[3] == "unknown"
-    assert "asking:embedded: not everything was counted in 1 of 1 runs" in done.stdout
+    assert "asking:embedded: not everything was counted in 1 of 1 runs" in out
 
 
-def test_a_lone_run_is_not_called_the_lowest(tmp_path: Path) -> None:
-    (tmp_path / "line.py").write_text(POLYNOMIAL)
-    done = workbench("compare", "line.py", "--solver", "gauss-newton", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "1/1" not in done.stdout
-    assert "There is nothing to compare" in done.stdout
+def test_compare_calls_a_lone_run_not_the_lowest(workbench: Run) -> None:
+    Path("line.py").write_text(LINE)
+    code, out, err = workbench("compare", "line.py", "--solver", "gauss-newton")
+    assert code == 0, err
+    assert "1/1" not in out
+    assert "There is nothing to compare" in out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("balance", "--solver", "newtons"), "no solver is called 'newtons'"),
-        (("balance", "--out", "mine"), "mine exists and holds no comparison"),
-        (("balance", "--dask", "tcp://127.0.0.1:1"), "no Dask scheduler answers at"),
-    ],
-)
-def test_mistakes_get_a_sentence(tmp_path: Path, arguments: tuple[str, ...], said: str) -> None:
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "diary.txt").write_text("mine")
-    done = workbench("compare", *arguments, cwd=tmp_path)
-    assert done.returncode == 2
-    assert said in " ".join(done.stderr.split())
-    assert "Traceback" not in done.stderr
+@pytest.mark.thorough
+def test_compare_says_that_no_cluster_answers(workbench: Run) -> None:
+    pytest.importorskip("distributed")
+    code, _, err = workbench("compare", "balance", "--dask", "tcp://127.0.0.1:1")
+    assert code == 2
+    assert "no Dask scheduler answers at" in " ".join(err.split())
 
 
 SLOW = (
-    POLYNOMIAL
+    LINE
     + """
 from workbench.experiments import Setup
 def setup(seed: int = 0):
@@ -127,30 +98,21 @@ def setup(seed: int = 0):
 """
 )
 NAPPER = SOLVER.replace("return", "import time; time.sleep(0.3); return")
+HEARD = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from workbench.cli import main
+main()
+"""
 
 
-HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-
-
-def test_an_interrupt_keeps_what_was_finished(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_interrupted_compare_keeps_what_was_finished(tmp_path: Path) -> None:
     (tmp_path / "line.py").write_text(SLOW)
     (tmp_path / "mine.py").write_text(NAPPER)
+    options = ("--seeds", "40", "--workers", "2", "--out", "found")
     program = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            f"{HEARD}; from workbench.cli import main; main()",
-            "compare",
-            "line.py",
-            "--solver",
-            "mine.py",
-            "--seeds",
-            "40",
-            "--workers",
-            "2",
-            "--out",
-            "found",
-        ],
+        [sys.executable, "-c", HEARD, "compare", "line.py", "--solver", "mine.py", *options],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -1,27 +1,33 @@
 """`workbench convert` and `workbench export`."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
 from tests.cli.conftest import Run
 from workbench.motions import Trajectories, write_trc
 
-SMALL = wb.load_body("small")
-COCO = SMALL.landmark_names("coco")
+
+@cache
+def small() -> wb.SkinnedBody:
+    return wb.load_body("small")
+
+
+def points() -> tuple[str, ...]:
+    return tuple(small().landmark_names("coco"))
 
 
 def motion_file(folder: Path, frames: int = 3) -> wb.Motion:
-    motion = clip(SMALL, frames)
+    motion = clip(small(), frames)
     wb.save_motion(folder / "walk.npz", motion)
     return motion
 
 
-def test_a_motion_goes_from_body_to_body(tmp_path: Path, workbench: Run) -> None:
+def test_convert_moves_a_motion_to_a_body(tmp_path: Path, workbench: Run) -> None:
     motion = motion_file(tmp_path)
     arguments = "walk.npz", "--from", "small", "--to", "small", "--out", "other.npz"
     code, out, _ = workbench("convert", *arguments)
@@ -31,14 +37,14 @@ def test_a_motion_goes_from_body_to_body(tmp_path: Path, workbench: Run) -> None
     assert "vertices are 0.0" in out
     assert "if the angles of 24 joints were copied" in out
     found = wb.read_motion(tmp_path / "other.npz")
-    off = np.linalg.norm(found.vertices(SMALL) - motion.vertices(SMALL), axis=2)
+    off = np.linalg.norm(found.vertices(small()) - motion.vertices(small()), axis=2)
     assert 1e3 * off.mean() < 0.1
 
 
-def test_named_points_become_a_motion(tmp_path: Path, workbench: Run) -> None:
-    motion = clip(SMALL, 3)
-    places = 1e3 * motion.landmark(SMALL, "coco")
-    write_trc(tmp_path / "points.trc", Trajectories(places, COCO, 30.0, "mm"))
+def test_convert_fits_a_body_to_named_points(tmp_path: Path, workbench: Run) -> None:
+    motion = clip(small(), 3)
+    places = 1e3 * motion.landmark(small(), "coco")
+    write_trc(tmp_path / "points.trc", Trajectories(places, points(), 30.0, "mm"))
     arguments = "points.trc", "--to", "small", "--out", "found.bvh", "--from", "default"
     code, out, _ = workbench("convert", *arguments)
     assert code == 0
@@ -48,7 +54,7 @@ def test_named_points_become_a_motion(tmp_path: Path, workbench: Run) -> None:
     assert len(wb.read_motion(tmp_path / "found.bvh")) == 3
 
 
-def test_a_motion_is_exported_with_its_error(tmp_path: Path, workbench: Run) -> None:
+def test_export_says_the_error_of_correctives(tmp_path: Path, workbench: Run) -> None:
     motion_file(tmp_path)
     for correctives, count in (("1", 1), ("exact", 3), ("0", 0)):
         options = "--body", "small", "--out", "walk.glb", "--correctives", correctives
@@ -64,45 +70,31 @@ def test_a_motion_is_exported_with_its_error(tmp_path: Path, workbench: Run) -> 
         assert len(wb.read_motion(tmp_path / name)) == 5
 
 
-def test_code_is_exported(tmp_path: Path, workbench: Run) -> None:
+def test_export_writes_code(tmp_path: Path, workbench: Run) -> None:
     code, out, _ = workbench("export", "--body", "hand", "--points", "tips", "--out", "tips.c")
     assert code == 0
     assert "code: tips.c and tips.h" in out
     assert "int tips(" in (tmp_path / "tips.h").read_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("convert", "walk.npz", "--to", "small", "--out", "a.npz"), "say with --from which body"),
-        (
-            ("convert", "walk.npz", "--from", "small", "--to", "hand", "--out", "a.npz"),
-            "'small' and 'hand' have 0 joints of the same names",
-        ),
-        (
-            ("convert", "walk.npz", "--from", "small", "--to", "small", "--out", "a.fbx"),
-            "a motion can be written as .bvh or .npz or .glb, and not as a.fbx",
-        ),
-        (
-            ("convert", "points.trc", "--to", "small", "--out", "a.npz", "--points", "face"),
-            "no set of points is called 'face'; there are coco, joints",
-        ),
-        (("export", "--out", "a.glb"), "name the motion that becomes a.glb"),
-        (
-            ("export", "walk.npz", "--out", "a.glb", "--correctives", "many"),
-            "--correctives takes exact, or a whole number from 0, not 'many'",
-        ),
-        (("export", "walk.npz", "--out", "a.fbx"), "can be written as .bvh or .npz or .glb or .c"),
-        (("export", "--points", "face", "--out", "a.c"), "no landmark set is called 'face'"),
-    ],
-)
-def test_mistakes_are_a_sentence(
-    tmp_path: Path, workbench: Run, arguments: tuple[str, ...], said: str
-) -> None:
+def test_convert_and_export_refuse_what_they_cannot_do(tmp_path: Path, workbench: Run) -> None:
     motion_file(tmp_path)
     places = np.random.default_rng(0).normal(scale=0.4, size=(2, 23, 3))
-    write_trc(tmp_path / "points.trc", Trajectories(places, COCO, 30.0, "m"))
-    code, _, wrong = workbench(*arguments)
-    assert code == 2
-    assert said in " ".join(wrong.split())
+    write_trc(tmp_path / "points.trc", Trajectories(places, points(), 30.0, "m"))
+    for arguments, said in (
+        ("convert walk.npz --to small --out a.npz", "say with --from which body"),
+        (
+            "convert walk.npz --from small --to hand --out a.npz",
+            "'small' and 'hand' have 0 joints of the same names",
+        ),
+        ("convert walk.npz --from small --to small --out a.fbx", "and not as a.fbx"),
+        ("convert points.trc --to small --out a.npz --points face", "there are coco, joints"),
+        ("export --out a.glb", "name the motion that becomes a.glb"),
+        ("export walk.npz --out a.glb --correctives many", "a whole number from 0, not 'many'"),
+        ("export walk.npz --out a.fbx", "can be written as .bvh or .npz or .glb or .c"),
+        ("export --points face --out a.c", "no landmark set is called 'face'"),
+    ):
+        code, _, wrong = workbench(*arguments.split())
+        assert code == 2
+        assert said in " ".join(wrong.split())
     assert {path.name for path in tmp_path.iterdir()} == {"walk.npz", "points.trc"}

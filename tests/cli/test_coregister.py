@@ -50,9 +50,8 @@ def write_registered(place: Path, who: tuple[str, ...] = WHO, alike: bool = Fals
     save_body(body, place / BODY)
 
 
-def test_scans_are_coregistered_and_training_reads_the_result(
-    workbench: Run, tmp_path: Path
-) -> None:
+@pytest.mark.thorough
+def test_coregister_writes_what_training_reads(workbench: Run, tmp_path: Path) -> None:
     place = tmp_path / "register-some"
     write_registered(place)
     code, out, err = workbench("coregister", str(place), "--rounds", "1")
@@ -84,7 +83,7 @@ def test_scans_are_coregistered_and_training_reads_the_result(
     assert "other settings); remove it to start anew" in err
 
 
-def test_what_cannot_be_coregistered_ends_in_a_sentence(workbench: Run, tmp_path: Path) -> None:
+def test_coregister_refuses_what_it_cannot_use(workbench: Run, tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     twice, alone, broken = (tmp_path / name for name in ("twice", "alone", "broken"))
@@ -114,7 +113,7 @@ def test_what_cannot_be_coregistered_ends_in_a_sentence(workbench: Run, tmp_path
 
 
 @pytest.mark.parametrize("name", ["scan0/registration.npz", BODY])
-def test_a_damaged_file_is_named(workbench: Run, tmp_path: Path, name: str) -> None:
+def test_coregister_names_a_damaged_file(workbench: Run, tmp_path: Path, name: str) -> None:
     write_registered(tmp_path / "given", who=("ann", "bob"))
     (tmp_path / "given" / name).write_bytes(b"nothing")
     code, _, err = workbench("coregister", str(tmp_path / "given"))

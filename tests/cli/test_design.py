@@ -25,7 +25,7 @@ def line(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_file_names_its_own_candidates(workbench: Run, line: Path) -> None:
+def test_design_ranks_the_candidates_of_a_file(workbench: Run, line: Path) -> None:
     code, said, _ = workbench("design", "line.py", "--choose", "2", "--sd-of", "x[0]")
     assert code == 0
     folder = line / "runs" / "line-design"
@@ -43,7 +43,7 @@ def test_a_file_names_its_own_candidates(workbench: Run, line: Path) -> None:
     assert data["before"] == pytest.approx(np.sqrt(np.linalg.inv(A.T @ A)[0, 0]))
 
 
-def test_predictions_are_checked_by_fits(workbench: Run, line: Path) -> None:
+def test_design_checks_predictions_by_fits(workbench: Run, line: Path) -> None:
     code, said, _ = workbench("design", "line.py", "--sd-of", "x[1]", "--check", "40")
     assert code == 0
     assert "Checked by 40 simulated fits each; before: predicted" in said
@@ -53,42 +53,41 @@ def test_predictions_are_checked_by_fits(workbench: Run, line: Path) -> None:
     assert "at 3 of 3 points" in said  # linear: the same everywhere
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["nobody"], "no experiment is called 'nobody'"),
-        (["line.py", "--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),
-        (["line.py", "--candidates", "cameras"], "are of a problem that fits a body in one frame"),
-        (["line.py", "--criterion", "f"], "no criterion is called 'f'"),
-        (["line.py", "--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
-        (["line.py", "--sd-of", "poze"], "no free block is called 'poze'"),
-        (["line.py", "--sd-of", "stature"], "are of a problem that fits a body in one frame"),
-        (["line.py", "--sd-of", "x[0]", "--over", "x[0]"], "--over goes with --criterion"),
-        (["line.py", "--over", "y"], "no free block is called 'y'"),
-        (["line.py", "--check", "20"], "give --sd-of with it"),
-        (["line.py", "--check", "1"], "takes 2 or more"),
-        (["line.py", "--points", "0"], "--points is 1 or more"),
-        (["known-correspondences", "--candidates", "own"], "names no candidates of its own"),
-        (["known-correspondences", "--candidates", "views"], "no camera of this problem is held"),
-        (["known-correspondences", "--candidates", "keypoints"], "no camera sees the body"),
-    ],
-)
-def test_bad_input_gets_a_sentence_and_two(
-    workbench: Run, line: Path, arguments: list[str], said: str
-) -> None:
-    code, _, err = workbench("design", *arguments)
-    assert code == 2
-    assert said in " ".join(err.split())
+def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
+    for arguments, said in (
+        (["--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),
+        (["--candidates", "cameras"], "are of a problem that fits a body in one frame"),
+        (["--criterion", "f"], "no criterion is called 'f'"),
+        (["--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
+        (["--sd-of", "poze"], "no free block is called 'poze'"),
+        (["--sd-of", "x[0]", "--over", "x[0]"], "--over goes with --criterion"),
+        (["--over", "y"], "no free block is called 'y'"),
+        (["--check", "20"], "give --sd-of with it"),
+        (["--check", "1"], "takes 2 or more"),
+        (["--points", "0"], "--points is 1 or more"),
+    ):
+        code, _, err = workbench("design", "line.py", *arguments)
+        assert code == 2
+        assert said in " ".join(err.split())
+    for candidates, said in (
+        ("own", "names no candidates of its own"),
+        ("views", "no camera of this problem is held"),
+        ("keypoints", "no camera sees the body"),
+    ):
+        code, _, err = workbench("design", "known-correspondences", "--candidates", candidates)
+        assert code == 2
+        assert said in " ".join(err.split())
 
 
-def test_candidates_of_a_file_are_residuals(workbench: Run, line: Path) -> None:
+def test_design_refuses_candidates_that_are_no_residuals(workbench: Run, line: Path) -> None:
     (line / "wrong.py").write_text(LINE + "candidates = [1]\n", encoding="utf-8")
     code, _, err = workbench("design", "wrong.py")
     assert code == 2
     assert "`candidates` of a setup must be a dict of residuals by name" in " ".join(err.split())
 
 
-def test_markers_and_real_cameras_of_a_person(workbench: Run, line: Path) -> None:
+@pytest.mark.thorough
+def test_design_ranks_views_and_markers_of_a_person(workbench: Run, line: Path) -> None:
     asked = ("design", "balance-monocular", "--candidates")
     code, said, _ = workbench(*asked, "views", "--sd-of", "depth")
     assert code == 0

@@ -1,103 +1,68 @@
-"""`workbench diagnose` on small files of a user's own."""
+"""`workbench diagnose` and `workbench sample` on small files of a user's own."""
 
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from workbench.cli.app import app
-
-LINE = """
-import casadi as cs, numpy as np, workbench as wb
-x = wb.Block("x", ({n},))
-A = np.vander(np.linspace(0, 1, 9), 3)[:, :{columns}]
-fit = wb.Residual("fit", cs.DM(A) @ x.symbol[:{columns}] - 1, 0.1)
-hold = wb.Residual("hold", x.symbol[{columns}:] if {n} > {columns} else x.symbol[:1], 1e3)
-problem = wb.Problem([fit, hold], ["x"], blocks=[x])
-start = {{"x": np.zeros({n})}}
-"""
+from tests.cli.conftest import Run
+from tests.cli.own_files import PARABOLA
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def diagnosis(name: str) -> dict:
+    """What `diagnose` wrote about a file."""
+    data: dict = json.loads(Path(f"runs/{name}-diagnosis/diagnosis.json").read_text())
+    return data
 
 
-def written(here: Path, name: str, n: int, columns: int) -> str:
-    (here / name).write_text(LINE.format(n=n, columns=columns), encoding="utf-8")
-    return name
+@pytest.mark.thorough
+def test_diagnose_exits_with_0_where_all_is_known(workbench: Run) -> None:
+    Path("sound.py").write_text(PARABOLA.format(n=3, columns=3))
+    code, out, _ = workbench("diagnose", "sound.py")
+    assert code == 0, out
+    assert "warning:" not in out
+    assert diagnosis("sound")["rank"] == 3
 
 
-def test_a_sound_problem_exits_with_zero(here: Path) -> None:
-    result = CliRunner().invoke(app, ["diagnose", written(here, "sound.py", 3, 3)])
-    assert result.exit_code == 0, result.output
-    assert "no warnings" in result.output or "note:" in result.output
-    data = json.loads((here / "runs" / "sound-diagnosis" / "diagnosis.json").read_text())
-    assert data["rank"] == 3
+def test_diagnose_exits_with_1_and_names_what_is_not_known(workbench: Run) -> None:
+    text = PARABOLA.format(n=3, columns=3).replace("[:, :3]", "[:, [0, 1, 1]]")  # two alike
+    Path("blind.py").write_text(text)
+    code, out, _ = workbench("diagnose", "blind.py", "--at-start")
+    assert code == 1
+    assert "warning:" in out
+    assert "x[1] and x[2]" in out
+    assert Path("runs/blind-diagnosis/index.html").is_file()
 
 
-def test_warnings_exit_with_one_and_are_said(here: Path) -> None:
-    text = LINE.format(n=3, columns=3).replace("[:, :3]", "[:, [0, 1, 1]]")  # two alike
-    (here / "blind.py").write_text(text, encoding="utf-8")
-    result = CliRunner().invoke(app, ["diagnose", "blind.py", "--at-start"])
-    assert result.exit_code == 1, result.output
-    assert "warning:" in result.output
-    assert "x[1] and x[2]" in result.output
-    assert (here / "runs" / "blind-diagnosis" / "index.html").is_file()
+@pytest.mark.thorough
+def test_diagnose_compares_two_files(workbench: Run) -> None:
+    for name in ("a.py", "b.py"):
+        Path(name).write_text(PARABOLA.format(n=3, columns=3))
+    assert workbench("diagnose", "a.py", "--against", "b.py")[0] == 0
+    assert "COMPARISON" in Path("runs/a-diagnosis/diagnosis.txt").read_text()
 
 
-def test_against_another(here: Path) -> None:
-    first, second = written(here, "a.py", 3, 3), written(here, "b.py", 3, 3)
-    result = CliRunner().invoke(app, ["diagnose", first, "--against", second])
-    assert result.exit_code == 0, result.output
-    assert "COMPARISON" in (here / "runs" / "a-diagnosis" / "diagnosis.txt").read_text()
+@pytest.mark.thorough
+def test_data_alone_leaves_the_priors_of_a_file_out(workbench: Run) -> None:
+    Path("held.py").write_text(PARABOLA.format(n=3, columns=2) + "priors = 'hold'\n")
+    out = workbench("diagnose", "held.py", "--at-start", "--data-alone")[1]
+    assert "changes nothing" not in out
+    assert diagnosis("held")["rank"] == 2  # 3 with the prior
+    Path("all.py").write_text(PARABOLA.format(n=3, columns=2) + "priors = ['fit', 'hold']\n")
+    _, _, err = workbench("diagnose", "all.py", "--data-alone")
+    assert "every residual of all is a prior" in err
 
 
-def test_unknown_names_are_answered(here: Path) -> None:
-    result = CliRunner().invoke(app, ["diagnose", "nobody"])
-    assert "no experiment is called 'nobody'" in str(result.exception)
-
-
-def test_data_alone_leaves_the_priors_of_a_file_out(here: Path) -> None:
-    text = LINE.format(n=3, columns=2) + "priors = 'hold'\n"
-    (here / "held.py").write_text(text, encoding="utf-8")
-    ranks = {}
-    for options in ((), ("--data-alone",)):
-        result = CliRunner().invoke(app, ["diagnose", "held.py", *options])
-        assert "changes nothing" not in result.output
-        data = json.loads((here / "runs" / "held-diagnosis" / "diagnosis.json").read_text())
-        ranks[options] = data["rank"]
-    assert ranks == {(): 3, ("--data-alone",): 2}
-    result = CliRunner().invoke(app, ["run", "held.py", "--no-compare"])
-    assert "The prior, hold, makes up" in result.output
-    assert "without the priors: 9 x 3" in result.output
-
-
-def test_data_alone_says_that_there_are_no_priors(here: Path) -> None:
-    name = written(here, "plain.py", 3, 2)
-    result = CliRunner().invoke(app, ["diagnose", name, "--data-alone"])
-    said = " ".join(result.output.split())
-    assert "--data-alone changes nothing: plain names no residual as a prior; name those of" in said
-    assert "fit, hold that are, in `priors` of the file or its Setup" in said
-    result = CliRunner().invoke(app, ["run", name, "--no-compare"])
-    assert "The setup names no residual as a prior." in result.output
-
-
-def test_data_alone_of_priors_alone_is_refused(here: Path) -> None:
-    text = LINE.format(n=3, columns=2) + "priors = ['fit', 'hold']\n"
-    (here / "all.py").write_text(text, encoding="utf-8")
-    result = CliRunner().invoke(app, ["diagnose", "all.py", "--data-alone"])
-    assert "every residual of all is a prior" in str(result.exception)
-
-
-def test_a_solver_is_not_asked_at_the_start(here: Path) -> None:
-    name = written(here, "line.py", 3, 3)
-    result = CliRunner().invoke(app, ["diagnose", name, "--at-start", "--solver", "dogleg"])
-    assert "--solver changes nothing: with --at-start nothing is solved" in result.output
-    result = CliRunner().invoke(app, ["diagnose", name, "--at-start", "--solver", "dogleg-leg"])
-    assert "no solver is called 'dogleg-leg'" in str(result.exception)
+@pytest.mark.thorough
+def test_diagnose_says_which_options_change_nothing(workbench: Run) -> None:
+    Path("plain.py").write_text(PARABOLA.format(n=3, columns=2))
+    said = " ".join(workbench("diagnose", "plain.py", "--data-alone")[1].split())
+    assert "--data-alone changes nothing: plain names no residual as a prior" in said
+    asked = ("diagnose", "plain.py", "--at-start", "--solver")
+    out = workbench(*asked, "dogleg")[1]
+    assert "--solver changes nothing: with --at-start nothing is solved" in out
+    assert "no solver is called 'dogleg-leg'" in workbench(*asked, "dogleg-leg")[2]
 
 
 GAUGE = """
@@ -115,10 +80,92 @@ gauges = Gauge("a lift", lambda values: {"x": np.array([0.0, 1.0] * 3)})
 """
 
 
-def test_gauges_that_a_file_declares_are_named(here: Path) -> None:
-    (here / "flat.py").write_text(GAUGE, encoding="utf-8")
-    result = CliRunner().invoke(app, ["diagnose", "flat.py", "--at-start"])
-    assert "a lift of x" in result.output
-    (here / "flat.py").write_text(GAUGE + "gauges = ['a lift']\n", encoding="utf-8")
-    result = CliRunner().invoke(app, ["diagnose", "flat.py", "--at-start"])
-    assert "`gauges` are a tuple of Gauge" in str(result.exception)
+@pytest.mark.thorough
+def test_diagnose_names_gauges_that_a_file_declares(workbench: Run) -> None:
+    Path("flat.py").write_text(GAUGE)
+    assert "a lift of x" in workbench("diagnose", "flat.py", "--at-start")[1]
+    Path("flat.py").write_text(GAUGE + "gauges = ['a lift']\n")
+    assert "`gauges` are a tuple of Gauge" in workbench("diagnose", "flat.py", "--at-start")[2]
+
+
+LONG = ("--steps", "1600", "--walkers", "16")
+
+
+@pytest.mark.thorough
+def test_sample_goes_on_from_its_checkpoint(workbench: Run) -> None:
+    Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
+    code, out, _ = workbench("sample", "line.py", *LONG)
+    assert code == 0, out
+    assert "usable:" in out
+    folder = Path("runs/line-posterior")
+    assert json.loads((folder / "summary.json").read_text())["parts"]["all"]["usable"]
+    draws = np.load(folder / "all.npz")["draws"]
+    assert draws.shape[0] == 4
+    assert Path("runs/line-draws/all.h5").is_file()
+    page = (folder / "index.html").read_text()
+    assert "usable" in page
+    assert "x[0]" in page
+    assert workbench("sample", "line.py", *LONG)[0] == 0
+    np.testing.assert_array_equal(np.load(folder / "all.npz")["draws"], draws)
+    assert "draws of another run" in workbench("sample", "line.py", *LONG, "--seed", "1")[2]
+    assert workbench("sample", "line.py", "--steps", "40", "--walkers", "16", "--fresh")[0] == 1
+
+
+def test_short_sample_exits_with_1_and_gives_no_intervals(workbench: Run) -> None:
+    Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
+    short = ("--steps", "60", "--walkers", "16", "--block", "x[0],x[2]")
+    code, out, _ = workbench("sample", "line.py", *short)
+    assert code == 1
+    assert "NOT CONVERGED" in out
+    assert "95 %" not in out
+    assert "95 %" not in Path("runs/line-posterior/index.html").read_text()
+
+
+@pytest.mark.thorough
+def test_conditional_sample_says_so_and_is_not_usable(workbench: Run) -> None:
+    Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
+    asked = ("sample", "line.py", *LONG, "--block", "x[0]")
+    code, said, _ = workbench(*asked, "--conditional")
+    assert code == 1
+    assert "NOT USABLE: conditional" in said
+    assert "Held fixed: 2 of the 3 numbers of x (2 numbers)" in said
+    assert "ratio" in next(line for line in said.splitlines() if line.startswith("entry"))
+    assert "Held fixed: 2 of" in Path("runs/line-posterior/posterior.txt").read_text()
+    code, said, _ = workbench(*asked, "--fresh")
+    assert code == 0
+    assert "Held fixed: nothing" in said
+    assert "sampled too" in said
+
+
+def test_sample_refuses_unknown_names(workbench: Run) -> None:
+    Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
+    for arguments, said in (
+        (("--block", "y"), "no free block is called 'y'"),
+        (("--move", "random"), "de-snooker"),
+        (("--directions", "9"), "1 to 3 directions"),
+    ):
+        code, _, err = workbench("sample", "line.py", *arguments)
+        assert code == 2
+        assert said in err
+
+
+SHORT = ("--set", "frames=2", "--set", "missing=0.2")
+
+
+@pytest.mark.thorough
+def test_sequence_is_solved_diagnosed_sampled_and_compared(workbench: Run) -> None:
+    code, said, _ = workbench("run", "body-video", *SHORT, "--no-compare")
+    assert code == 0
+    assert "joint to synthetic truth, rms" in said
+    assert Path("runs/body-video/index.html").is_file()
+    code, said, _ = workbench("diagnose", "body-video", *SHORT)
+    assert code == 0
+    assert "pose[1, " in said
+    options = ("--block", "betas[0:2]", "--steps", "60", "--walkers", "16")
+    code, said, _ = workbench("sample", "body-video", *SHORT, *options)
+    assert code in (0, 1)  # so few draws need not be usable
+    assert "betas[0]" in said
+    solvers = ("--solver", "levenberg-marquardt", "--solver", "gauss-newton")
+    code, said, _ = workbench("compare", "body-video", *solvers)
+    assert code == 0
+    assert "1/1" in said

@@ -1,4 +1,4 @@
-"""`workbench lecture`: list, show, run, start, check."""
+"""`workbench lecture`: list, show, run, start, check, pack, try, mark."""
 
 import json
 from dataclasses import replace
@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Run
-from workbench.course import notebooks
 from workbench.course.outline import course, lecture
 
 
-def test_list_and_show(workbench: Run) -> None:
+def test_lecture_is_listed_and_shown(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "list")
     assert code == 0
     assert "Rotations" in out
@@ -21,12 +20,9 @@ def test_list_and_show(workbench: Run) -> None:
     for name in lecture(2).exercises:
         assert name in out
     assert "in a pack, with other numbers for each student:" in " ".join(out.split())
-    code, _, err = workbench("lecture", "show", "77")
-    assert code == 2
-    assert "no lecture is called '77'; there are" in err
 
 
-def test_list_and_show_a_lecture_that_is_still_to_come(
+def test_planned_lecture_is_listed_but_not_shown(
     workbench: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned = replace(lecture(2), number=88, name="planned", title="A plan")
@@ -39,7 +35,8 @@ def test_list_and_show_a_lecture_that_is_still_to_come(
     assert "lecture 88, A plan, is still to come" in err
 
 
-def test_run_writes_its_figures(workbench: Run) -> None:
+@pytest.mark.thorough
+def test_lecture_run_writes_its_figures(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "run", "6", "--out", "here")
     assert code == 0
     assert "difference quotient" in out
@@ -51,13 +48,8 @@ def test_run_writes_its_figures(workbench: Run) -> None:
     assert pictures == [f"figure-{k}.png" for k in (1, 2, 3, 4)]
 
 
-def test_run_shows_the_code_before_what_it_prints(workbench: Run) -> None:
-    code, out, _ = workbench("lecture", "run", "6", "--code")
-    assert code == 0
-    assert out.index("F at the start: {residual") < out.index("F at the start: 0.")
-
-
-def test_a_student_starts_checks_and_is_done(workbench: Run) -> None:
+@pytest.mark.thorough
+def test_lecture_start_and_check_of_solutions(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "start", "2", "mine")
     assert code == 0
     assert "lecture check 2 mine/lec02_rotations.py" in out
@@ -77,7 +69,8 @@ def test_a_student_starts_checks_and_is_done(workbench: Run) -> None:
     assert [one["number"] for one in data["exercises"]][:2] == ["2.1", "2.2"]
 
 
-def test_a_wrong_answer_is_told_why(workbench: Run) -> None:
+@pytest.mark.thorough
+def test_lecture_check_tells_why_an_answer_is_wrong(workbench: Run) -> None:
     Path("lec02_rotations.py").write_text(
         "import numpy as np\ndef hat(w):\n    return np.cross(np.eye(3), -w)\n"
     )
@@ -90,22 +83,9 @@ def test_a_wrong_answer_is_told_why(workbench: Run) -> None:
     assert "there is no file" in err
 
 
-def test_every_failed_line_has_a_reason_and_no_line_is_blank(workbench: Run) -> None:
-    Path("lec06_least_squares.py").write_text(
-        "import numpy as np\n"
-        "def jacobian(x):\n    return np.zeros((2, 4))\n"
-        "def gradient(e, J):\n    return e @ J\n"
-    )
-    code, out, _ = workbench("lecture", "check", "6")
-    assert code == 1
-    assert "not checked: see above" in out
-    lines = out.rstrip().splitlines()
-    assert all(line.strip() for line in lines)
-    failed = [i for i, line in enumerate(lines) if line.startswith("  failed")]
-    assert all(lines[i + 1].startswith("      ") for i in failed)
-
-
-def test_notebooks_are_not_written_over(workbench: Run) -> None:
+@pytest.mark.thorough
+def test_notebooks_of_others_are_not_written_over(workbench: Run) -> None:
+    pytest.importorskip("jupytext")
     Path("books").mkdir()
     Path("books/lec06_least_squares.ipynb").write_text("a student's evening")
     code, _, err = workbench("lecture", "notebooks", "books")
@@ -115,20 +95,8 @@ def test_notebooks_are_not_written_over(workbench: Run) -> None:
     assert len(list(Path("books").iterdir())) == 1
 
 
-def test_a_missing_library_is_told_before_a_folder_is_made(
-    workbench: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def missing(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(notebooks, "import_module", missing)
-    code, _, err = workbench("lecture", "notebooks", "new")
-    assert code == 2
-    assert "need the library jupytext" in err
-    assert not Path("new").exists()
-
-
-def test_the_guide_shows_what_a_misprint_is_told(workbench: Run) -> None:
+@pytest.mark.thorough
+def test_guide_shows_what_a_misprint_is_told(workbench: Run) -> None:
     guide = (Path(__file__).parents[2] / "lectures" / "GUIDE.md").read_text()
     shown = guide.partition("$ workbench lecture check 2\n")[2].partition("```")[0]
     workbench("lecture", "start", "2", ".")
@@ -146,3 +114,49 @@ def test_the_guide_shows_what_a_misprint_is_told(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "check", "2")
     assert code == 1
     assert " ".join(shown.split()) in " ".join(out.split())
+
+
+PACK = ("lecture", "pack", "4.2", "--for", "geometry", "--to", "out")
+
+
+@pytest.mark.thorough
+def test_pack_is_handed_out_tried_and_marked(workbench: Run) -> None:
+    Path("class.csv").write_text("mail,nick\na@x.org,ada\nb@x.org,ben\n")
+    code, out, _ = workbench(*PACK, "--students", "class.csv", "--column", "nick", "--seed", "1")
+    assert code == 0
+    assert "2 students, named by the column nick" in out
+    assert "1 exercise, 3 points, about 15 minutes as estimated, for 2 students" in out
+    assert "workbench lecture mark HANDED_IN --keys out-keys --csv marks.csv" in out
+    assert "the seed is 1; " in out
+    again = "4.2 --for geometry --students class.csv --column nick --seed 1 --to NEW_FOLDER"
+    assert again in out
+    assert Path("out-keys").stat().st_mode & 0o077 == 0
+    path = Path("out/ada/lec04_skinning.py")
+    code, out, _ = workbench("lecture", "try", str(path))
+    assert code == 1
+    assert "4.2 radius_left  not yet" in out
+    assert "not attempted" in out
+    book = Path("out/ada/lec04_skinning.ipynb")
+    answer = "def radius_left(weight, angle):\\n    return 1 / 0  #"
+    book.write_text(book.read_text().replace("def radius_left(", answer))
+    code, out, _ = workbench("lecture", "try", str(book))
+    assert code == 1
+    assert "ZeroDivisionError" in out
+    book.unlink()
+    code, out, _ = workbench("lecture", "mark", "out", "--keys", "out-keys", "--csv", "m.csv")
+    assert code == 0
+    assert "1 of 2 ada  0 of 3" in out
+    assert "2 of 2 ben  0 of 3" in out
+    assert "not attempted" in Path("m.csv").read_text(encoding="utf-8-sig")
+
+
+def test_pack_commands_refuse_missing_files(workbench: Run) -> None:
+    code, _, err = workbench(*PACK[:-1], "out", "--students", "none.csv")
+    assert code == 2
+    assert "cannot read none.csv" in err
+    code, _, err = workbench("lecture", "mark", ".", "--keys", "nowhere")
+    assert code == 2
+    assert "`workbench lecture pack` wrote" in " ".join(err.split())
+    code, _, err = workbench("lecture", "try", "nothing.py")
+    assert code == 2
+    assert not list(Path().iterdir())

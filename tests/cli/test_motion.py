@@ -13,26 +13,23 @@ from workbench.fitting import read_markers
 FILES = MOTION_FILES | MARKER_FILES
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
+def test_motion_says_what_a_file_holds(tmp_path: Path, workbench: Run) -> None:
+    for name, said in (
         ("walk.bvh", "a motion of 6 frames at 30 frames a second, 0.17 s"),
         ("amass.npz", "52 joints: pelvis, left_hip"),
         ("walk.glb", "a motion of 4 frames at 10 frames a second, 0.30 s"),
         ("floats.c3d", "8 markers in 6 frames at 100 frames a second"),
         ("walk.trc", "labels: LFHD, RFHD, C7, STRN, LANK and 3 more"),
         ("markers.npz", "the unit is taken to be mm"),
-    ],
-)
-def test_it_says_what_a_file_holds(tmp_path: Path, workbench: Run, name: str, said: str) -> None:
-    FILES[name](tmp_path / name)
-    code, out, _ = workbench("motion", name)
-    assert code == 0
-    assert said in out
-    assert out.startswith(f"{name} holds ")
+    ):
+        FILES[name](tmp_path / name)
+        code, out, _ = workbench("motion", name)
+        assert code == 0
+        assert said in out
+        assert out.startswith(f"{name} holds ")
 
 
-def test_amass_becomes_bvh_and_back(tmp_path: Path, workbench: Run) -> None:
+def test_motion_writes_bvh_and_reads_it_back(tmp_path: Path, workbench: Run) -> None:
     FILES["motion.npz"](tmp_path / "motion.npz")
     options = "--out", "walk.bvh", "--fps", "120", "--body", "small", "--strip", "walk.png"
     code, out, _ = workbench("motion", "motion.npz", *options)
@@ -47,7 +44,8 @@ def test_amass_becomes_bvh_and_back(tmp_path: Path, workbench: Run) -> None:
     np.testing.assert_allclose(after.joints()[:, order], before.joints(body), atol=1e-6)
 
 
-def test_a_motion_becomes_a_surface_for_viewers(tmp_path: Path, workbench: Run) -> None:
+@pytest.mark.thorough
+def test_motion_writes_glb(tmp_path: Path, workbench: Run) -> None:
     FILES["motion.npz"](tmp_path / "motion.npz")
     code, out, _ = workbench("motion", "motion.npz", "--out", "walk.glb", "--body", "small")
     assert code == 0
@@ -58,7 +56,7 @@ def test_a_motion_becomes_a_surface_for_viewers(tmp_path: Path, workbench: Run) 
     assert (tmp_path / "a.glb").read_bytes().startswith(b"glTF")
 
 
-def test_a_rate_that_a_file_lacks_can_be_given(tmp_path: Path, workbench: Run) -> None:
+def test_motion_takes_the_rate_that_a_file_lacks(tmp_path: Path, workbench: Run) -> None:
     np.savez(tmp_path / "walk.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)))
     code, _, wrong = workbench("motion", "walk.npz")
     assert code == 2
@@ -68,7 +66,7 @@ def test_a_rate_that_a_file_lacks_can_be_given(tmp_path: Path, workbench: Run) -
     assert "5 frames at 25 frames a second, 0.16 s" in out
 
 
-def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) -> None:
+def test_motion_writes_markers(tmp_path: Path, workbench: Run) -> None:
     FILES["walk.trc"](tmp_path / "walk.trc")
     code, out, _ = workbench(
         "motion", "walk.trc", "--out", "walk.npz", "--strip", "walk.png", "--fps", "10"
@@ -79,29 +77,21 @@ def test_markers_become_another_file_of_markers(tmp_path: Path, workbench: Run) 
     np.testing.assert_allclose(there, read_markers(tmp_path / "walk.trc").markers, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("walk.fbx",), "a motion is a file that ends in .npz, .bvh, .glb"),
-        (("walk.bvh", "--fps", "0"), "--fps takes a number above 0, not 0"),
-        (
-            ("walk.bvh", "--out", "walk.c3d"),
-            "a motion can be written as .bvh or .npz or .glb, and not as",
-        ),
-        (("walk.c3d", "--out", "walk.bvh"), "markers can be written as .npz or .trc, and not as"),
-        (("walk.bvh", "--strip", "walk.jpg"), "--strip takes a file that ends in .png"),
-        (("walk.bvh", "--unit", "ell"), "no unit is called 'ell'; there are cm, cmu, in, m, mm"),
-        (("walk.bvh", "--up", "w"), "no axis is called 'w'"),
-        (("walk.npz",), "walk.npz is no file of a motion or of markers"),
-        (("walk.bvh", "--body", "small"), "the motion none of them but Hips, Left Leg"),
-    ],
-)
-def test_mistakes_are_a_sentence(
-    tmp_path: Path, workbench: Run, arguments: tuple[str, ...], said: str
-) -> None:
+def test_motion_refuses_what_it_cannot_read_or_write(tmp_path: Path, workbench: Run) -> None:
     FILES["walk.bvh"](tmp_path / "walk.bvh")
     FILES["floats.c3d"](tmp_path / "walk.c3d")
     (tmp_path / "walk.npz").write_bytes(b"PK nothing")
-    code, _, wrong = workbench("motion", *arguments)
-    assert code == 2
-    assert said in " ".join(wrong.split())
+    for arguments, said in (
+        ("walk.fbx", "a motion is a file that ends in .npz, .bvh, .glb"),
+        ("walk.bvh --fps 0", "--fps takes a number above 0, not 0"),
+        ("walk.bvh --out walk.c3d", "can be written as .bvh or .npz or .glb, and not as"),
+        ("walk.c3d --out walk.bvh", "markers can be written as .npz or .trc, and not as"),
+        ("walk.bvh --strip walk.jpg", "--strip takes a file that ends in .png"),
+        ("walk.bvh --unit ell", "no unit is called 'ell'"),
+        ("walk.bvh --up w", "no axis is called 'w'"),
+        ("walk.npz", "walk.npz is no file of a motion or of markers"),
+        ("walk.bvh --body small", "the motion none of them but Hips, Left Leg"),
+    ):
+        code, _, wrong = workbench("motion", *arguments.split())
+        assert code == 2
+        assert said in " ".join(wrong.split())

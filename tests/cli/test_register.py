@@ -55,7 +55,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "usual_recipe", quickly)
 
 
-def test_one_scan_becomes_a_page_and_a_surface(workbench: Run, scans: Path) -> None:
+@pytest.mark.thorough
+def test_register_writes_a_page_and_a_surface(workbench: Run, scans: Path) -> None:
     code, out, err = workbench("register", str(scans / "left.xyz"), "--body", "small")
     assert code == 0, err
     assert "note: the unit is taken to be m" in out
@@ -67,8 +68,9 @@ def test_one_scan_becomes_a_page_and_a_surface(workbench: Run, scans: Path) -> N
     assert off.mean() < 0.01  # m
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("quick")
-def test_a_folder_is_registered_and_not_again(workbench: Run, scans: Path) -> None:
+def test_register_skips_what_is_registered(workbench: Run, scans: Path) -> None:
     given = ("register", str(scans), "--body", "small", "--model-only")
     code, out, _ = workbench(*given)
     assert code == 1  # one was bad
@@ -91,8 +93,9 @@ def test_a_folder_is_registered_and_not_again(workbench: Run, scans: Path) -> No
     assert told["failed"] == {}
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("quick")
-def test_a_table_says_who_is_who(workbench: Run, scans: Path, tmp_path: Path) -> None:
+def test_register_reads_a_table_of_subjects(workbench: Run, scans: Path, tmp_path: Path) -> None:
     table = tmp_path / "people.csv"
     table.write_text("file,subject,gender\nleft.xyz,anna,female\nright.xyz,anna,female\n")
     files = [str(scans / name) for name in ("left.xyz", "right.xyz")]
@@ -108,9 +111,8 @@ def test_a_table_says_who_is_who(workbench: Run, scans: Path, tmp_path: Path) ->
     assert "names files that are not among the scans: up.xyz" in workbench(*given, str(table))[2]
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
+def test_register_refuses_wrong_options(workbench: Run, scans: Path) -> None:
+    for given, said in (
         (("--camera", "0,0"), "--camera takes x,y,z such as 0,0,0"),
         (("--camera", "0,0,inf"), "three finite numbers"),
         (("--workers", "0"), "--workers takes 1 or more"),
@@ -119,25 +121,22 @@ def test_a_table_says_who_is_who(workbench: Run, scans: Path, tmp_path: Path) ->
         (("--up", "w"), "no axis is called 'w'"),
         (("--points", "10"), "at least 1,000 points"),
         (("--body", "smal"), "small"),
-    ],
-)
-def test_what_was_typed_wrongly_is_told(
-    workbench: Run, scans: Path, given: tuple[str, ...], said: str
-) -> None:
-    code, _, err = workbench("register", str(scans / "left.xyz"), *given)
-    assert code == 2
-    assert said in err
-    assert workbench("register", str(scans), *given)[0] == 2  # nor is a folder begun
+    ):
+        code, _, err = workbench("register", str(scans / "left.xyz"), *given)
+        assert code == 2
+        assert said in err
+        assert workbench("register", str(scans), *given)[0] == 2  # nor is a folder begun
     assert not list(Path().glob("runs/*/*"))
 
 
-def test_what_holds_no_scans_is_told(workbench: Run, tmp_path: Path) -> None:
+def test_register_refuses_folders_without_scans(workbench: Run, tmp_path: Path) -> None:
     (tmp_path / "nothing").mkdir()
     assert "holds no scans" in workbench("register", str(tmp_path / "nothing"))[2]
     assert "there is no" in workbench("register", str(tmp_path / "missing.ply"))[2]
 
 
-def test_a_killed_run_goes_on(scans: Path, tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_killed_register_goes_on(scans: Path, tmp_path: Path) -> None:
     """Killed after its first scan, it registers only the other one when it is called again."""
     (scans / "empty.ply").unlink()
     write_scan(str(scans / "straight.xyz"), 0.0)
@@ -159,22 +158,9 @@ def test_a_killed_run_goes_on(scans: Path, tmp_path: Path) -> None:
     assert (tmp_path / "runs" / "register-scans" / "right" / "registration.npz").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("quick")
-def test_several_processes_find_the_same(workbench: Run, scans: Path) -> None:
-    (scans / "empty.ply").unlink()
-    given = ("register", str(scans), "--body", "small", "--model-only")
-    assert workbench(*given, "--out", "one")[0] == 0
-    assert workbench(*given, "--workers", "2", "--out", "two")[0] == 0
-    for name in ("left", "right"):
-        with (
-            np.load(f"one/register-scans/{name}/registration.npz") as one,
-            np.load(f"two/register-scans/{name}/registration.npz") as two,
-        ):
-            np.testing.assert_array_equal(one["vertices"], two["vertices"])
-
-
-@pytest.mark.usefixtures("quick")
-def test_a_cluster_registers(workbench: Run, scans: Path) -> None:
+def test_register_on_a_cluster(workbench: Run, scans: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
@@ -187,8 +173,9 @@ def test_a_cluster_registers(workbench: Run, scans: Path) -> None:
     assert Path("runs/register-scans/left/index.html").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("quick")
-def test_ctrl_c_says_what_is_kept(
+def test_interrupted_register_says_what_is_kept(
     workbench: Run, scans: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import workbench.cli.register as command

@@ -1,5 +1,6 @@
 """`workbench rig`, as a user types it."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -7,20 +8,24 @@ import pytest
 
 import workbench as wb
 from tests.cli.conftest import Run
-from tests.training.rigging.made_motion import compared, driven
+from tests.training.rigging.made_motion import Driven, compared, driven
 from workbench.geometry.meshes import write_mesh
 
-GIVEN = driven(20, seed=1)
+
+@cache
+def given() -> Driven:
+    return driven(20, seed=1)
 
 
 def made_folder(folder: Path) -> None:
     folder.mkdir()
-    for i, mesh in enumerate(GIVEN.meshes):
-        write_mesh(folder / f"frame_{i}.ply", mesh, GIVEN.body.faces)
-    write_mesh(folder.parent / "rest.ply", GIVEN.body.template, GIVEN.body.faces)
+    for i, mesh in enumerate(given().meshes):
+        write_mesh(folder / f"frame_{i}.ply", mesh, given().body.faces)
+    write_mesh(folder.parent / "rest.ply", given().body.template, given().body.faces)
 
 
-def test_a_folder_of_meshes_becomes_a_body_and_a_motion(tmp_path: Path, workbench: Run) -> None:
+@pytest.mark.thorough
+def test_rig_makes_a_body_and_a_motion(tmp_path: Path, workbench: Run) -> None:
     made_folder(tmp_path / "frames")
     options = ("--rest", "rest.ply", "--out", "body.npz", "--motion", "motion.npz", "--fps", "25")
     code, out, err = workbench("rig", "frames", *options)
@@ -31,17 +36,22 @@ def test_a_folder_of_meshes_becomes_a_body_and_a_motion(tmp_path: Path, workbenc
     assert "note: no motion shows where the joint of root is" in out
     body = wb.load_body(tmp_path / "body.npz")
     assert isinstance(body, wb.SkinnedBody)
-    agreement = compared(body, GIVEN.body)
+    agreement = compared(body, given().body)
     assert agreement.edges == 5
     assert agreement.joints < 1e-6
     motion = wb.read_motion(tmp_path / "motion.npz")
     assert motion.fps == 25
-    np.testing.assert_allclose(motion.vertices(body)[10], GIVEN.meshes[10], atol=1e-8)
+    np.testing.assert_allclose(motion.vertices(body)[10], given().meshes[10], atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
+def test_rig_refuses_what_is_no_motion_of_one_person(workbench: Run, tmp_path: Path) -> None:
+    np.save(tmp_path / "stack.npy", given().meshes)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "people").mkdir()
+    np.save(tmp_path / "people" / "both.npy", given().meshes)
+    table = "file,subject\nboth.npy#0,anna\nboth.npy#1,ben\n"
+    (tmp_path / "people" / "registrations.csv").write_text(table)
+    for arguments, said in (
         (("nothing",), "there is no file or folder"),
         (("empty",), "has no meshes"),
         (("stack.npy",), "none of the files has faces"),
@@ -49,17 +59,7 @@ def test_a_folder_of_meshes_becomes_a_body_and_a_motion(tmp_path: Path, workbenc
         (("stack.npy", "--out", "body.obj"), "--out takes a file that ends in .npz or .pkl"),
         (("stack.npy", "--frames", "1"), "--frames takes 2 or more"),
         (("people",), "of 2 subjects (anna, ben)"),
-    ],
-)
-def test_what_is_wrong_is_a_sentence(
-    tmp_path: Path, workbench: Run, arguments: tuple[str, ...], said: str
-) -> None:
-    np.save(tmp_path / "stack.npy", GIVEN.meshes)
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "people").mkdir()
-    np.save(tmp_path / "people" / "both.npy", GIVEN.meshes)
-    table = "file,subject\nboth.npy#0,anna\nboth.npy#1,ben\n"
-    (tmp_path / "people" / "registrations.csv").write_text(table)
-    code, _, err = workbench("rig", *arguments)
-    assert code == 2
-    assert said in " ".join(err.split())
+    ):
+        code, _, err = workbench("rig", *arguments)
+        assert code == 2
+        assert said in " ".join(err.split())

@@ -1,7 +1,6 @@
 """Figures that answer to the hand: what they compute, and what is seen where they cannot be."""
 
 import re
-from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,16 @@ import workbench as wb
 from tests.browsers import DRAWING, asked_of_replay, dumped, need_browser
 from workbench.arrays import Array
 from workbench.course import Picture
-from workbench.errors import BadArgument, NotSupported
+from workbench.errors import BadArgument
 from workbench.lectures.material.arm import arm_page
-from workbench.lectures.material.race import Plane, Way, race_page
 from workbench.lectures.material.tubes import tube
 from workbench.plots import house_style, sheet
-from workbench.replay.bodies import recorded_bodies
 from workbench.replay.side_by_side import GRAIN, recorded_side_by_side
 from workbench.reports.replay_page import ReplayPage, replay_page
 from workbench.solvers.damping import eased
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
+
+pytestmark = pytest.mark.thorough
 
 UPPER, LOWER = 0.3, 0.25  # m
 BEYOND = np.array([0.2, 0.7])
@@ -149,28 +148,3 @@ def test_surfaces_stand_side_by_side(tmp_path: Path) -> None:
     assert answers["said"] == "Turned by 90 degrees."
     with pytest.raises(BadArgument, match="the same ways"):
         recorded_side_by_side(pipe.faces, angles, {"a": named["bend"], "b": {}}, "")
-
-
-def test_bodies_are_shown_through_cameras_at_their_joints() -> None:
-    body = wb.load_body("small")
-    camera = wb.Camera("c/")
-    numbers = camera.values(K=np.diag([1.0, 1, 1]), R=np.eye(3), t=np.array([0, 0, 4.0]))
-    view = wb.View("c", camera, (100, 100), "joints", np.zeros((24, 2)), np.ones(24))
-    named = {"fits": {"one": body.start(), "two": body.start() | {"betas": np.ones(body.n_betas)}}}
-    found = recorded_bodies(body, named, "two", views=[view], cameras=numbers).data
-    assert found["landmarks"]["joints"] is True
-    assert len(found["views"]) == 1
-    assert found["series"][0]["said"] == ["One.", "Two."]
-    with pytest.raises(NotSupported, match="cannot pose"):
-        recorded_bodies(wb.load_body("small-scape"), named, "")
-    with pytest.raises(BadArgument, match="no body to show"):
-        recorded_bodies(body, {}, "")
-
-
-def test_a_race_is_drawn_on_the_cost_of_its_problem() -> None:
-    def bowl(places: Array) -> Array:
-        return np.asarray((places**2).sum(axis=1))
-
-    way = Way(np.array([[2.0, 1], [0, 0]]), np.array([1.0, 5]), np.array([1.0, 0]))
-    page = race_page({"bowl": Plane(bowl, np.zeros(2), {"newton": way})}, 1e-5)
-    assert unescape(page.html).count('"newton"') == 1

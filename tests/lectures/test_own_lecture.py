@@ -23,7 +23,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return write_scaffold("lecture", "of_my_own")
 
 
-def test_every_command_takes_the_folder(folder: Path) -> None:
+@pytest.mark.thorough
+def test_own_lecture_is_taken_by_every_command(folder: Path) -> None:
     def typed(*arguments: str, code: int = 0) -> str:
         done = CliRunner().invoke(app, ["lecture", *arguments])
         assert done.exit_code == code, done.output
@@ -40,7 +41,7 @@ def test_every_command_takes_the_folder(folder: Path) -> None:
     assert "4 of 4 points" in typed("check", name, str(folder / "solutions.py"))
 
 
-def test_its_checks_reject_every_mistake_by_its_hint(folder: Path) -> None:
+def test_own_lecture_checks_reject_every_mistake(folder: Path) -> None:
     lecture = own_lecture(folder)
     assert len(lecture.exercises) == 3
     for exercise in lecture.exercises:
@@ -55,12 +56,12 @@ def test_its_checks_reject_every_mistake_by_its_hint(folder: Path) -> None:
         assert rejected >= 2
 
 
-def test_its_solutions_are_withheld(folder: Path) -> None:
+def test_own_lecture_solutions_are_withheld(folder: Path) -> None:
     assert of_a_lecture(folder.resolve() / "solutions.py")
     assert not of_a_lecture(folder.resolve() / "exercises.py")
 
 
-def test_what_is_no_lecture_is_refused_in_a_sentence(folder: Path) -> None:
+def test_folder_that_is_no_lecture_is_refused(folder: Path) -> None:
     with pytest.raises(UnknownName, match="no lecture is called '99'"):
         lecture_named("99")
     with pytest.raises(BadFile, match="give the number of a lecture"):

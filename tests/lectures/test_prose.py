@@ -19,12 +19,14 @@ from tests.lectures.prose import (
 )
 from workbench.course.outline import Lecture, course
 
+pytestmark = pytest.mark.thorough
+
 THERE = [one for one in course() if one.there]
 EACH = pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
 
 
 @EACH
-def test_what_prose_says_of_the_run_is_so_and_every_number_is_held(lecture: Lecture) -> None:
+def test_prose_agrees_with_the_run_and_holds_every_number(lecture: Lecture) -> None:
     """One test, so that each lecture runs once, and not in every process of a test run."""
     run, claims = run_of(lecture.number), claims_of(lecture)
     assert not disagreements(run, claims)
@@ -72,14 +74,6 @@ def is_bound(answer: object, k: int) -> bool:
     ("number", "printed", "instead", "phrase"),
     [
         (9, "surface off by 18 mm", "surface off by 21 mm", "The surface is hardly closer"),
-        (9, "worst beta off by 0.5", "worst beta off by 0.9", "off by half a standard deviation"),
-        (12, "3000 steps: 90 %", "3000 steps: there is no interval", "refuses an interval"),
-        (
-            12,
-            "uniform, the same factor:     standard deviation 1.16",
-            "uniform, the same factor:     standard deviation 1.00",
-            "the draws are too wide",
-        ),
         (
             3,
             "surface 12.0 mm from the truth",
@@ -88,7 +82,7 @@ def is_bound(answer: object, k: int) -> bool:
         ),
     ],
 )
-def test_a_comparison_that_the_run_turns_round_is_noticed(
+def test_comparison_that_the_run_reverses_is_noticed(
     number: int, printed: str, instead: str, phrase: str
 ) -> None:
     one = next(one for one in THERE if one.number == number)
@@ -102,14 +96,11 @@ def test_a_comparison_that_the_run_turns_round_is_noticed(
 @pytest.mark.parametrize(
     ("number", "phrase", "instead"),
     [
-        (1, "is six times as large", "is no larger"),
         (3, "Fewer numbers, and a better answer", "Fewer numbers, and a worse answer"),
-        (7, "not one of thirty starts ends", "two of thirty starts end"),
         (9, "The surface is hardly closer", "The surface is much closer"),
-        (12, "the draws are too wide", "the draws are too narrow"),
     ],
 )
-def test_a_comparison_that_the_prose_turns_round_is_noticed(
+def test_comparison_that_the_prose_reverses_is_noticed(
     number: int, phrase: str, instead: str
 ) -> None:
     one = next(one for one in THERE if one.number == number)
@@ -122,12 +113,11 @@ def test_a_comparison_that_the_prose_turns_round_is_noticed(
     ("number", "sentence"),
     [
         (8, "It tells a shoulder to ten."),
-        (9, "The person became one of 3.6 standard deviations."),
         (9, "Two cameras end it: 188 mm become 6."),
         (11, "Brown-dennis makes up 43 % of the mean."),
     ],
 )
-def test_a_number_that_nothing_holds_is_noticed(number: int, sentence: str) -> None:
+def test_number_without_a_claim_is_noticed(number: int, sentence: str) -> None:
     one = next(one for one in THERE if one.number == number)
     run = run_of(number)
     assert loose_numbers(replace(run, prose=f"{run.prose} {sentence}"), claims_of(one))
@@ -136,12 +126,10 @@ def test_a_number_that_nothing_holds_is_noticed(number: int, sentence: str) -> N
 @pytest.mark.parametrize(
     ("number", "sentence"),
     [
-        (1, "The cubic is closer to the curve than the line."),
         (9, "Two cameras are twice as good."),
-        (12, "Fewer draws than that are enough."),
     ],
 )
-def test_a_comparison_that_nothing_holds_is_noticed(number: int, sentence: str) -> None:
+def test_comparison_without_a_claim_is_noticed(number: int, sentence: str) -> None:
     one = next(one for one in THERE if one.number == number)
     run = run_of(number)
     assert not loose_comparisons(run, claims_of(one))
@@ -151,15 +139,11 @@ def test_a_comparison_that_nothing_holds_is_noticed(number: int, sentence: str) 
 @pytest.mark.parametrize(
     ("number", "phrase", "planted"),
     [
-        (4, "beyond 110 degrees dual", "beyond 150 degrees dual"),
         (8, "It is 35 and not 40", "It is 38 and not 40"),
         (9, "are now off by 6 mm", "are now off by 16 mm"),
-        (12, "by a standard deviation of 16 cm", "by a standard deviation of 6 cm"),
     ],
 )
-def test_a_number_planted_into_the_text_of_a_lecture_is_noticed(
-    number: int, phrase: str, planted: str
-) -> None:
+def test_changed_number_of_the_prose_is_noticed(number: int, phrase: str, planted: str) -> None:
     """As when somebody changes the lecture's file alone."""
     one = next(one for one in THERE if one.number == number)
     run = run_of(number)
@@ -169,7 +153,7 @@ def test_a_number_planted_into_the_text_of_a_lecture_is_noticed(
     assert any(phrase[:12] in sentence for sentence in told), told
 
 
-def test_numbers_are_read_as_they_stand() -> None:
+def test_numerals_are_read_as_they_stand() -> None:
     said = "Of 2,200 two thirds, forty, twenty-one and three hundred; tenfold, 5e-9, -0.5, 16.5%."
     assert [one.value for one in numerals(said)] == [2200, 40, 21, 300, 10, 5e-9, -0.5, 16.5]
     assert [one.value for one in numerals("with $F = 1000$ px and $x_1^2 + 3$")] == [1000]
@@ -203,12 +187,12 @@ def test_numbers_are_read_as_they_stand() -> None:
         ("1", below(1.1), False),
     ],
 )
-def test_a_number_is_right_to_the_digits_quoted(text: str, value: float, so: bool) -> None:
+def test_number_is_right_to_the_digits_quoted(text: str, value: float, so: bool) -> None:
     (one,) = numerals(text)
     assert right(one, value) is so
 
 
-def test_a_claim_answers_a_value_for_each_number() -> None:
+def test_claim_answers_a_value_for_each_number() -> None:
     run = Run("It takes 7 steps, fewer than before.", "7 steps\n9 steps", {}, (), 0.0)
     assert not disagreements(
         run, Claims({"takes 7 steps, fewer": lambda run: (run.lines()[0][0], True)})

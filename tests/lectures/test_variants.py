@@ -2,27 +2,34 @@
 
 import json
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
 
+from tests.tiers import few
 from workbench.course.answers import outcome
 from workbench.course.checks import Missed
 from workbench.course.outline import course, lecture
 from workbench.course.packs.choosing import Chosen, chosen, variants_of
-from workbench.course.packs.keys import OF_THE_LECTURE, ExerciseKey, make_keys, value
+from workbench.course.packs.keys import OF_THE_LECTURE, ClassKey, ExerciseKey, make_keys, value
 from workbench.course.packs.likeness import shapes
 from workbench.course.packs.marking import compare
 from workbench.errors import BadArgument, UnknownName
 
 STUDENTS = {name: name for name in ("ada", "ben", "cleo", "dora")}
-EVERY = [one for lecture in course() if lecture.there for one in variants_of(lecture)]
-KEYS = make_keys("a class", 5, STUDENTS, EVERY)
-EACH = pytest.mark.parametrize("one", EVERY, ids=[one.number for one in EVERY])
+NUMBERS = [one.number for one in course() if one.there]
+
+
+@cache
+def keys() -> ClassKey:
+    """Of every exercise that has numbers of a student's own."""
+    every = [one for number in NUMBERS for one in variants_of(lecture(number))]
+    return make_keys("a class", 5, STUDENTS, every)
 
 
 def key_of(one: Chosen, student: str) -> ExerciseKey:
-    return next(key for key in KEYS.keys[student] if key.number == one.number)
+    return next(key for key in keys().keys[student] if key.number == one.number)
 
 
 def wrong(answer: Callable[..., Any], numbers: dict[str, Any], key: ExerciseKey, pairs: Any) -> int:
@@ -36,8 +43,13 @@ def wrong(answer: Callable[..., Any], numbers: dict[str, Any], key: ExerciseKey,
     return count
 
 
-@EACH
-def test_the_numbers_matter_and_slips_are_wrong(one: Chosen) -> None:
+@pytest.mark.parametrize("number", few(NUMBERS, [4]))
+def test_numbers_of_a_student_matter_and_slips_are_wrong(number: int) -> None:
+    for one in variants_of(lecture(number)):
+        numbers_matter_and_slips_are_wrong(one)
+
+
+def numbers_matter_and_slips_are_wrong(one: Chosen) -> None:
     variant = one.variant
     for student, other in zip(STUDENTS, (*list(STUDENTS)[1:], "ada"), strict=True):
         key, theirs = key_of(one, student), key_of(one, other).numbers
@@ -53,10 +65,10 @@ def test_the_numbers_matter_and_slips_are_wrong(one: Chosen) -> None:
         assert wrong(one.published.solution(variant.exercise), {}, key, key.tries)
     assert one.slips, "a variant has a slip that is likely"
     assert "->" in variant.task
-    assert list(shapes("".join(KEYS.sources[one.number].values())))
+    assert list(shapes("".join(keys().sources[one.number].values())))
 
 
-def test_there_are_two_or_more_in_every_lecture_that_has_any() -> None:
+def test_every_lecture_has_two_variants_or_more() -> None:
     counts = {
         one.number: len(variants_of(one))
         for one in course()
@@ -73,7 +85,7 @@ def test_every_exercise_has_minutes() -> None:
             assert not missing, f"lectures/minutes.py has no minutes of {one.number}: {missing}"
 
 
-def test_a_seed_makes_the_same_numbers_and_another_one_others() -> None:
+def test_seed_decides_the_numbers_of_students() -> None:
     some = chosen(["4.2", "7"])
     again, other = make_keys("a class", 5, STUDENTS, some), make_keys("a class", 6, STUDENTS, some)
     mine = key_of(some[0], "ada")
@@ -85,7 +97,7 @@ def test_a_seed_makes_the_same_numbers_and_another_one_others() -> None:
     assert OF_THE_LECTURE in [hint for hint, _ in mine.slips]
 
 
-def test_what_is_no_exercise_is_told() -> None:
+def test_chosen_refuses_what_is_no_exercise() -> None:
     with pytest.raises(UnknownName, match=r"called '4\.9'; there are 4\.2, 4\.3, 4\.4"):
         chosen(["4.9"])
     with pytest.raises(BadArgument, match="neither a lecture"):

@@ -45,7 +45,7 @@ def painted(ax) -> list[np.ndarray]:
     return [np.array([path.vertices[:3] for path in mesh.get_paths()]) for mesh in meshes]
 
 
-def test_front_and_side_are_to_scale() -> None:
+def test_body_is_drawn_to_scale_from_front_and_side() -> None:
     _, (ax,) = sheet(6, 4)
     assert plot_body(CUBE, FACES, ax=ax) is ax
     before, beside = painted(ax)
@@ -68,7 +68,7 @@ def test_looks_turn_and_do_not_mirror(look, across, towards) -> None:
     assert np.linalg.det(turned) == pytest.approx(1)
 
 
-def test_faces_towards_the_light_are_lighter_on_either_side() -> None:
+def test_lightness_depends_on_the_angle_to_the_light() -> None:
     square = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
     edge_on = square[:, [2, 1, 0]]
     face = np.array([[0, 1, 2]])
@@ -76,6 +76,7 @@ def test_faces_towards_the_light_are_lighter_on_either_side() -> None:
     np.testing.assert_allclose(lightness(square, face), lightness(square, face[:, ::-1]))
 
 
+@pytest.mark.thorough
 def test_shapes_stand_side_by_side_on_one_scale() -> None:
     shapes = {"mean": CUBE, "tall $1$ 高": CUBE * [1, 1.5, 1], "wide": CUBE * [2, 1, 1]}
     figure = shape_gallery_sheet(shapes, FACES)
@@ -101,13 +102,7 @@ def test_distances_have_a_scale_in_millimetres() -> None:
     assert "farthest is 7 mm off" in caption_distances(distances)
 
 
-def test_no_distance_at_all_can_be_drawn() -> None:
-    figure, (ax,) = sheet(6, 4)
-    plot_distances(CUBE, np.zeros(len(CUBE)), FACES, ax=ax)
-    assert png(figure).startswith(b"\x89PNG")
-
-
-def test_torn_triangles_are_drawn_where_they_are() -> None:
+def test_stitching_draws_torn_triangles() -> None:
     whole = CUBE[FACES]
     middle = whole.mean(axis=1, keepdims=True)
     torn = middle + 0.5 * (whole - middle)

@@ -38,6 +38,7 @@ def test_every_capsule_is_drawn_twice_and_the_deepest_pair_is_marked() -> None:
     assert tall[:, 1].max() == pytest.approx(top, abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_bodies_apart_and_bodies_without_pairs_say_so() -> None:
     body = load_body("small")
     pose = np.zeros((24, 3))

@@ -5,19 +5,16 @@ import pytest
 from matplotlib.axes import Axes
 
 from tests.comparison.made_up import comparison
+from tests.tiers import few
 from workbench.comparison import Comparison
 from workbench.plots import comparison_sheets as sheets
-from workbench.plots.accuracy import caption_accuracy, plot_accuracy
 from workbench.plots.cost_traces import (
     LOWEST,
     UNITS,
     caption_cost_traces,
-    caption_waterfall,
     plot_cost_traces,
-    plot_waterfall,
 )
 from workbench.plots.figure import sheet
-from workbench.plots.labels import power
 from workbench.plots.pairwise_wins import caption_pairwise_wins, plot_pairwise_wins
 from workbench.plots.profiles import (
     caption_data_profile,
@@ -47,7 +44,7 @@ def ax() -> Axes:
     return sheet(4, 3)[1][0]
 
 
-def test_a_profile_ends_at_the_rate_of_success(found: Comparison, ax: Axes) -> None:
+def test_performance_profile_ends_at_the_rate_of_success(found: Comparison, ax: Axes) -> None:
     plot_performance_profile(found, 1e-3, ax=ax)
     ends = [float(np.asarray(line.get_ydata())[-1]) for line in ax.get_lines()]
     np.testing.assert_allclose(ends, [1.0, 0.5, 0.0], atol=0.01)
@@ -56,7 +53,7 @@ def test_a_profile_ends_at_the_rate_of_success(found: Comparison, ax: Axes) -> N
     assert "ranking" not in caption_performance_profile(two)
 
 
-def test_a_data_profile_rises_where_a_target_is_met(found: Comparison, ax: Axes) -> None:
+def test_data_profile_rises_where_a_target_is_met(found: Comparison, ax: Axes) -> None:
     plot_data_profile(found, 1e-3, ax=ax)
     x, y = (np.asarray(d, dtype=float) for d in ax.get_lines()[0].get_data())
     assert y[x < 0.99].max() < 0.05  # 2 and 3 residuals over n + 1 = 2
@@ -64,7 +61,7 @@ def test_a_data_profile_rises_where_a_target_is_met(found: Comparison, ax: Axes)
     assert "n + 1 residuals" in caption_data_profile(found)
 
 
-def test_traces_begin_at_the_first_point_and_never_rise(found: Comparison, ax: Axes) -> None:
+def test_cost_traces_begin_at_the_first_point_and_never_rise(found: Comparison, ax: Axes) -> None:
     plot_cost_traces(found, "p", ax=ax, against=UNITS)
     y = np.asarray(ax.get_lines()[0].get_ydata(), dtype=float)
     assert y[0] == pytest.approx(0.5)
@@ -84,26 +81,25 @@ def test_bars_are_as_long_as_there_are_runs(found: Comparison) -> None:
     assert "basin" in caption_basins(found, "p")
 
 
-@pytest.mark.parametrize("solvers", [("good",), ("$x$ 左",), ("bad",), ("good", "bad")])
-def test_the_caption_of_verdicts_explains_the_colours_that_are_there(
-    solvers: tuple[str, ...], ax: Axes
-) -> None:
-    runs = {k: v for k, v in RUNS.items() if k[1] in solvers}
-    some = comparison(runs, basins={k: 1 for k in runs if k == ("p", "$x$ 左")})
-    plot_verdicts(some, ax=ax)
-    there = set(ax.get_legend_handles_labels()[1])
-    said = caption_verdicts(some).lower()
-    for colour, label in (
-        ("green", "reached"),
-        ("light blue", "other basin"),
-        ("vermillion", "false claim"),
-        ("grey", "no answer"),
-    ):
-        assert (colour in said) == (label in there), colour
-    assert ("no run claims" in said) == ("false claim" not in there)
+def test_caption_of_verdicts_explains_the_colours_that_are_there() -> None:
+    for solvers in (("good",), ("$x$ 左",), ("bad",), ("good", "bad")):
+        runs = {k: v for k, v in RUNS.items() if k[1] in solvers}
+        some = comparison(runs, basins={k: 1 for k in runs if k == ("p", "$x$ 左")})
+        ax = sheet(4, 3)[1][0]
+        plot_verdicts(some, ax=ax)
+        there = set(ax.get_legend_handles_labels()[1])
+        said = caption_verdicts(some).lower()
+        for colour, label in (
+            ("green", "reached"),
+            ("light blue", "other basin"),
+            ("vermillion", "false claim"),
+            ("grey", "no answer"),
+        ):
+            assert (colour in said) == (label in there), (solvers, colour)
+        assert ("no run claims" in said) == ("false claim" not in there)
 
 
-def test_pairs_are_read_from_rows_against_columns(found: Comparison, ax: Axes) -> None:
+def test_pairwise_wins_are_of_rows_against_columns(found: Comparison, ax: Axes) -> None:
     plot_pairwise_wins(found, 1e-3, ax=ax)
     said = {text.get_position(): text.get_text() for text in ax.texts}
     assert said[1, 0] == "1:1\np 1"  # on q the other one was first
@@ -112,43 +108,18 @@ def test_pairs_are_read_from_rows_against_columns(found: Comparison, ax: Axes) -
     assert "same starts" in caption_pairwise_wins(found)
 
 
-def test_a_waterfall_is_sorted(found: Comparison, ax: Axes) -> None:
-    plot_waterfall(found, "p", ax=ax)
-    assert "sorted" in caption_waterfall(found, "p")
-    for line in ax.get_lines():
-        assert (np.diff(np.asarray(line.get_ydata(), dtype=float)) >= 0).all()
+WHATEVER = {
+    "all": RUNS,
+    "alone": {("p", "alone"): [3.0]},
+    "none": {("p", "a"): [], ("p", "b"): []},
+    "many": {("p", f"solver {k}"): [float(k)] for k in range(20)},
+    "not finite": {("p", "a"): [np.nan, np.inf], ("p", "b"): [1.0]},
+}
 
 
-def test_without_certified_answers_no_accuracy_is_drawn(found: Comparison, ax: Axes) -> None:
-    plot_accuracy(found, ax=ax)
-    assert "worst parameter" in caption_accuracy(found)
-
-
-def test_powers_of_ten_are_short() -> None:
-    assert [power(x) for x in (1e-5, 0.01, 1, 1000, 1e4, 2e5)] == [
-        "10⁻⁵",
-        "0.01",
-        "1",
-        "1000",
-        "10⁴",
-        "200000",
-    ]
-
-
-@pytest.mark.parametrize(
-    "runs",
-    [
-        RUNS,
-        {("p", "alone"): [3.0]},
-        {("p", "a"): [], ("p", "b"): []},
-        {("p", f"solver {k}"): [float(k)] for k in range(20)},
-        {("p", "a"): [np.nan, np.inf], ("p", "b"): [1.0]},
-    ],
-)
-def test_every_sheet_is_drawn_of_whatever_there_is(
-    runs: dict[tuple[str, str], list[float]],
-) -> None:
-    found = comparison(runs)
+@pytest.mark.parametrize("name", few(WHATEVER, 0))
+def test_sheets_are_drawn_of_whatever_runs_there_are(name: str) -> None:
+    found = comparison(WHATEVER[name])
     for figure in (
         sheets.verdicts_sheet(found),
         sheets.basins_sheet(found, "p"),

@@ -22,7 +22,7 @@ from workbench.plots.direction import close_up
 pytestmark = pytest.mark.browser
 
 
-def test_joints_are_named_above_the_pattern() -> None:
+def test_sparsity_names_joints_above_the_pattern() -> None:
     found = diagnose(*cases.joints_only())
     _, (ax,) = sheet(8, 5)
     plot_sparsity(found, ax=ax)
@@ -33,19 +33,7 @@ def test_joints_are_named_above_the_pattern() -> None:
     np.testing.assert_allclose(middles, 1.5 + 3 * np.arange(24))
 
 
-def test_sigmas_are_drawn_where_they_are_known() -> None:
-    found = diagnose(*cases.joints_only())
-    _, (ax,) = sheet(8, 4)
-    plot_sigmas(found, ax=ax)
-    assert "unit" in ax.get_ylabel()
-    sigma = found.identifiability.sigma
-    drawn = {float(x): float(y) for line in ax.lines for x, y in zip(*line.get_data(), strict=True)}
-    for i in np.flatnonzero(np.isfinite(sigma)):
-        assert drawn[float(i)] == pytest.approx(sigma[i])
-    assert f"{int(np.sum(~np.isfinite(sigma)))} entries" in caption_sigmas(found)
-
-
-def test_what_is_unknown_is_drawn_without_a_number() -> None:
+def test_sigmas_shade_what_is_unknown() -> None:
     found = diagnose(*cases.joints_only())
     _, (ax,) = sheet(8, 4)
     plot_sigmas(found, ax=ax)
@@ -64,7 +52,7 @@ def test_what_is_unknown_is_drawn_without_a_number() -> None:
     assert "triangles" not in caption_sigmas(found)
 
 
-def test_a_figure_of_nothing_known_has_no_numbers() -> None:
+def test_sigmas_of_nothing_known_have_no_numbers() -> None:
     x = Block("x", (2,))
     found = diagnose(Problem([Residual("r", x.symbol[0] + x.symbol[1], 1.0)], "x"), {"x": [0, 0]})
     _, (ax,) = sheet(8, 4)
@@ -74,7 +62,7 @@ def test_a_figure_of_nothing_known_has_no_numbers() -> None:
     assert legend == "unknown: no finite standard deviation"
 
 
-def test_the_share_of_the_data_is_a_curve_from_one_to_zero() -> None:
+def test_data_share_goes_from_one_to_zero() -> None:
     problem, values = cases.uneven()
     found = diagnose(problem, values)
     _, (ax,) = sheet(8, 3)
@@ -83,7 +71,7 @@ def test_the_share_of_the_data_is_a_curve_from_one_to_zero() -> None:
     assert "5.0 of 5" in ax.get_title("left")
 
 
-def test_taylor_goes_like_the_square() -> None:
+def test_taylor_error_goes_like_the_square() -> None:
     found = diagnose(*cases.scale_against_depth())
     _, (ax,) = sheet(6, 4)
     plot_taylor(found, ax=ax)
@@ -93,7 +81,7 @@ def test_taylor_goes_like_the_square() -> None:
     assert "sigmas" in ax.get_ylabel()
 
 
-def test_what_moves_is_red() -> None:
+def test_direction_is_drawn_three_times() -> None:
     body = smpl_like_body()
     here = body.vertices()
     there = here.copy()
@@ -105,7 +93,8 @@ def test_what_moves_is_red() -> None:
     assert "30 cm" in caption_direction("a shift", moved, 0.5, "m")
 
 
-def test_what_moves_is_shown_as_large_as_the_body() -> None:
+@pytest.mark.thorough
+def test_direction_of_a_part_is_enlarged() -> None:
     body = load_body("small")
     here = body.vertices()
     hand = here[:, 0] > here[:, 0].max() - 0.1

@@ -20,7 +20,7 @@ from workbench.plots.labels import apart
 from workbench.plots.palette import VERMILLION
 from workbench.plots.sheets import singular_values_sheet, sparsity_sheet
 from workbench.plots.singular_values import MOST, unseen
-from workbench.plots.sparsity import LINES, lines, squeezed
+from workbench.plots.sparsity import LINES, squeezed
 
 pytestmark = pytest.mark.browser
 
@@ -47,7 +47,7 @@ def joints_only() -> Diagnosis:
     return diagnose(Problem([term], ("pose", "trans")), at)
 
 
-def test_a_small_pattern_is_drawn_as_it_is() -> None:
+def test_small_pattern_is_drawn_as_it_is() -> None:
     A = np.array([[1.0, 0, 2], [0, 1, 0], [0, 0, 3], [4, 0, 0], [0, 5, 0]])
     diagnosis = linear(A, (3, 2))
     _, (ax,) = sheet(6, 4)
@@ -62,7 +62,7 @@ def test_a_small_pattern_is_drawn_as_it_is() -> None:
     assert "share" not in caption_sparsity(diagnosis)
 
 
-def test_a_large_pattern_is_squeezed_and_says_so() -> None:
+def test_large_pattern_is_squeezed_and_says_so() -> None:
     pattern = np.zeros((36_816, 85), dtype=bool)
     pattern[20_001, 7] = True
     small = squeezed(pattern, 700)
@@ -74,13 +74,7 @@ def test_a_large_pattern_is_squeezed_and_says_so() -> None:
     assert png(sparsity_sheet(diagnosis)).startswith(b"\x89PNG")
 
 
-def test_lines_are_shared_out_to_scale_but_never_too_thin() -> None:
-    assert lines([10, 10]) == [LINES // 2, LINES // 2]
-    large, small = lines([36_816, 10])
-    assert small >= 0.03 * LINES
-    assert abs(large + small - LINES) <= 1
-
-
+@pytest.mark.thorough
 def test_many_blocks_get_as_many_labels_as_fit() -> None:
     assert apart([0.0, 0.5, 1.0, 3.0], [1, 5, 1, 1], 0.8) == [1, 3]
     blocks = [Block(f"scan {i}/pose", (3,)) for i in range(60)]
@@ -92,7 +86,7 @@ def test_many_blocks_get_as_many_labels_as_fit() -> None:
     assert 5 < len(ax.get_xticklabels()) < 60
 
 
-def test_values_are_drawn_on_their_side_of_the_rank() -> None:
+def test_singular_values_are_drawn_beside_the_rank() -> None:
     diagnosis = linear(np.diag([100.0, 1.0, 1e-3, 0.0]), (4,))
     assert diagnosis.rank == 3
     figure = singular_values_sheet(diagnosis)
@@ -110,7 +104,7 @@ def test_values_are_drawn_on_their_side_of_the_rank() -> None:
     assert ax.get_ylabel()
 
 
-def test_full_rank_gives_the_condition() -> None:
+def test_full_rank_shows_the_condition() -> None:
     diagnosis = linear(np.diag([100.0, 1.0]), (2,))
     _, (ax,) = sheet(6, 4)
     plot_singular_values(diagnosis, ax=ax)
@@ -118,6 +112,7 @@ def test_full_rank_gives_the_condition() -> None:
     assert "condition number is 100" in caption_singular_values(diagnosis)
 
 
+@pytest.mark.thorough
 def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:
     diagnosis = joints_only()
     assert len(diagnosis.null_directions) == 32
@@ -136,15 +131,16 @@ def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:
     assert beside.y0 >= figure.bbox.y0
 
 
-@pytest.mark.parametrize("matrix", [np.ones((3, 1)), np.ones((1, 1)), np.ones((1, 4))])
-def test_any_spectrum_can_be_drawn(matrix: np.ndarray) -> None:
-    diagnosis = linear(matrix, (len(matrix),))
-    for make in (singular_values_sheet, sparsity_sheet):
-        assert png(make(diagnosis)).startswith(b"\x89PNG")
-    assert caption_singular_values(diagnosis)
+@pytest.mark.thorough
+def test_any_spectrum_can_be_drawn() -> None:
+    for matrix in (np.ones((3, 1)), np.ones((1, 4))):
+        diagnosis = linear(matrix, (len(matrix),))
+        for make in (singular_values_sheet, sparsity_sheet):
+            make(diagnosis).draw_without_rendering()
+        assert caption_singular_values(diagnosis)
 
 
-def test_a_jacobian_of_zeros_can_be_drawn() -> None:
+def test_jacobian_of_zeros_can_be_drawn() -> None:
     x = Block("x", (3,)).symbol
     diagnosis = diagnose(Problem([Residual("squares", x**2, 1.0)], ("x",)), {"x": np.zeros(3)})
     assert diagnosis.rank == 0

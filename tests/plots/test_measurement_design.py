@@ -31,7 +31,7 @@ def axes() -> Axes:
     return sheet(6, 4)[1][0]
 
 
-def test_every_candidate_has_its_place() -> None:
+def test_ranking_draws_every_candidate() -> None:
     design = found(4, 5)
     ax = plot_measurement_ranking(design, ax=axes())
     labels = [label.get_text() for label in ax.get_yticklabels()]
@@ -50,7 +50,7 @@ def test_every_candidate_has_its_place() -> None:
     assert caption_measurement_choice(design)
 
 
-def test_many_are_cut_and_the_undetermined_are_said() -> None:
+def test_ranking_cuts_many_and_names_undetermined() -> None:
     design = found(4, 40)
     ax = plot_measurement_ranking(design, ax=axes())
     assert len(ax.get_yticks()) == 30

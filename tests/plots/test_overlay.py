@@ -11,7 +11,7 @@ from workbench.plots import caption_overlay, plot_overlay, png, sheet, svg
 from workbench.plots.overlay import reprojection, window
 
 
-def test_points_are_drawn_where_they_are() -> None:
+def test_overlay_draws_points_where_they_are() -> None:
     outcome = outcome_made_up()
     for i, overlay in enumerate(outcome.overlays):
         _, (ax,) = sheet(4, 5)
@@ -28,7 +28,7 @@ def test_points_are_drawn_where_they_are() -> None:
         )
 
 
-def test_the_body_is_painted_from_far_to_near() -> None:
+def test_overlay_paints_the_body_from_far_to_near() -> None:
     outcome = outcome_made_up()
     overlay, faces = outcome.overlays[0], outcome.setup.body.faces
     _, (ax,) = sheet(4, 5)
@@ -40,7 +40,7 @@ def test_the_body_is_painted_from_far_to_near() -> None:
     assert mesh.get_rasterized()
 
 
-def test_the_image_stands_upright_and_the_title_says_what_was_held_out() -> None:
+def test_overlay_is_upright_and_says_what_was_held_out() -> None:
     outcome = outcome_made_up()
     for i, overlay in enumerate(outcome.overlays):
         _, (ax,) = sheet(4, 5)
@@ -61,7 +61,7 @@ def test_reprojection_counts_confident_keypoints() -> None:
     assert count == int(np.sum(overlay.view.confidence > 0.2))
 
 
-def test_the_crop_holds_everything_that_is_drawn() -> None:
+def test_overlay_window_holds_everything_drawn() -> None:
     overlay = outcome_made_up().overlays[0]
     (left, right), (top, bottom) = window(overlay, 1.25)
     assert bottom - top == pytest.approx(1.25 * (right - left))
@@ -74,6 +74,7 @@ def test_the_crop_holds_everything_that_is_drawn() -> None:
         assert (points < [right, bottom]).all()
 
 
+@pytest.mark.thorough
 def test_nothing_seen_and_a_body_behind_the_camera_are_drawn_too() -> None:
     outcome = outcome_made_up()
     overlay = outcome.overlays[0]

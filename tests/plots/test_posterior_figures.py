@@ -5,7 +5,7 @@ import pytest
 
 from tests.sampling.densities import gaussian
 from workbench import laplace, load_body
-from workbench.plots import sheets, widest
+from workbench.plots import sheets
 from workbench.plots.silhouettes import silhouette
 
 
@@ -14,7 +14,7 @@ def posterior() -> object:
     return laplace(gaussian(np.eye(8)), {"x": np.zeros(8)}, draws=400)
 
 
-def test_a_square_covers_its_dots_and_no_others() -> None:
+def test_silhouette_covers_its_pixels_only() -> None:
     square = np.array([[2.0, 3.0], [7.0, 3.0], [7.0, 9.0], [2.0, 9.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     covered = silhouette(square, faces, np.zeros(2), 0.1, (120, 100))
@@ -23,12 +23,13 @@ def test_a_square_covers_its_dots_and_no_others() -> None:
     assert not covered.any()
 
 
-def test_what_is_not_finite_or_outside_is_left_out() -> None:
+def test_silhouette_leaves_out_what_is_not_finite() -> None:
     corners = np.array([[-5.0, -5.0], [np.nan, 0.0], [0.0, 500.0]])
     assert not silhouette(corners, np.array([[0, 1, 2]]), np.zeros(2), 1.0, (10, 10)).any()
 
 
-def test_a_corner_names_entries_and_units(posterior: object) -> None:
+@pytest.mark.thorough
+def test_corner_names_entries_and_units(posterior: object) -> None:
     figure = sheets.corner_sheet(posterior, [0, 3])  # type: ignore[arg-type]
     said = [ax.get_xlabel() for ax in figure.axes]
     assert any("[3]" in text and "(1)" in text for text in said)
@@ -40,14 +41,8 @@ def test_traces_have_an_axis_for_each_entry(posterior: object) -> None:
     assert figure.axes[-1].get_xlabel() == "step of each walker"
 
 
-def test_the_widest_are_few_and_in_order(posterior: object) -> None:
-    some = widest(posterior, posterior)  # type: ignore[arg-type]
-    assert some == sorted(set(some))
-    assert len(some) == 6
-    sheets.beside_laplace_sheet(posterior, posterior)  # type: ignore[arg-type]
-
-
-def test_a_spray_of_equal_bodies_is_sharp() -> None:
+@pytest.mark.thorough
+def test_spray_of_equal_bodies_is_sharp() -> None:
     body = load_body("small")
     figure = sheets.spray_sheet(np.stack([body.vertices()] * 3), body.faces)
     shares = [np.unique(image.get_array()) for image in figure.axes[0].get_images()]

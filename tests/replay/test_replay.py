@@ -21,6 +21,8 @@ from workbench.replay.packing import KINDS, packed
 from workbench.replay.tracks import kept
 from workbench.reports.report import run_page
 
+pytestmark = pytest.mark.xdist_group("replays of a run")  # which is solved once
+
 LARGEST = 750_000  # bytes that a replay adds to the page of a run
 
 ASKED = """
@@ -74,7 +76,7 @@ def test_packed_arrays_come_back(kind: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 5, 64, 65, 1000])
-def test_the_first_and_the_last_iterate_are_kept(count: int) -> None:
+def test_kept_iterates_include_first_and_last(count: int) -> None:
     at = kept(count)
     assert len(at) <= 64
     assert (at[0], at[-1]) == (0, count - 1)
@@ -82,7 +84,7 @@ def test_the_first_and_the_last_iterate_are_kept(count: int) -> None:
 
 
 @pytest.mark.browser
-def test_a_run_is_recorded_as_it_went() -> None:
+def test_recorded_run_has_the_iterates_of_the_solver() -> None:
     (track,) = recording().data["runs"]
     trace = outcome().solution.trace
     assert track["iterates"] == list(range(len(trace)))
@@ -96,7 +98,7 @@ def test_a_run_is_recorded_as_it_went() -> None:
 
 
 @pytest.mark.browser
-def test_along_unseen_directions_the_data_do_not_change() -> None:
+def test_unseen_directions_change_no_data() -> None:
     d = outcome().data_alone
     assert d is not None
     directions = recording().data["directions"]
@@ -113,7 +115,7 @@ def test_along_unseen_directions_the_data_do_not_change() -> None:
 
 
 @pytest.mark.browser
-def test_draws_have_the_covariance_of_the_solution() -> None:
+def test_recorded_draws_have_the_covariance_of_the_solution() -> None:
     d = outcome().diagnosis
     draws = numbers(recording().data["draws"]["x"]).reshape(40, -1)
     x = d.free.pack(d.values)
@@ -122,19 +124,20 @@ def test_draws_have_the_covariance_of_the_solution() -> None:
 
 
 @pytest.mark.browser
-def test_a_replay_is_small_and_asks_for_nothing() -> None:
+@pytest.mark.thorough
+def test_replay_is_small_and_fetches_nothing() -> None:
     text = run_page(outcome(), {})
     found = recording()
     assert len(json.dumps([found.body, found.data])) < LARGEST
     assert not re.findall(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""", text)
 
 
-def test_where_no_body_is_fitted_there_is_no_replay() -> None:
+def test_run_without_a_body_has_no_replay() -> None:
     assert recorded_run(run(find("nist-chwirut2", {}), compare=False)) is None
 
 
 @pytest.mark.browser
-def test_a_diagnosis_shows_its_directions() -> None:
+def test_recorded_diagnosis_has_the_directions() -> None:
     d, body = outcome().data_alone, outcome().setup.body
     assert d is not None
     found = recorded_diagnosis(d, body, outcome().setup.views)
@@ -143,13 +146,14 @@ def test_a_diagnosis_shows_its_directions() -> None:
     assert recorded_diagnosis(d, wb.load_body("small-scape"), ()) is None
 
 
-def test_a_posterior_shows_its_draws() -> None:
-    o = outcome()
-    posterior = wb.laplace(o.setup.problem, o.values, ("betas",), draws=200)
-    found = recorded_posterior(posterior, "betas", o.setup.body, o.setup.views)
+@pytest.mark.thorough
+def test_recorded_posterior_has_draws() -> None:
+    setup = find("landmarks", {"body": "small"}).setup()
+    posterior = wb.laplace(setup.problem, setup.start, ("trans",), draws=200)
+    found = recorded_posterior(posterior, "trans", setup.body, setup.views)
     assert found is not None
     assert found.data["draws"]["count"] == 40
-    assert found.data["draws"]["by"] == "the posterior of betas"
+    assert found.data["draws"]["by"] == "the posterior of trans"
 
 
 @pytest.fixture(scope="module")
@@ -158,19 +162,22 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return asked_of_replay(run_page(outcome(), {}), ASKED, tmp_path_factory.mktemp("page"))
 
 
+@pytest.mark.thorough
 def test_bodies_in_the_browser_are_those_of_python(answers: Any) -> None:
     for one, points in zip(outcome().solution.trace, answers["vertices"], strict=True):
         off = np.array(points).reshape(-1, 3) - vertices(one.values)
         assert np.linalg.norm(off, axis=1).max() < 1e-6  # m
 
 
+@pytest.mark.thorough
 def test_cameras_in_the_browser_are_those_of_python(answers: Any) -> None:
     for pixels, overlay in zip(answers["pixels"], outcome().overlays, strict=True):
         np.testing.assert_allclose(pixels, overlay.projected, atol=0.01)  # px
     assert np.abs(np.array(answers["onRays"], dtype=float)).max() < 1e-6  # px
 
 
-def test_the_replay_says_what_it_shows(answers: Any) -> None:
+@pytest.mark.thorough
+def test_replay_says_what_it_shows(answers: Any) -> None:
     (measure,) = (m for m in outcome().measures if m.name == "reprojection, cam02")
     assert f"{measure.value:.1f} px off on average" in answers["camera"]
     first = recording().data["directions"][0]

@@ -20,7 +20,7 @@ from workbench.experiments import find
 from workbench.fitting.marker_sets import default_markers
 from workbench.fitting.markers import marker_errors
 from workbench.fitting.setup import Setup
-from workbench.registration import FitStage, Recipe, Registration, fit_model, register
+from workbench.registration import FitStage, Recipe, Registration, register
 from workbench.replay import (
     Recording,
     recorded_ends,
@@ -72,7 +72,8 @@ def moving() -> wb.Motion:
     return wb.Motion(pose, trans, 30.0, BODY.joint_names, 0.5 * np.ones(3))
 
 
-def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
+@pytest.mark.thorough
+def test_registration_keeps_surfaces_of_its_stages() -> None:
     found = registration()
     names = ["start", "stage 1, 200 points", "stage 2, 300 points", "free vertices"]
     assert list(found.surfaces) == names
@@ -82,16 +83,7 @@ def test_a_registration_keeps_its_surfaces_from_the_start_to_the_end() -> None:
     assert off[0] > 2 * off[2]
 
 
-def test_the_way_of_a_fit_leads_from_its_start_to_its_best_end() -> None:
-    scan = cloud(BODY, person(BODY, 2.0))
-    fit = fit_model(BODY, scan, stages=STAGES)
-    assert fit.way[-1] is fit.values
-    again = fit_model(BODY, scan, stages=STAGES[:1], starts=lambda body, scan: [fit.way[0]])
-    for name, wanted in fit.way[1].items():
-        np.testing.assert_allclose(again.values[name], wanted, atol=1e-9)
-
-
-def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
+def test_recorded_scan_has_its_distances() -> None:
     found, shown = registration(), series(recorded_registration(registration()))
     far = numbers(shown["far"]).reshape(4, -1)[-1]
     M = found.scan.n_points
@@ -108,7 +100,7 @@ def test_points_of_a_scan_have_the_colours_of_their_distances() -> None:
     assert np.isin(np.round(1e5 * ends[:20]), [far.round() + d for d in (-1, 0, 1)]).all()
 
 
-def test_frames_have_the_numbers_of_the_body_and_the_markers_that_were_seen() -> None:
+def test_recorded_frames_have_poses_and_markers() -> None:
     setup = markers()
     shown = series(recorded_frames(setup, setup.start))
     x = numbers(shown["x"]).reshape(4, -1)
@@ -124,7 +116,7 @@ def test_frames_have_the_numbers_of_the_body_and_the_markers_that_were_seen() ->
     np.testing.assert_allclose(np.linalg.norm(found - places, axis=2), wanted, atol=1e-6)
 
 
-def test_points_in_space_are_known_by_their_residual() -> None:
+def test_observed_points_are_found_by_their_residual() -> None:
     setup = landmarks()
     values = setup.problem.read(setup.start)
     (one,) = observed_points(setup.problem.residuals, values)
@@ -136,7 +128,7 @@ def test_points_in_space_are_known_by_their_residual() -> None:
     assert one.count == 1229
 
 
-def test_stages_and_hypotheses_can_be_chosen() -> None:
+def test_recorded_solution_has_stages_and_hypotheses() -> None:
     setup = landmarks()
     solver = wb.Staged((("trans", "pose"),), wb.TrustRegion(max_iterations=20))
     found = wb.solve(setup.problem, setup.start, solver)
@@ -156,7 +148,8 @@ def test_stages_and_hypotheses_can_be_chosen() -> None:
     assert recording.data["observed"]["joints"] is True
 
 
-def test_a_comparison_shows_where_every_solver_ended() -> None:
+@pytest.mark.thorough
+def test_recorded_ends_are_those_of_every_solver() -> None:
     solvers = "gauss-newton", "trust-region"
     found = wb.compare(("landmarks",), solvers, seeds=2)
     shown = series(recorded_ends(found, "landmarks"))
@@ -170,7 +163,7 @@ def test_a_comparison_shows_where_every_solver_ended() -> None:
     assert f"trust-region {record.cost:.4g}" in shown["said"][1]
 
 
-def test_a_motion_is_a_page_and_a_frame_of_a_notebook() -> None:
+def test_recorded_motion_is_a_page_and_a_notebook_frame() -> None:
     motion = moving()
     shown = series(recorded_motion(motion, BODY))
     assert shown["fps"] == 30
@@ -190,7 +183,7 @@ def test_a_motion_is_a_page_and_a_frame_of_a_notebook() -> None:
     assert shown["labels"][-1] == "900"
 
 
-def test_what_cannot_be_shown_is_said() -> None:
+def test_show_refuses_what_it_cannot_show() -> None:
     with pytest.raises(BadArgument, match="what can be shown is"):
         wb.show(3)
     setup = landmarks()
@@ -203,6 +196,7 @@ def test_what_cannot_be_shown_is_said() -> None:
         wb.show(moving(), body=wb.load_body("small-scape"))
 
 
+@pytest.mark.thorough
 def test_surfaces_of_a_registration_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
     recording = recorded_registration(registration())
     assert recording is not None
@@ -215,6 +209,7 @@ def test_surfaces_of_a_registration_in_the_browser_are_those_of_python(tmp_path:
     assert answers["said"] == recording.data["series"][0]["said"][0]
 
 
+@pytest.mark.thorough
 def test_frames_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
     setup = markers()
     recording = recorded_frames(setup, setup.start)

@@ -5,6 +5,8 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 from tests.comparison.made_up import comparison
 from workbench.comparison.prices import PRICES, SOURCE
 from workbench.reports import write_comparison
@@ -16,7 +18,7 @@ RUNS = {
 }
 
 
-def test_the_folder_holds_page_table_and_data(tmp_path: Path) -> None:
+def test_comparison_folder_holds_page_table_and_data(tmp_path: Path) -> None:
     found = comparison(RUNS, basins={(p, "poor"): 1 for p in ("p", "<b>q</b>")})
     page = write_comparison(found, tmp_path)
     text = page.read_text(encoding="utf-8")
@@ -37,7 +39,8 @@ def test_the_folder_holds_page_table_and_data(tmp_path: Path) -> None:
     assert data["versions"]["numpy"]
 
 
-def test_all_fail_and_alone(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_comparison_page_of_failures_and_of_one_run(tmp_path: Path) -> None:
     text = write_comparison(comparison({("p", "a"): []}), tmp_path).read_text(encoding="utf-8")
     assert "No solver returned a point within the target" in text
     alone = write_comparison(comparison({("p", "a"): [2.0]}), tmp_path).read_text(encoding="utf-8")
@@ -51,7 +54,8 @@ def test_all_fail_and_alone(tmp_path: Path) -> None:
     assert 'class="ending good"' in text
 
 
-def test_the_page_prints_prices_level_and_times_apart(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_comparison_page_prints_prices_and_times_apart(tmp_path: Path) -> None:
     page = write_comparison(comparison(RUNS), tmp_path).read_text(encoding="utf-8")
     text = " ".join(page.split())
     for price in PRICES.values():

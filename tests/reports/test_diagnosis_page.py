@@ -11,15 +11,16 @@ import pytest
 
 from tests.bodies_made_up import smpl_like_body
 from tests.diagnostics import cases
+from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, diagnose
 from workbench.reports import refuse_foreign, write_diagnosis
 
 NAMES = {"index.html", "diagnosis.txt", "diagnosis.json", "summary.json"}
-EACH_CASE = pytest.mark.parametrize("case", cases.CASES, ids=lambda case: case.__name__)
+KNOWN = (cases.joints_only, cases.uneven, cases.scale_against_depth)
 
 
-@EACH_CASE
-def test_every_known_case_has_a_page(case: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("case", few(KNOWN, 1), ids=lambda case: case.__name__)
+def test_diagnosis_page_text_and_data_agree(case: Any, tmp_path: Path) -> None:
     found = diagnose(*case())
     page = write_diagnosis(found, tmp_path / "d", title=case.__name__)
     assert {path.name for path in page.parent.iterdir()} == NAMES
@@ -38,7 +39,8 @@ def test_every_known_case_has_a_page(case: Any, tmp_path: Path) -> None:
     assert "http" not in html.replace("http://www.w3.org", "")  # nothing is fetched
 
 
-def test_directions_are_drawn_on_the_body(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_diagnosis_page_draws_directions_on_the_body(tmp_path: Path) -> None:
     problem, values = cases.joints_only()
     found = diagnose(problem, values)
     page = write_diagnosis(found, tmp_path / "d", title="joints", body=smpl_like_body())
@@ -47,7 +49,8 @@ def test_directions_are_drawn_on_the_body(tmp_path: Path) -> None:
     assert sum("the body moved 0.5 rad along it" in text for text in captions) == 4
 
 
-def test_a_comparison_is_on_the_page(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_diagnosis_page_compares_two(tmp_path: Path) -> None:
     problem, values = cases.joints_only()
     first, second = diagnose(problem, values), diagnose(problem.freeing("pose"), values)
     page = write_diagnosis(first, tmp_path / "d", title="two", against=second)
@@ -57,7 +60,8 @@ def test_a_comparison_is_on_the_page(tmp_path: Path) -> None:
     assert "COMPARISON" in (page.parent / "diagnosis.txt").read_text(encoding="utf-8")
 
 
-def test_a_second_page_takes_the_place_of_the_first(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_second_diagnosis_page_replaces_the_first(tmp_path: Path) -> None:
     found = diagnose(*cases.uneven())
     for title in ("one", "two"):
         page = write_diagnosis(found, tmp_path / "d", title=title, source="a.py")
@@ -69,7 +73,8 @@ def _escaped(text: str) -> str:
     return str(markupsafe.escape(text))
 
 
-def test_the_page_of_a_robot_speaks_of_robots(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_diagnosis_page_without_a_body_speaks_of_none(tmp_path: Path) -> None:
     """Nothing of blend shapes, what a constraint holds, and no infinite number for an unknown."""
     q, end = Block("angles", (3,), "rad", ("shoulder", "elbow", "wrist")), Block("end", (2,), "m")
     a = cs.cumsum(q.symbol)

@@ -1,16 +1,19 @@
-"""The page of sliders opens at a fit: pose and betas from folders and files of fits."""
+"""The page of sliders: it opens at a fit, and refuses bodies that it cannot draw."""
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import workbench as wb
+from tests.bodies_made_up import random_body
 from tests.cli.conftest import Run, workbench  # noqa: F401 - a fixture
 from workbench.errors import BadArgument, BadFile
 from workbench.reports.fits import pose_and_betas, settings_of
+from workbench.reports.sliders import sliders_page, write_sliders
 from workbench.writing import write_arrays
 
 BODY = wb.load_body("small")
@@ -27,7 +30,7 @@ def run(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_run_says_its_pose_and_betas(run: Path) -> None:
+def test_fit_of_a_run_has_its_pose_and_betas(run: Path) -> None:
     pose, betas = pose_and_betas(run, BODY)
     np.testing.assert_array_equal(pose, POSE)
     np.testing.assert_array_equal(betas, BETAS)
@@ -36,7 +39,7 @@ def test_a_run_says_its_pose_and_betas(run: Path) -> None:
     assert settings["betas"] == pytest.approx(BETAS, abs=1e-5)
 
 
-def test_a_motion_says_those_of_one_frame(tmp_path: Path) -> None:
+def test_fit_of_a_motion_is_one_frame(tmp_path: Path) -> None:
     motion = wb.Motion(np.array([0 * POSE, POSE]), np.zeros((2, 3)), 30.0, BODY.joint_names, BETAS)
     wb.save_motion(tmp_path / "walk.npz", motion)
     np.testing.assert_allclose(pose_and_betas(tmp_path / "walk.npz", BODY, 1)[0], POSE, atol=1e-9)
@@ -44,7 +47,7 @@ def test_a_motion_says_those_of_one_frame(tmp_path: Path) -> None:
         pose_and_betas(tmp_path / "walk.npz", BODY, 2)
 
 
-def test_what_is_no_fit_of_the_body_is_refused(run: Path, tmp_path: Path) -> None:
+def test_fit_of_another_body_is_refused(run: Path, tmp_path: Path) -> None:
     with pytest.raises(BadArgument, match=r"name the body of the fit: workbench sliders NAME"):
         pose_and_betas(run, wb.load_body("hand"))
     with pytest.raises(BadFile, match=r"holds none of values\.npz"):
@@ -54,7 +57,7 @@ def test_what_is_no_fit_of_the_body_is_refused(run: Path, tmp_path: Path) -> Non
         pose_and_betas(tmp_path / "other.npz", BODY)
 
 
-def test_the_page_of_sliders_opens_at_a_fit(run: Path, workbench: Run) -> None:  # noqa: F811
+def test_sliders_open_at_a_fit(run: Path, workbench: Run) -> None:  # noqa: F811
     code, out, error = workbench("sliders", "small", "--from", "run", "--out", "pages")
     assert code == 0, error
     assert "sliders-small.html" in out
@@ -69,7 +72,7 @@ def test_the_page_of_sliders_opens_at_a_fit(run: Path, workbench: Run) -> None: 
     assert "missing" in error
 
 
-def test_a_motion_becomes_a_page(workbench: Run) -> None:  # noqa: F811
+def test_motion_becomes_a_page(workbench: Run) -> None:  # noqa: F811
     motion = wb.Motion(np.array([0 * POSE, POSE]), np.zeros((2, 3)), 30.0, BODY.joint_names, BETAS)
     wb.save_motion("walk.npz", motion)
     code, out, error = workbench("motion", "walk.npz", "--page", "walk.html", "--body", "small")
@@ -79,3 +82,26 @@ def test_a_motion_becomes_a_page(workbench: Run) -> None:  # noqa: F811
     code, _, error = workbench("motion", "walk.npz", "--page", "walk.pdf")
     assert code == 2
     assert "--page takes a file that ends in .html" in error
+
+
+def test_sliders_page_fetches_nothing() -> None:
+    text = sliders_page(BODY)
+    assert not re.search(r"(src|href)=\"(?!data:|#)", text)
+    assert "https://" not in text
+    assert text.count("<script") == 2
+
+
+def test_sliders_refuse_what_they_cannot_show(tmp_path: Path) -> None:
+    for body, text in (
+        (replace(BODY, skinning=wb.dual_quaternion_blend), "is not blended linearly"),
+        (random_body(bound=True), "drawn in a pose that is not zero"),
+        (BODY.freed("template"), "has free arrays"),
+        (replace(random_body(), weights=np.full((30, 5), 0.2)), "has 5 weights in a vertex"),
+    ):
+        with pytest.raises(BadArgument, match=text):
+            write_sliders(body, tmp_path / "page.html")
+    assert not list(tmp_path.iterdir())
+    for body in (random_body(n_joints=1), random_body(n_betas=0, n_joints=2)):
+        assert write_sliders(body, tmp_path / "page.html").stat().st_size > 10_000
+    with pytest.raises(BadFile, match="choose an existing folder"):
+        write_sliders(BODY, tmp_path / "nowhere" / "page.html")

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from workbench import writing
 from workbench.errors import BadFile
 from workbench.reports.folder import refuse_foreign, replacing_folder
 
@@ -21,7 +20,7 @@ def write(folder: Path, page: str = "a page", *files: str) -> None:
         (fresh / "summary.json").write_text(json.dumps(summary))
 
 
-def test_a_second_one_replaces_the_first(tmp_path: Path) -> None:
+def test_second_folder_replaces_the_first(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     write(folder, "first", "body.glb")
     (folder / "notes.txt").write_text("mine")
@@ -33,7 +32,7 @@ def test_a_second_one_replaces_the_first(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [RuntimeError("in the middle"), KeyboardInterrupt()])
-def test_an_interruption_leaves_the_previous_one(tmp_path: Path, error: BaseException) -> None:
+def test_interrupted_folder_leaves_the_previous_one(tmp_path: Path, error: BaseException) -> None:
     folder = tmp_path / "run"
     write(folder, "first")
     with pytest.raises(type(error)), replacing_folder(folder) as fresh:  # noqa: PT012
@@ -43,7 +42,7 @@ def test_an_interruption_leaves_the_previous_one(tmp_path: Path, error: BaseExce
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-def test_one_that_cannot_take_its_place_leaves_the_previous_one(
+def test_failed_rename_leaves_the_previous_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "run"
@@ -63,7 +62,7 @@ def test_one_that_cannot_take_its_place_leaves_the_previous_one(
 
 
 @pytest.mark.parametrize("summary", [None, "{}", "not json", '{"made_by": "someone"}', "[1]"])
-def test_somebody_elses_folder_is_left_alone(tmp_path: Path, summary: str | None) -> None:
+def test_folder_of_others_is_left_alone(tmp_path: Path, summary: str | None) -> None:
     folder = tmp_path / "thesis"
     folder.mkdir()
     (folder / "chapter1.tex").write_text("years of work")
@@ -83,7 +82,7 @@ def test_an_empty_folder_and_one_that_is_not_there_are_fine(tmp_path: Path) -> N
         assert (tmp_path / name / "index.html").is_file()
 
 
-def test_a_place_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
+def test_unwritable_place_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file", tmp_path / "file" / "run"):
         with pytest.raises(BadFile, match="choose"):
@@ -116,11 +115,10 @@ with folder.replacing_folder(Path(sys.argv[1])) as fresh:
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
 @pytest.mark.parametrize("during", ["writing", "swapping"])
-def test_after_a_killed_writer_the_next_one_tidies_up_and_loses_nothing(
-    tmp_path: Path, during: str
-) -> None:
+def test_folder_after_a_killed_writer_loses_nothing(tmp_path: Path, during: str) -> None:
     folder = tmp_path / "run"
     write(folder, "first")
     (folder / "notes.txt").write_text("mine")
@@ -132,19 +130,6 @@ def test_after_a_killed_writer_the_next_one_tidies_up_and_loses_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert (folder / "index.html").read_text() == "second"
     assert (folder / "notes.txt").read_text() == "mine"
-
-
-def test_notes_that_a_killed_writer_had_not_yet_moved_are_found(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    write(folder, "second")
-    previous = tmp_path / ".run.workbench-elsewhere-1-x.previous"
-    previous.mkdir()
-    (previous / "notes.txt").write_text("mine")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "AN_HOUR", -1.0)
-        write(folder, "third")
-    assert (folder / "notes.txt").read_text() == "mine"
-    assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
 def test_a_report_about_another_file_is_not_overwritten(tmp_path: Path) -> None:

@@ -39,7 +39,8 @@ def words(page: str) -> str:
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page))
 
 
-def test_a_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
     folder, part = written(tmp_path / "p", "x[1]", None, steps=1000)
     assert not part.posterior.usable
     ratio = part.posterior.conditioning.ratios[0]
@@ -60,7 +61,8 @@ def test_a_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
     assert data["held_fixed"] == ["2 of the 3 numbers of x"]
 
 
-def test_where_no_intervals_are_given_none_are_drawn(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_posterior_page_without_intervals_draws_none(tmp_path: Path) -> None:
     """Chains that have not mixed show how they went, and no range, no cloud, no body."""
     folder, part = written(tmp_path / "p", None, None, steps=40)
     assert not part.posterior.usable
@@ -73,6 +75,7 @@ def test_where_no_intervals_are_given_none_are_drawn(tmp_path: Path) -> None:
     assert (usable / "index.html").read_text().count("<img") == 3
 
 
+@pytest.mark.thorough
 def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     truth = {"x": np.array([0.123, -0.457, 0.789])}
     folder, _ = written(tmp_path / "p", None, truth, steps=2000)
@@ -88,18 +91,7 @@ def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     assert "synthetic" not in words((without / "index.html").read_text())
 
 
-def test_parts_whose_names_differ_only_in_signs_have_files_and_sections_of_their_own(
-    tmp_path: Path,
-) -> None:
-    _, part = written(tmp_path / "one", None, None, steps=400, seed=0)
-    parts = [replace(part, name=name) for name in ("x, y", "x y", "z")]
-    setup = Setup(part.posterior.problem, part.posterior.given, "How well is x known?")
-    page = write_posterior(parts, tmp_path / "three", title="made up", setup=setup)
-    names = re.findall('<h2 id="([^"]*)">', page.read_text())
-    assert len(set(names)) == len(names) == 4  # three parts, and the files
-    assert len(list(page.parent.glob("*.npz"))) == 3
-
-
+@pytest.mark.thorough
 def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
     """Where a true surface is known, the values are as well, and they make that surface."""
     for name in ("body-vertices", "body-outliers", "known-correspondences", "landmarks"):
@@ -112,6 +104,7 @@ def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
     assert find("balance-monocular").setup().made_of is None  # a photograph
 
 
+@pytest.mark.thorough
 def test_draws_are_seen_by_held_out_cameras_too() -> None:
     """The problem does not read these cameras, so that their numbers are those of the setup."""
     setup = find("balance-monocular").setup()
@@ -125,6 +118,7 @@ def test_draws_are_seen_by_held_out_cameras_too() -> None:
         assert one["focal"] == pytest.approx(setup.start[view.camera.focal.name])
 
 
+@pytest.mark.thorough
 def test_a_truth_is_drawn_in_every_figure() -> None:
     from workbench.plots import sheets
     from workbench.reports.posterior_summary import truth_of
@@ -152,7 +146,7 @@ def test_a_truth_is_drawn_in_every_figure() -> None:
     assert len(outlined.axes[0].collections) == len(plain.axes[0].collections) + 2
 
 
-def test_a_truth_that_does_not_fit_is_refused() -> None:
+def test_setup_refuses_a_truth_that_does_not_fit() -> None:
     problem = gaussian(C)
     setup = Setup(problem, {"x": np.zeros(3)}, "?")
     with pytest.raises(wb.WorkbenchError, match="made_of"):

@@ -11,7 +11,6 @@ from tests.registration.clouds import cloud, person
 from workbench import load_body
 from workbench.bodies import SkinnedBody
 from workbench.diagnostics.wording import Finding
-from workbench.errors import BadFile
 from workbench.geometry.meshes import read_mesh
 from workbench.registration import (
     FailedScan,
@@ -27,6 +26,8 @@ from workbench.reports import write_registration
 from workbench.reports.registration_folder import RegistrationFolder
 from workbench.training.first_guess import read_start
 from workbench.training.folder import Row, open_folder
+
+pytestmark = pytest.mark.thorough
 
 RECIPE = Recipe((FitStage(200, 0.02, 0.1, 2, 10),), model_alone)
 
@@ -44,7 +45,7 @@ def found(body: SkinnedBody, tmp_path_factory: pytest.TempPathFactory) -> Regist
     return RegisteredScan(ScanJob("one", path), registration, None, ("y is taken to be up",))
 
 
-def test_the_folder_holds_a_page_and_the_registration(
+def test_registration_folder_holds_page_and_arrays(
     body: SkinnedBody, found: RegisteredScan, tmp_path: Path
 ) -> None:
     page = write_registration(found, tmp_path / "run", body="small", key="k")
@@ -65,7 +66,7 @@ def test_the_folder_holds_a_page_and_the_registration(
     assert told["key"] == "k"
 
 
-def test_the_page_says_whether_the_registration_is_doubted(
+def test_registration_page_says_whether_it_is_doubted(
     found: RegisteredScan, tmp_path: Path
 ) -> None:
     sure = replace(found, registration=replace(found.registration, findings=()))
@@ -82,7 +83,7 @@ def folder_in(place: Path, body: SkinnedBody, recipe: Recipe = RECIPE) -> Regist
     return RegistrationFolder(place, body, "small", recipe, Reading(), "scans")
 
 
-def test_training_opens_the_folder(
+def test_registration_folder_is_read_by_training(
     body: SkinnedBody, found: RegisteredScan, tmp_path: Path
 ) -> None:
     folder = folder_in(tmp_path / "run", body)
@@ -121,10 +122,3 @@ def test_a_scan_is_kept_until_something_changes(
     assert again.key(found.job) != key
     (tmp_path / "run" / "one" / "registration.npz").unlink()
     assert again.kept(found.job, key) is None
-
-
-def test_somebody_elses_folder_is_left_alone(body: SkinnedBody, tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(BadFile, match="is not overwritten"):
-        folder_in(tmp_path, body)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

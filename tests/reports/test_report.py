@@ -3,18 +3,24 @@
 import json
 import re
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.outcomes_made_up import NAMES, outcome_made_up
+from tests.solutions_made_up import solution_of
 from workbench.diagnostics import diagnose
+from workbench.experiments import Outcome
 from workbench.geometry import meshes
-from workbench.plots import plot_overlay, sheet
+from workbench.plots import caption_minima, plot_overlay, sheet
 from workbench.reports import report, tables, write_report
+from workbench.reports.report import run_page
+from workbench.reports.tables import hypotheses_table
 from workbench.solvers import Solution, Status
-from workbench.writing import write_arrays
+
+pytestmark = pytest.mark.xdist_group("reports of a run")  # which is made once
 
 FILES = {
     "index.html",
@@ -33,13 +39,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return page.parent
 
 
-def test_every_file_is_there_and_nothing_else(folder: Path) -> None:
+def test_report_writes_its_files_and_nothing_else(folder: Path) -> None:
     assert {path.name for path in folder.iterdir()} == FILES
     assert [path.name for path in folder.parent.iterdir()] == [folder.name]
     assert (folder / "diagnosis.txt").read_text().startswith("Jacobian 55 x 79")
 
 
-def test_values_hold_every_block_and_what_is_drawn(folder: Path) -> None:
+def test_report_values_are_what_is_drawn(folder: Path) -> None:
     outcome = outcome_made_up()
     with np.load(folder / "values.npz", allow_pickle=False) as numbers:
         for name, value in outcome.values.items():
@@ -55,13 +61,13 @@ def test_values_hold_every_block_and_what_is_drawn(folder: Path) -> None:
             np.testing.assert_array_equal(circles.get_offsets(), numbers[f"observed:{name}"][seen])
 
 
-def test_the_solution_goes_on_from_its_file(folder: Path) -> None:
+def test_report_solution_is_read_back(folder: Path) -> None:
     loaded, outcome = Solution.load(folder / "solution.npz"), outcome_made_up()
     np.testing.assert_array_equal(loaded.values["pose"], outcome.solution.values["pose"])
     assert len(loaded.trace) == len(outcome.solution.trace)
 
 
-def test_the_summary_is_json_without_nan(folder: Path) -> None:
+def test_report_summary_is_json_without_nan(folder: Path) -> None:
     def refuse(constant: str) -> float:
         raise AssertionError(constant)
 
@@ -78,7 +84,7 @@ def test_the_summary_is_json_without_nan(folder: Path) -> None:
     assert sum(summary["costs"].values()) == pytest.approx(summary["cost"])
 
 
-def test_the_page_needs_nothing_from_elsewhere(folder: Path) -> None:
+def test_report_page_needs_nothing_from_elsewhere(folder: Path) -> None:
     text = (folder / "index.html").read_text(encoding="utf-8")
     assert not re.findall(r'(?:src|href)="(?!data:|#)(?![\w.]+")', text)
     assert "<link" not in text
@@ -90,7 +96,7 @@ def test_the_page_needs_nothing_from_elsewhere(folder: Path) -> None:
     assert anchors <= set(re.findall(r'id="(\w+)"', text))
 
 
-def test_names_are_escaped(folder: Path) -> None:
+def test_report_page_escapes_names(folder: Path) -> None:
     text = (folder / "index.html").read_text(encoding="utf-8")
     assert "<i>up" not in text
     assert "made &lt;i&gt;up&lt;/i&gt;" in text
@@ -99,7 +105,7 @@ def test_names_are_escaped(folder: Path) -> None:
     assert "&lt;b&gt;right&lt;/b&gt; &amp; $x$ 左" in text
 
 
-def test_the_page_has_every_section_and_number(folder: Path) -> None:
+def test_report_page_has_every_section(folder: Path) -> None:
     text = (folder / "index.html").read_text(encoding="utf-8")
     for heading in (
         "Measures",
@@ -120,6 +126,7 @@ def test_the_page_has_every_section_and_number(folder: Path) -> None:
     assert Status.CONVERGED.value in text
 
 
+@pytest.mark.thorough
 def test_a_problem_without_a_body_has_a_page_too(tmp_path: Path) -> None:
     outcome = outcome_made_up()
     setup = replace(outcome.setup, body=None, views=(), truth=None)
@@ -140,6 +147,7 @@ def test_a_problem_without_a_body_has_a_page_too(tmp_path: Path) -> None:
     assert not (page.parent / "body.glb").exists()
 
 
+@pytest.mark.thorough
 def test_another_solver_that_found_less_is_named_with_how_much(tmp_path: Path) -> None:
     outcome = outcome_made_up()
     cost = outcome.solution.cost
@@ -176,6 +184,7 @@ def test_residuals_say_what_they_add_and_which_are_priors(folder: Path) -> None:
     assert tables.priors_said(outcome) in text
 
 
+@pytest.mark.thorough
 def test_the_data_alone_are_in_every_file(tmp_path: Path) -> None:
     outcome = outcome_made_up()
     setup = replace(outcome.setup, priors=("shape <prior>", "place"))
@@ -194,6 +203,7 @@ def test_the_data_alone_are_in_every_file(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.thorough
 def test_an_interrupted_comparison_is_said(tmp_path: Path) -> None:
     cut = replace(outcome_made_up(), skipped=("ipopt",))
     page = write_report(cut, tmp_path / "cut")
@@ -202,20 +212,13 @@ def test_an_interrupted_comparison_is_said(tmp_path: Path) -> None:
     assert json.loads((page.parent / "summary.json").read_text())["skipped"] == ["ipopt"]
 
 
-def test_arrays_keep_any_name(tmp_path: Path) -> None:
-    named = {name: np.arange(3.0) for name in ("file", "a/b", "../up", "x.npy", "allow_pickle")}
-    write_arrays(tmp_path / "a.npz", named)
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
-        assert set(found.files) == set(named)
-
-
-def test_the_mesh_is_the_posed_surface(folder: Path) -> None:
+def test_report_mesh_is_the_posed_surface(folder: Path) -> None:
     found = meshes.read_mesh(folder / "body.glb")
     np.testing.assert_allclose(found.vertices, outcome_made_up().surface, atol=1e-5)
 
 
 @pytest.mark.parametrize("error", [RuntimeError("in the middle"), KeyboardInterrupt()])
-def test_an_interrupted_report_leaves_the_previous_one_or_none(
+def test_interrupted_report_leaves_the_previous_one_or_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     outcome, folder = outcome_made_up(), tmp_path / "run"
@@ -237,13 +240,45 @@ def test_an_interrupted_report_leaves_the_previous_one_or_none(
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-def test_what_the_previous_report_wrote_goes_and_what_the_user_wrote_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    outcome, folder = outcome_made_up(), tmp_path / "run"
-    monkeypatch.setattr(report, "run_page", lambda *_: "a page")
-    write_report(outcome, folder)
-    (folder / "notes.txt").write_text("mine")
-    write_report(replace(outcome, surface=None), folder)
-    assert (folder / "notes.txt").read_text() == "mine"
-    assert not (folder / "body.glb").exists()
+MINIMA = {0.25: (4, 0, 7), 2.123456789: tuple(range(19, 7, -1)) + (3, 5), np.inf: (1,)}
+ENDED = Status.CONVERGED, Status.MAX_ITERATIONS, Status.NOT_FINITE
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    """A run of several starts."""
+    made_up = outcome_made_up()
+    found = solution_of(MINIMA, ENDED).hypotheses
+    return replace(made_up, solution=replace(made_up.solution, hypotheses=found))
+
+
+def test_the_table_has_a_row_for_each_minimum() -> None:
+    table = hypotheses_table(solution_of(MINIMA, ENDED))
+    assert table.head == ("minimum", "cost", "starts", "their numbers", "best run")
+    assert table.rows == (
+        ("1", "0.25", "3", "0, 4, 7", "converged"),
+        ("2", "2.1234568", "14", "3, 5, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17 and 2 more",
+         "max iterations"),
+        ("3", "∞", "1", "1", "not finite"),
+    )  # fmt: skip
+    assert table.numbers == (0, 1, 2)
+    assert hypotheses_table(solution_of({})).rows == ()
+
+
+@pytest.mark.thorough
+def test_the_page_has_a_section_with_the_figure_and_the_table(outcome: Outcome) -> None:
+    page = run_page(outcome, {})
+    assert '<a href="#minima">Minima</a>' in page
+    section = re.search(r'<h2 id="minima">Minima</h2>(.*?)<h2 ', page, re.DOTALL)
+    assert section
+    text = " ".join(unescape(re.sub(r"<[^>]*>", " ", section[1])).split())
+    assert caption_minima(outcome.solution) in text
+    assert section[1].count("<figure") == 1
+    for row in hypotheses_table(outcome.solution).rows:
+        assert " ".join(row) in text
+    assert "Start 0 is the start of the problem." in text
+
+
+@pytest.mark.thorough
+def test_the_page_of_one_start_has_no_such_section() -> None:
+    assert "inima</" not in run_page(outcome_made_up(), {})

@@ -10,6 +10,8 @@ from workbench.course.outline import lecture
 from workbench.errors import BadFile
 from workbench.site.slides import LINES, slides, write_slides
 
+pytestmark = pytest.mark.thorough
+
 ONE = lecture(6)
 
 

@@ -14,7 +14,7 @@ def hat(w):
     return np.cross(np.eye(3), -w)
 
 
-def test_an_answer_is_checked_where_it_is_defined(capsys: pytest.CaptureFixture[str]) -> None:
+def test_answer_is_checked_where_it_is_defined(capsys: pytest.CaptureFixture[str]) -> None:
     check_here(2, hat)
     said = capsys.readouterr().out
     assert "failed: hat(w) @ v is w x v" in said
@@ -28,10 +28,12 @@ def test_here() -> None:
     """A function that is no exercise."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [2, 6, 9])
-def test_a_notebook_has_a_cell_for_each_answer_and_its_check(
+def test_notebook_has_cells_for_answers_and_checks(
     number: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("jupytext")
     one = lecture(number)
     made = notebook(one)
     tags = [cell["metadata"].get("tags") for cell in made.cells]
@@ -44,7 +46,9 @@ def test_a_notebook_has_a_cell_for_each_answer_and_its_check(
     assert capsys.readouterr().out.count("not attempted") == len(one.checks)
 
 
+@pytest.mark.thorough
 def test_links_lead_to_the_notebook_in_the_repository() -> None:
+    pytest.importorskip("jupytext")
     made = add_links(notebook(lecture(2)), "somebody/course", "main/notebooks", "lec02_rotations")
     text = made.cells[1]["source"]
     assert "github/somebody/course/blob/main/notebooks/lec02_rotations.ipynb" in text

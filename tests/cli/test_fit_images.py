@@ -12,18 +12,42 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from tests.fitting.test_image_fit import BODY, SIZE, written
-from workbench import LevenbergMarquardt
+from workbench import Camera, LevenbergMarquardt, load_body
 from workbench.cli import image_mean
 from workbench.cli.app import app
 from workbench.cli.leaving import Interrupted
-from workbench.errors import WorkbenchError
 from workbench.fitting.depth_interval import FOUND
 from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.fitting.observations import COCO
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.reports.image_folder import ImageFolder
 
+pytestmark = pytest.mark.thorough
+
+BODY = load_body("small")
+SIZE = (1080, 1080)
+K = np.array([[1100.0, 0, 540], [0, 1100, 540], [0, 0, 1]])
+ORDER = [BODY.landmark_names("coco").index(name) for name in COCO]
 OPTIONS = ("--size", f"{SIZE[0]}x{SIZE[1]}", "--focal", "1100", "--body", "small")
+
+
+def written(folder: Path, count: int) -> list[Path]:
+    """Files of people 4 m away, with 17 keypoints each."""
+    camera = Camera("c/")
+    lens = camera.values(K=K, R=np.diag([1.0, -1.0, -1.0]), t=(0, 0, 4.0))
+    found = []
+    for i in range(count):
+        rng = np.random.default_rng(i)
+        pose = draw_poses(shipped_gaussian(), 1, rng)[0]
+        pose[0] = [0.0, 0.4 * rng.normal(), 0.0]
+        betas = rng.normal(size=BODY.n_betas)
+        seen = BODY.landmark("coco", pose, betas, np.array([0, 0, 0.2]))[ORDER]
+        pixels = camera.pixels(seen, lens) + 2.0 * rng.normal(size=(17, 2))
+        numbers = np.column_stack([pixels, np.ones(17)]).ravel().tolist()
+        found.append(folder / f"frame{i}.json")
+        found[-1].write_text(json.dumps([{"keypoints": numbers}]))
+    return found
 
 
 def fit(*arguments: str) -> Result:
@@ -31,7 +55,7 @@ def fit(*arguments: str) -> Result:
     return CliRunner().invoke(app, ["fit", *arguments])
 
 
-def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: Path) -> None:
+def test_folder_refits_only_what_changed(tmp_path: Path) -> None:
     images, out = tmp_path / "images", tmp_path / "runs"
     images.mkdir()
     files = written(images, 3)
@@ -62,7 +86,7 @@ def test_a_folder_is_fitted_and_only_what_is_missing_is_fitted_again(tmp_path: P
     assert all(changed[name] != again[name] for name in again)
 
 
-def test_what_a_fit_depends_on_is_in_its_key(tmp_path: Path) -> None:
+def test_key_of_an_image_fit_holds_its_recipe(tmp_path: Path) -> None:
     lens = tmp_path / "lens.json"
     lens.write_text("{}")
 
@@ -87,7 +111,7 @@ def test_what_a_fit_depends_on_is_in_its_key(tmp_path: Path) -> None:
     assert key(ByHeight(), lens) != before != keys[0]
 
 
-def test_a_file_that_cannot_be_read_does_not_end_the_others(tmp_path: Path) -> None:
+def test_unreadable_file_does_not_end_the_others(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
     written(images, 1)
@@ -103,7 +127,7 @@ def test_a_file_that_cannot_be_read_does_not_end_the_others(tmp_path: Path) -> N
     assert "frame0" in page
 
 
-def test_one_image_has_a_page_with_its_hypotheses(tmp_path: Path) -> None:
+def test_one_image_has_a_page_with_its_mean(tmp_path: Path) -> None:
     (file,) = written(tmp_path, 1)
     out = tmp_path / "runs"
     likeliest = ("--height", "1.7", "--hypotheses", "3", "--mean")
@@ -127,7 +151,7 @@ def test_one_image_has_a_page_with_its_hypotheses(tmp_path: Path) -> None:
     assert summary["solver"].startswith("3 starts of")
 
 
-def test_an_interrupted_mean_leaves_the_report(
+def test_interrupted_mean_leaves_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object) -> None:
@@ -138,28 +162,6 @@ def test_an_interrupted_mean_leaves_the_report(
     with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
         fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))
     assert (tmp_path / "runs" / "frame0" / "index.html").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--height", "172"), "metres"),
-        (("--hypotheses", "0"), "1 to 8 starts"),
-        (("--workers", "0"), "1 or more"),
-    ],
-)
-def test_mistakes(tmp_path: Path, arguments: tuple[str, ...], said: str) -> None:
-    (file,) = written(tmp_path, 1)
-    told = fit(str(file), *OPTIONS, *arguments, "--out", str(tmp_path / "runs"))
-    assert isinstance(told.exception, WorkbenchError)
-    assert said in str(told.exception)
-
-
-def test_a_folder_without_keypoints(tmp_path: Path) -> None:
-    (tmp_path / "empty").mkdir()
-    told = fit(str(tmp_path / "empty"), *OPTIONS, "--out", str(tmp_path / "runs"))
-    assert isinstance(told.exception, WorkbenchError)
-    assert "holds no keypoints" in str(told.exception)
 
 
 KILLED = """
@@ -173,7 +175,7 @@ main()
 """
 
 
-def test_a_folder_whose_fits_are_killed_ends_with_the_same_bits(tmp_path: Path) -> None:
+def test_killed_folder_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
     written(images, 3)

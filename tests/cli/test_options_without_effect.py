@@ -8,12 +8,11 @@ import pytest
 
 import workbench as wb
 from tests.cli.conftest import Run
-from tests.cli.test_mistakes import KEYPOINTS, LINE
+from tests.cli.own_files import LINE, write_keypoints
 from workbench.blocks import Values
 from workbench.cli.marker_fits import Worn
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
-from workbench.experiments.own_file import BESIDE, ENOUGH
 from workbench.fitting.compared_solvers import MANY
 from workbench.geometry.meshes import write_mesh
 
@@ -33,7 +32,9 @@ def fitted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Setup,
     return asked
 
 
-def test_a_mesh_has_no_camera(workbench: Run, tmp_path: Path, fitted: list[object]) -> None:
+def test_fit_of_a_mesh_ignores_cameras(
+    workbench: Run, tmp_path: Path, fitted: list[object]
+) -> None:
     body = wb.load_body("small")
     posed = body.vertices(0.1 * np.ones((24, 3)), [1.0, -1.0], [0.5, 1.0, 0.0])
     write_mesh(tmp_path / "me.obj", posed, body.faces)
@@ -49,7 +50,7 @@ def test_a_mesh_has_no_camera(workbench: Run, tmp_path: Path, fitted: list[objec
     assert len(fitted) == 2
 
 
-def test_what_is_known_of_markers_reaches_their_fit(
+def test_fit_passes_on_what_is_known_of_markers(
     workbench: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[object] = []
@@ -62,10 +63,10 @@ def test_what_is_known_of_markers_reaches_their_fit(
     assert asked == [Worn(None, 0.007, 0.001), Worn(Path("own.json"), 0.0095, None)]
 
 
-def test_a_calibration_has_the_focal_length(
+def test_fit_prefers_the_focal_length_of_a_calibration(
     workbench: Run, tmp_path: Path, fitted: list[tuple[Setup, bool]]
 ) -> None:
-    (tmp_path / "kp.json").write_text(json.dumps(KEYPOINTS))
+    write_keypoints(tmp_path)
     camera = {"K": [[1500, 0, 544], [0, 1500, 960], [0, 0, 1]], "R": [0, 0, 0], "t": [0, 0, 4]}
     (tmp_path / "cameras.json").write_text(json.dumps({"front": camera}))
     code, out, _ = workbench("fit", "kp.json", "--cameras", "cameras.json", "--focal", "900")
@@ -75,10 +76,10 @@ def test_a_calibration_has_the_focal_length(
     assert setup.start["front/focal"][0] == 1500
 
 
-def test_keypoints_are_compared_where_that_is_asked_for(
+def test_fit_compares_solvers_when_asked(
     workbench: Run, tmp_path: Path, fitted: list[tuple[Setup, bool]]
 ) -> None:
-    (tmp_path / "kp.json").write_text(json.dumps(KEYPOINTS))
+    write_keypoints(tmp_path)
     for option in ("--compare", "--no-compare"):
         code, out, _ = workbench("fit", "kp.json", "--focal", "1500", option)
         assert (code, out) == (0, "")
@@ -86,7 +87,8 @@ def test_keypoints_are_compared_where_that_is_asked_for(
     assert set(fitted[0][0].compared) == set(MANY)
 
 
-def test_starts_that_cannot_be_counted(workbench: Run, tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_compare_says_which_seeds_change_nothing(workbench: Run, tmp_path: Path) -> None:
     (tmp_path / "line.py").write_text(LINE)
     asked = ("compare", "line.py", "nist-misra1a", "--solver", "gauss-newton")
     code, out, _ = workbench(*asked, "--seeds", "2")
@@ -96,7 +98,7 @@ def test_starts_that_cannot_be_counted(workbench: Run, tmp_path: Path) -> None:
     assert "changes nothing" not in workbench(*asked)[1]
 
 
-def test_made_up_registrations_have_no_gender(
+def test_train_of_made_up_people_ignores_gender(
     workbench: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(*_: object, **__: object) -> None:
@@ -111,34 +113,8 @@ def test_made_up_registrations_have_no_gender(
     assert "changes nothing" not in workbench("train")[1]
 
 
-def test_a_list_of_a_suite_that_is_none(workbench: Run) -> None:
-    code, out, err = workbench("run", "nits", "--list")
-    assert (code, out) == (2, "")
-    assert "no suite is called 'nits'; there are" in err
-    assert "nist" in err
-    code, out, _ = workbench("run", "balance", "--list")
-    assert "known-correspondences" in out
-
-
-def test_info_tells_of_the_body_that_was_asked_about(workbench: Run) -> None:
-    for name, vertices in (("small", 369), ("default", 1229)):
-        code, out, _ = workbench("info", "--body", name)
-        assert code == 0
-        assert f"{name} has {vertices} vertices" in " ".join(out.split())
-
-
-@pytest.mark.parametrize("verb", ["run", "diagnose", "design", "sample", "compare"])
-def test_help_says_what_a_file_may_define(
-    workbench: Run, verb: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "2000")
-    _, out, _ = workbench(verb, "--help")
-    said = " ".join(out.split())
-    assert ENOUGH in said
-    assert BESIDE in said or verb == "compare"
-
-
-def test_where_there_is_no_rest_to_integrate_out(workbench: Run, tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_sample_says_where_conditional_changes_nothing(workbench: Run, tmp_path: Path) -> None:
     b = "b = wb.Block('b', (1,)).symbol\n"
     two = LINE.replace('["a"])', '["a", "b"])').replace("a[1] * x - y", "a[1] * x + b * x**2 - y")
     text = two.replace("problem =", f"{b}problem =") + "start['b'] = np.zeros(1)\n"
@@ -152,7 +128,7 @@ def test_where_there_is_no_rest_to_integrate_out(workbench: Run, tmp_path: Path)
     assert "changes nothing" not in workbench(*asked, "--block", "a")[1]
 
 
-def test_a_cluster_counts_its_own_workers(
+def test_compare_on_a_cluster_ignores_workers(
     workbench: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def absent(address: str | None) -> None:
@@ -165,7 +141,7 @@ def test_a_cluster_counts_its_own_workers(
     assert "--workers changes nothing: with --dask, the cluster says how many" in out
 
 
-def test_poses_of_a_recording_are_not_drawn(
+def test_blendshapes_of_a_recording_ignores_test(
     workbench: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(*_: object) -> None:

@@ -1,0 +1,134 @@
+"""`--help`, `workbench solvers` and `workbench info`: what there is, and how quickly."""
+
+import ast
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from tests.cli.conftest import Run
+from workbench import SOLVERS
+from workbench.cli import later
+from workbench.cli.app import NAMES, app
+from workbench.cli.later import Later, summary
+from workbench.experiments.own_file import BESIDE, ENOUGH
+from workbench.solvers.nlopt_algorithms import ALGORITHMS
+
+ROOM = Path(later.__file__).parent
+HELP = """
+import sys
+from workbench.cli import main
+try: main()
+except SystemExit: print(sorted({name.partition(".")[0] for name in sys.modules}))
+"""
+
+
+def typed(program: str, *arguments: str, **environment: str) -> str:
+    """What a process of its own prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_help_imports_no_numerical_library() -> None:
+    told, modules = typed(HELP, "--help").rstrip().rsplit("\n", 1)
+    assert all(f" {name} " in told for name in NAMES)
+    assert not {"casadi", "numpy", "scipy", "matplotlib"} & set(ast.literal_eval(modules))
+
+
+def test_summaries_and_options_are_those_of_the_commands() -> None:
+    group: Any = typer.main.get_command(app)
+    for name in NAMES:
+        command = group.commands[name]
+        assert isinstance(command, Later)
+        assert summary(name.replace("-", "_")) == command.whole.help
+        context = command.make_context(name, [], resilient_parsing=True)
+        if name != "lecture":
+            own, word = typer.Typer(add_completion=False), name.replace("-", "_")
+            own.command()(getattr(import_module(f"workbench.cli.{word}"), word))
+            options = [option.opts for option in typer.main.get_command(own).params]
+            found = [one.opts for one in command.get_params(context)]
+            assert found[: len(options)] == options, name
+
+
+def test_every_file_with_a_command_is_named() -> None:
+    """A function with the name of its file is a command if it has arguments or options."""
+    words = {name.replace("-", "_") for name in NAMES}
+    for file in sorted(ROOM.glob("*.py")):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and node.name == file.stem:
+                assert ("typer." in ast.unparse(node.args)) <= (file.stem in words), file
+
+
+def test_unknown_command_has_neighbours(workbench: Run) -> None:
+    code, _, err = workbench("diagnos")
+    assert code == 2
+    assert "diagnose" in err
+
+
+def test_help_says_what_a_file_may_define(workbench: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "2000")
+    for verb in ("run", "diagnose", "design", "sample", "compare"):
+        said = " ".join(workbench(verb, "--help")[1].split())
+        assert ENOUGH in said, verb
+        assert BESIDE in said or verb == "compare"
+
+
+def test_solvers_lists_every_solver_with_what_it_can(workbench: Run) -> None:
+    rows = [line.split() for line in workbench("solvers")[1].splitlines()]
+    named = {words[0]: words for words in rows if words}
+    assert list(SOLVERS) == [name for name in named if name in SOLVERS]
+    assert named["ipopt-exact"][1:5] == ["Hessian", "yes", "=", "<"]
+    assert named["gauss-newton"][1:5] == ["Jacobian", "no", "-", "downhill"]
+    assert named["nlopt-mlsl"][2] == "needed"
+    assert "teaching" in named["steepest-descent"]
+    rows = [line.split() for line in workbench("solvers", "--nlopt")[1].splitlines()]
+    named = {words[0]: words for words in rows if words}
+    assert named.keys() >= ALGORITHMS.keys()
+    assert named["GN_ISRES"][1:8] == ["cost", "needed", "=", "<", "everywhere,", "at", "random"]
+
+
+@pytest.mark.thorough
+def test_solvers_breaks_no_words_on_a_narrow_terminal(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = [line.split() for line in workbench("solvers")[1].splitlines()]
+    assert ["newton", "Hessian", "no", "-", "downhill"] in lines
+    assert any("Marquardt" in words for words in lines)
+
+
+@pytest.mark.thorough
+def test_info_says_which_arithmetic_is_active_and_why(tmp_path: Path) -> None:
+    said = typed(
+        "from workbench.cli import main; main()",
+        "info",
+        WORKBENCH_COMPILE="0",
+        WORKBENCH_CACHE=str(tmp_path / "kept"),
+        WORKBENCH_THREADS="1",
+    )
+    said = " ".join(said.split())
+    assert "NumPy: switched off by WORKBENCH_COMPILE=0" in said
+    assert "0 libraries" in said
+    assert "1 in a run" in said
+    for package in ("casadi 3.", "numpy ", "scipy ", "nlopt ", "emcee ", "python 3."):
+        assert package in said
+
+
+def test_info_tells_of_the_body_that_is_asked_about(workbench: Run) -> None:
+    for name, vertices in (("small", 369), ("default", 1229)):
+        code, out, _ = workbench("info", "--body", name)
+        assert code == 0
+        assert f"{name} has {vertices} vertices" in " ".join(out.split())

@@ -1,0 +1,171 @@
+"""`workbench run` and `workbench body`: what they list, write and keep."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.cli.conftest import Run
+from tests.cli.own_files import LINE, PARABOLA
+from workbench.solvers import SOLVERS
+
+
+@pytest.mark.thorough
+def test_run_writes_a_whole_report(workbench: Run) -> None:
+    code, out, err = workbench("run", "--no-compare")
+    assert code == 0, err
+    assert "CONVERGED" in out
+    assert "reprojection, cam01" in out
+    said = out.splitlines()
+    header = next(i for i, line in enumerate(said) if line.split()[:2] == ["iteration", "cost"])
+    assert said[header + 1].split()[0] == "0"
+    assert "The priors, pose prior and shape prior, make up " in out
+    assert "without the priors: 184 x 85" in out
+    folder = Path("runs/balance")
+    for name in ("index.html", "values.npz", "solution.npz", "body.glb", "summary.json"):
+        assert (folder / name).is_file(), name
+    numbers = np.load(folder / "values.npz", allow_pickle=False)
+    assert numbers["projected:cam01"].shape == (23, 2)
+    assert wb.Solution.load(folder / "solution.npz").converged
+    assert json.loads((folder / "summary.json").read_text())["status"] == "CONVERGED"
+
+
+def test_run_lists_experiments_and_suites(workbench: Run) -> None:
+    code, out, _ = workbench("run", "--list")
+    assert code == 0
+    for name in ("balance", "balance-monocular", "known-correspondences", "registration"):
+        assert name in out
+    assert "suites" in out
+    assert "nist-misra1a" not in out
+    assert len(out.splitlines()) < 20
+    assert "known-correspondences" in workbench("run", "balance", "--list")[1]
+    out = workbench("run", "nist", "--list")[1]
+    assert len(out.splitlines()) == 12
+    assert "nist-misra1a" in out
+    code, out, err = workbench("run", "nits", "--list")
+    assert (code, out) == (2, "")
+    assert "no suite is called 'nits'" in err
+    assert "nist" in err
+
+
+@pytest.mark.thorough
+def test_run_reports_a_problem_of_a_suite(workbench: Run) -> None:
+    code, out, _ = workbench("run", "nist-misra1a", "--set", "start=2")
+    assert code == 0
+    assert "agreement with NIST, worst parameter" in out
+    assert Path("runs/nist-misra1a/index.html").is_file()
+
+
+def test_run_solves_a_file_and_keeps_its_folder(workbench: Run) -> None:
+    for folder in ("a", "b"):
+        Path(folder).mkdir()
+        Path(folder, "line.py").write_text(LINE)
+    code, out, err = workbench("run", "a/line.py", "--no-compare")
+    assert code == 0, err
+    assert "CONVERGED" in out
+    assert "The setup names no residual as a prior." in out
+    assert Path("runs/line/index.html").is_file()
+    assert not Path("runs/line/body.glb").exists()
+    found = wb.Solution.load(Path("runs/line/solution.npz")).values["a"]
+    np.testing.assert_allclose(found, [11 / 12, 2.25], rtol=1e-9)  # of least squares
+    code, _, err = workbench("run", "b/line.py")
+    assert code == 2
+    assert "--out" in err
+
+
+@pytest.mark.thorough
+def test_run_says_what_the_priors_of_a_file_make_up(workbench: Run) -> None:
+    text = PARABOLA.format(n=3, columns=2) + "priors = 'hold'\n"
+    Path("held.py").write_text(text)
+    _, out, _ = workbench("run", "held.py", "--no-compare")
+    assert "The prior, hold, makes up" in out
+    assert "without the priors: 9 x 3" in out
+
+
+@pytest.mark.thorough
+def test_body_prints_a_card_and_draws_it(workbench: Run) -> None:
+    code, out, err = workbench("body", "small")
+    assert code == 0, err
+    assert "369" in out
+    assert Path("runs/body-small/index.html").is_file()
+
+
+class Interrupting:
+    """A solver during which somebody presses Ctrl-C."""
+
+    def solve(self, *_: object, **__: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_interrupted_comparison_keeps_the_report(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SOLVERS, "gauss-newton", Interrupting())  # type: ignore[arg-type]
+    Path("line.py").write_text(LINE)
+    code, out, err = workbench("run", "line.py")
+    assert code == 130
+    assert err == "interrupted; the report holds what was found until then\n"
+    said = " ".join(out.split())
+    assert "cut short from the keyboard; not run: gauss-newton, nlopt-lbfgs." in said
+    assert Path("runs/line/index.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [
+        ("SIGINT", 130, "interrupted; nothing was written"),
+        ("SIGTERM", 143, "terminated; nothing was written"),
+    ],
+)
+def test_signal_ends_run_with_a_sentence(workbench: Run, number: str, code: int, said: str) -> None:
+    Path("x.py").write_text(f"import signal\nsignal.raise_signal(signal.{number})\n")
+    assert workbench("run", "x.py") == (code, "", said + "\n")
+    assert not list(Path().glob("runs/*"))
+
+
+@pytest.mark.thorough
+def test_signal_while_the_report_is_written_leaves_nothing(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def terminated(*_: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr("workbench.reports.report.run_page", terminated)
+    Path("line.py").write_text(LINE)
+    code, _, err = workbench("run", "line.py", "--no-compare")
+    assert (code, err) == (143, "terminated; nothing was written\n")
+    assert list(Path("runs").iterdir()) == []
+
+
+EARLY = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the background of a shell ignores it
+class Early:  # when the solvers begin to be imported, the interrupt comes
+    def find_spec(self, name, path=None, target=None):
+        if name == "workbench.problem":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Early())
+from workbench.cli import main
+main()
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_interrupt_while_importing_is_a_sentence() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", EARLY, "run", "--list"],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 130
+    assert done.stderr == "interrupted; nothing was written\n"
+    assert done.stdout == ""

@@ -1,0 +1,84 @@
+"""What a lecture shows of its cells: code apart from drawing, the library's own code, formulas."""
+
+import re
+
+import pytest
+
+import workbench as wb
+from workbench.course import source
+from workbench.course.cells import cells
+from workbench.course.drawing import apart
+from workbench.course.formulas import in_letters
+from workbench.course.outline import course
+from workbench.errors import BadFile
+from workbench.motions.accelerations import MovingFrames, second_differences
+from workbench.sampling.autocorrelation import integrated_time
+
+THERE = [one for one in course() if one.there]
+
+
+def test_apart_splits_a_cell_where_drawing_begins() -> None:
+    computing, drawing = apart(
+        "x = f()\n\n# two lines\nwith house_style():\n    g(x)\nPicture(figure, 'so')"
+    )
+    assert computing == "x = f()"
+    assert drawing == "# two lines\nwith house_style():\n    g(x)\nPicture(figure, 'so')"
+    assert apart("x = f()\ng(x)") == ("x = f()\ng(x)", "")
+    assert apart("with house_style():\n    g()")[0] == ""
+
+
+def test_folded_code_of_every_lecture_only_draws() -> None:
+    for lecture in THERE:
+        for one in cells(lecture.folder / "lecture.py"):
+            computing, drawing = apart(one.text) if not one.prose else ("", "")
+            place = f"{lecture.folder_name}, line {one.line}"
+            assert "print(" not in drawing, f"{place}: print before the figure is drawn"
+            assert "Picture(" not in computing, f"{place}: draw within `with house_style():`"
+
+
+def test_source_shows_constants_above_the_code_that_reads_them() -> None:
+    shown = source(integrated_time)
+    assert shown.text.startswith("WINDOW = 5.0  # autocorrelation times")
+    assert "TOGETHER = " not in shown.text
+    assert shown.where == "workbench.sampling.autocorrelation.integrated_time"
+    shown = source(second_differences, MovingFrames.forces)
+    order = [shown.text.index(part) for part in ("GRAVITY = ", "def second_d", "def forces")]
+    assert order == sorted(order)
+    assert shown.where.count("workbench.motions.accelerations.") == 2
+    assert source(wb.Linearization.gradient).text.startswith("@cached_property\ndef gradient")
+
+
+@pytest.mark.parametrize(
+    ("formula", "letters"),
+    [
+        (r"\tfrac12 \|e + J p\|^2", "½ ‖e + J p‖²"),
+        (r"w_{ik}\, G'_k\, t_i", "wᵢₖ G'ₖ tᵢ"),
+        (r"\sin^2 \tfrac\alpha2", "sin² (α/2)"),  # and not (sin² α)/2
+        (r"z^2 / 2n + \frac{z^2}{2n}", "z² / 2n + z²/(2n)"),
+        (r"(J^\top J)^{-1} \hat x_q", "(Jᵀ J)⁻¹ x\u0302_q"),
+        (r"\begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix}", "[ R   t; 0   1 ]"),
+        ("a \\ge b, \\qquad\nc .", "a ≥ b,\nc."),
+    ],
+)
+def test_formula_is_written_in_letters(formula: str, letters: str) -> None:
+    assert in_letters(formula) == letters
+
+
+def test_formula_with_an_unknown_command_is_refused() -> None:
+    with pytest.raises(BadFile, match="oint"):
+        in_letters(r"\oint f")
+
+
+def test_formulas_of_every_lecture_are_known() -> None:
+    for lecture in THERE:
+        prose = "\n".join(
+            re.sub(r"`[^`]*`", "", one.text)
+            for one in cells(lecture.folder / "lecture.py")
+            if one.prose
+        )
+        formulas = re.findall(r"\$\$(.+?)\$\$|\$([^$]+)\$", prose, re.S)
+        for display, inline in formulas:
+            letters = in_letters(display or inline)
+            assert not re.search(r"\\|\$", letters.replace("\\{", "")), lecture.folder_name
+        assert prose.count("$") == sum(4 if display else 2 for display, _ in formulas)
+        assert r"\\theta" not in prose, "one backslash is enough in a comment"
