@@ -66,7 +66,7 @@ ARRAYS: dict[str, tuple[str, str]] = {  # of files that say nothing but what the
 SINGLE: dict[str, Callable[[Any], object]] = {"single precision": lambda a: a.astype(np.float32)}
 
 
-@pytest.mark.parametrize("name", few(ARRAYS, 3))
+@pytest.mark.parametrize("name", few(ARRAYS, 2))
 def test_arrays_of_other_types_and_shapes_are_refused(name: str, tmp_path: Path) -> None:
     file, arrays = ARRAYS[name]
     content = whole(name)[file]
@@ -220,7 +220,7 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
 }
 
 
-@pytest.mark.parametrize("name", few(CONTRADICTIONS, 4))
+@pytest.mark.parametrize("name", few(CONTRADICTIONS, 3))
 def test_arrays_that_contradict_each_other_are_refused(name: str, tmp_path: Path) -> None:
     file, wrong = CONTRADICTIONS[name]
     content = whole(name)[file]
@@ -228,6 +228,7 @@ def test_arrays_that_contradict_each_other_are_refused(name: str, tmp_path: Path
         refusal(name, tmp_path, file, with_arrays(content, change(arrays_in(content))))
 
 
+@pytest.mark.thorough
 def test_cards_may_say_anything_of_what_was_left_out(tmp_path: Path) -> None:
     for left_out in (5, None, {"a": 1}):
         card = with_facts(whole("body.npz")["body.npz"], "card", lambda _: {"left_out": left_out})  # noqa: B023

@@ -100,6 +100,7 @@ def test_cli_keeps_its_code_with_closed_streams(arguments: str, code: int) -> No
     assert done.returncode == code
 
 
+@pytest.mark.thorough
 def test_errors_of_files_are_not_of_the_output() -> None:
     with pytest.raises(OSError, match="nowhere") as raised:
         Path("/nowhere/at/all").read_text()

@@ -139,6 +139,7 @@ def test_glb_opens_no_other_file(reader: Reader, tmp_path: Path) -> None:
         assert "not opened" in said
 
 
+@pytest.mark.thorough
 def test_long_names_are_cut_in_refusals(reader: Reader, tmp_path: Path) -> None:
     told = json.dumps({"x" * 10**6: 0, "nodes": "y" * 10**6, "scenes": [{"nodes": "z" * 10**6}]})
     refused(reader, MESH, tmp_path, "long.glb", glb(told.encode()))
