@@ -16,30 +16,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import typer
 
-from tests.fuzz.formats import FORMATS
-from tests.fuzz.mutations import NUMBERS, mutated
+from tests.hostile.formats import whole
+from tests.hostile.mutations import NUMBERS, mutated
 from workbench.bodies.catalogue import BODIES
 from workbench.cli.app import app
 from workbench.experiments import EXPERIMENTS
 from workbench.solvers import SOLVERS
 
+pytestmark = pytest.mark.thorough
+MANY = int(os.environ.get("WORKBENCH_FUZZ", "40")) // 5
 Rng = np.random.Generator
 PATIENCE = 8.0  # s at work before it is interrupted
 LEAVING = 30.0  # s from then on; a loaded machine needs less
 ENDINGS = (0, 1, 2, 130)  # done; not what was hoped for; refused; interrupted
 FILES = (
-    "openpose.json",
-    "coco.json",
-    "cameras.toml",
-    "SMPL.npz",
-    "SMPL.pkl",
-    "training-folder",
-    "training-start",
-    "mesh.obj",
-    "motion-files",
-    "marker-files",
+    *("openpose.json", "coco.json", "cameras.toml", "SMPL.npz", "SMPL.pkl", "training-folder"),
+    *("training-start", "mesh.obj", "motion-files", "marker-files"),
 )
 AT_MOST = 6 * 2**30  # bytes of address space
 PROBLEM = """
@@ -54,7 +49,8 @@ start = {"x": [0.0, 0.0]}
 def prepared(folder: Path, rng: Rng) -> list[str]:
     """Valid files and broken ones in a folder; their names."""
     for name in FILES:
-        FORMATS[name].make(folder)
+        for file, content in whole(name).items():
+            (folder / file).write_bytes(content)
     (folder / "mine.py").write_text(PROBLEM)
     (folder / "empty folder").mkdir()
     for path in [p for p in sorted(folder.iterdir()) if p.is_file()]:
@@ -137,21 +133,20 @@ def wrong_with(arguments: list[str], folder: Path) -> str:
     """What was wrong with how a command ended; empty if nothing was."""
     command = [sys.executable, "-m", "workbench", *(a.replace("\0", "") for a in arguments)]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "200"}
-    with (folder / ".out").open("w+") as out, (folder / ".err").open("w+") as err:
+    with (folder / ".out").open("w+") as out:
         child = subprocess.Popen(
             command,
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=out,
-            stderr=err,
+            stderr=out,
             env=environment,
             start_new_session=True,
             preexec_fn=_limited,
         )
         wrong = _waited_for(child)
         out.seek(0)
-        err.seek(0)
-        text = out.read() + err.read()
+        text = out.read()
     if not wrong and child.returncode not in ENDINGS:
         wrong = f"it ended with {child.returncode}"
     if not wrong and "Traceback (most recent call last)" in text:
@@ -187,3 +182,13 @@ def _waited_for(child: subprocess.Popen[bytes]) -> str:
         time.sleep(0.1)
     os.killpg(child.pid, signal.SIGKILL)
     return "a process that it had started outlived it by 10 s"
+
+
+def test_commands_end_in_a_sentence(tmp_path: Path) -> None:
+    seed = int(time.time())
+    for number in range(MANY):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        arguments = drawn(seed, number, folder)
+        wrong = wrong_with(arguments, folder)
+        assert not wrong, f"seed {seed}, case {number}, {arguments}: {wrong}"

@@ -1,9 +1,9 @@
 """Attack every reader, and say in a table what was seen.
 
-    python -m tests.fuzz [--cases 1000] [--seed 7] [--keep] [FORMAT ...]
+    python -m tests.hostile [--cases 1000] [--seed 7] [--keep] [FORMAT ...]
 
-`--keep` puts every file that made a reader fail into tests/fuzz/found/FORMAT/, where a test
-reads it from then on.
+`--keep` puts one file of each kind that made a reader fail into tests/hostile/found/FORMAT/, where
+a test reads it from then on.
 """
 
 import argparse
@@ -12,8 +12,9 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tests.fuzz.attack import Counts, attacked
-from tests.fuzz.formats import FORMATS
+from tests.hostile.attack import Counts, attacked
+from tests.hostile.formats import FORMATS
+from tests.hostile.limits import Reader
 
 FOUND = Path(__file__).parent / "found"
 
@@ -29,8 +30,12 @@ def main() -> None:
     chosen = parser.parse_args()
 
     def one(name: str) -> Counts:
-        with tempfile.TemporaryDirectory() as folder:
-            return attacked(name, chosen.seed, chosen.cases, Path(folder))
+        reader = Reader()
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                return attacked(reader, name, Path(folder), chosen.seed, chosen.cases)
+        finally:
+            reader.close()
 
     print(f"{'format':20} {'tried':>6} {'read':>6} {'refused':>8} {'failed':>7}")
     with ThreadPoolExecutor(chosen.processes) as several:
@@ -40,10 +45,10 @@ def main() -> None:
             for what, times in counts.reasons().most_common():
                 print(f"    {times} x {what}", flush=True)
             if chosen.keep:
-                kept(counts)
+                keep(counts)
 
 
-def kept(counts: Counts) -> None:
+def keep(counts: Counts) -> None:
     """Store one case of each kind of failure."""
     for what in counts.reasons():
         failure = next(f for f in counts.failures if f.what.startswith(what[:100]))

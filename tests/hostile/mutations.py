@@ -2,10 +2,13 @@
 
 import io
 import json
+import os
+import pickle
 import pickletools
 import re
 import zipfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -18,68 +21,14 @@ Mutation = Callable[[bytes, Rng], bytes]
 
 LARGEST = 2**24  # bytes: what a large file may take is another question
 NUMBERS = (
-    "0",
-    "-1",
-    "1",
-    "2147483648",
-    "-9223372036854775809",
-    "1e999",
-    "-1e308",
-    "1e-320",
-    "nan",
-    "NaN",
-    "Infinity",
-    "-inf",
-    "0.1",
-    "1_0",
-    "0x10",
-    "9" * 400,
-    "9" * 5000,
-    "",
-    " ",
-    "1,5",
-    "é",
-    "\x00",
-    "true",
-    "null",
-    '"',
-    "[",
-    "{",
-    "0/1",
-    "1/2/3",
-    "3 0 1 2",
+    *("0", "-1", "1", "2147483648", "-9223372036854775809", "1e999", "-1e308", "1e-320", "nan"),
+    *("NaN", "Infinity", "-inf", "0.1", "1_0", "0x10", "9" * 400, "9" * 5000, "", " ", "1,5"),
+    *("é", "\x00", "true", "null", '"', "[", "{", "0/1", "1/2/3", "3 0 1 2"),
 )
 VALUES: tuple[Any, ...] = (
-    None,
-    True,
-    False,
-    0,
-    -1,
-    1,
-    0.5,
-    2**31,
-    2**63,
-    -(2**64),
-    10**400,
-    1e308,
-    float("nan"),
-    float("inf"),
-    "",
-    "0",
-    "nan",
-    "CONVERGED",
-    "é" * 50,
-    "\x00",
-    [],
-    [[]],
-    [None],
-    {},
-    {"": None},
-    [0] * 17,
-    [1e300] * 3,
-    [[1, 2], [3]],
-    {"a": {"b": [1]}},
-    "x" * 3000,
+    *(None, True, False, 0, -1, 1, 0.5, 2**31, 2**63, -(2**64), 10**400, 1e308),
+    *(float("nan"), float("inf"), "", "0", "nan", "CONVERGED", "é" * 50, "\x00", "x" * 3000),
+    *([], [[]], [None], {}, {"": None}, [0] * 17, [1e300] * 3, [[1, 2], [3]], {"a": {"b": [1]}}),
 )
 DTYPES = ("<f2", "<f8", ">f4", "<i1", "<u8", "?", "<c16", "<U3", "S2", "<M8[s]", "<m8[D]")
 WORDS = (b"os", b"system", b"numpy", b"builtins", b"eval", b"ndarray", b"csc_matrix", b"chumpy.ch")
@@ -219,31 +168,36 @@ def json_changed(content: bytes, rng: Rng) -> bytes:
 
 def array_changed(content: bytes, rng: Rng) -> bytes:
     """An array in an archive has another type, shape, content or name; the archive is whole."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        members = {info.filename: archive.read(info) for info in archive.infolist()}
-    name = list(members)[rng.integers(len(members))]
+    inside = members(content)
+    name = list(inside)[rng.integers(len(inside))]
     match rng.integers(8):
         case 0:
-            del members[name]
+            del inside[name]
         case 1:
-            members[name + "x"] = members.pop(name)
+            inside[name + "x"] = inside.pop(name)
         case 2:
-            other = list(members)[rng.integers(len(members))]
-            members[name], members[other] = members[other], members[name]
+            other = list(inside)[rng.integers(len(inside))]
+            inside[name], inside[other] = inside[other], inside[name]
         case 3:
-            members[name] = npy_changed(members[name], rng)
+            inside[name] = npy_changed(inside[name], rng)
         case 4:
-            members[name] = BYTES[rng.integers(len(BYTES))](members[name], rng)
+            inside[name] = BYTES[rng.integers(len(BYTES))](inside[name], rng)
         case _:
-            members[name] = _another(members[name], rng)
-    return _packed(members, rng)
+            inside[name] = _another(inside[name], rng)
+    return _packed(inside, rng)
 
 
-def _packed(members: dict[str, bytes], rng: Rng) -> bytes:
+def members(content: bytes) -> dict[str, bytes]:
+    """The files in an archive by name."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return {info.filename: archive.read(info) for info in archive.infolist()}
+
+
+def _packed(inside: dict[str, bytes], rng: Rng) -> bytes:
     file = io.BytesIO()
     method = (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED, zipfile.ZIP_BZIP2)[rng.choice(3, p=_HOW)]
     with zipfile.ZipFile(file, "w") as archive:
-        for name, member in members.items():
+        for name, member in inside.items():
             info = zipfile.ZipInfo(name)  # of a fixed date: a seed means the same bytes on any day
             info.compress_type = method
             archive.writestr(info, member)
@@ -257,16 +211,7 @@ def npy_changed(content: bytes, rng: Rng) -> bytes:
     """A header of an array says something else than what follows."""
     length = int.from_bytes(content[8:10], "little")
     header, rest = content[10 : 10 + length], content[10 + length :]
-    shapes = (
-        b"()",
-        b"(-1,)",
-        b"(0,)",
-        b"(9999999999,)",
-        b"(99999, 99999, 9)",
-        b"(1.5,)",
-        b"3",
-        b"(",
-    )
+    shapes = b"() (-1,) (0,) (9999999999,) (99999,99999,9) (1.5,) 3 (".split()
     types = (b"'|O'", b"'<U999999999'", b"'<f3'", b"[('a', '<f8')]", b"'V9'", b"None", b"'<f16'")
     match rng.integers(4):
         case 0:
@@ -374,6 +319,54 @@ def dataset_changed(content: bytes, rng: Rng) -> bytes:
     return sealed(image.getvalue())
 
 
+# ---- claims and traps --------------------------------------------------------------------------
+
+
+class Trap:
+    """What makes a file where it is unpickled by Python."""
+
+    def __init__(self, marker: Path) -> None:
+        self.marker = str(marker)
+
+    def __reduce__(self) -> Any:
+        return os.mkdir, (self.marker,)
+
+
+def trapped(name: str, content: bytes, marker: Path) -> bytes | None:
+    """A file that makes a marker where a pickle in it is run; None if it can hold no pickle."""
+    if name.endswith(".pkl"):
+        return b"\x80\x02" + pickle.dumps(Trap(marker), 2)[2:-1] + b"0" + content[2:]
+    held = io.BytesIO()
+    np.save(held, np.array([Trap(marker)] * 2, dtype=object), allow_pickle=True)
+    if name.endswith(".npy"):
+        return held.getvalue()
+    if name.endswith(".npz"):
+        return _packed(dict.fromkeys(members(content), held.getvalue()), np.random.default_rng(0))
+    return None
+
+
+def overstated(name: str, content: bytes) -> bytes:
+    """A file that claims to hold billions of numbers, where its format says how many there are."""
+    many = b"3000000000"
+    if name.endswith(".npy"):
+        return re.sub(rb"'shape': \([0-9]*,?", b"'shape': (" + many + b",", content, count=1)
+    if name.endswith(".npz"):
+        inside = members(content)
+        array = max(inside, key=lambda one: len(inside[one]))
+        claims = re.sub(rb"\([0-9]*,? *", b"(" + many + b",", inside[array][10:], count=1)
+        header = claims.split(b"\n", 1)[0]
+        inside[array] = inside[array][:8] + (len(header) + 1).to_bytes(2, "little") + claims
+        return _packed(inside, np.random.default_rng(0))
+    if name.endswith(".json"):
+        return b"[" + b"[]," * 3_000_000 + content + b"]"
+    if name.endswith(".toml"):
+        return b"#" * 2_000_000 + b"\n" + content
+    if name.endswith((".glb", ".stl", ".h5", ".c3d", ".pkl")):
+        at = {".glb": 12, ".stl": 80, ".h5": 44, ".c3d": 2}.get(name[name.rfind(".") :], 300)
+        return content[:at] + b"\xff" * 4 + content[at + 4 :]
+    return re.sub(rb"(?<=[\s#,])[1-9][0-9]*(?=[\s,])", many, content, count=2)
+
+
 TEXT: tuple[Mutation, ...] = (line_changed, word_changed)
 BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
     ".npz": (array_changed,),
@@ -382,5 +375,6 @@ BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
     ".pkl": (opcode_changed,),
     ".h5": (dataset_changed,),
     **dict.fromkeys((".toml", ".csv", ".obj", ".off", ".ply", ".stl", ".py", ".bvh", ".trc"), TEXT),
+    **dict.fromkeys((".xyz", ".pcd", ".gltf"), TEXT),
     ".glb": (*TEXT,),
 }

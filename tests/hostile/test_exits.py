@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.tiers import few
 from workbench import load_body
 from workbench.cli.leaving import Signals, Terminated
 from workbench.cli.streams import unprinted
@@ -47,25 +48,15 @@ def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
 
 
 @FULL
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("--version",),
-        ("solvers",),
-        *(
-            pytest.param(one, marks=pytest.mark.thorough)
-            for one in (("--help",), ("run", "--list"), ("lecture", "list"))
-        ),
-    ],
-)
-def test_a_full_output_is_a_sentence(arguments: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("arguments", few([("--version",), ("solvers",), ("run", "--list")], 1))
+def test_full_output_is_a_sentence(arguments: tuple[str, ...]) -> None:
     with open("/dev/full", "w") as full:
         code, _, err = ended(program(MAIN, *arguments, out=full.fileno()))
     assert (code, err) == (2, "cannot write to the standard output: No space left on device\n")
 
 
 @FULL
-def test_an_output_that_fills_up_while_it_is_held_back_too() -> None:
+def test_full_output_is_a_sentence_when_buffered() -> None:
     """A pipe or a file is written when Python leaves: there it was a traceback, and code 120."""
     code = HEARD + (
         "import workbench.cli.app as module\n"
@@ -89,35 +80,28 @@ def test_an_output_that_fills_up_while_it_is_held_back_too() -> None:
     assert done.stderr == "cannot write to the standard output: No space left on device\n"
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("run", "--list")])
-def test_an_output_that_nobody_reads_is_no_sentence(arguments: tuple[str, ...]) -> None:
+def test_output_that_nobody_reads_is_no_error() -> None:
     reading, writing = os.pipe()
     os.close(reading)
-    code, _, err = ended(program(MAIN, *arguments, out=writing))
+    code, _, err = ended(program(MAIN, "--help", out=writing))
     os.close(writing)
     assert (code, err) == (1, "")
 
 
-def test_streams_that_are_closed_are_no_matter(tmp_path: Path) -> None:
-    """Their numbers would go to files, and what is printed into these."""
-    script = (
-        f"exec {sys.executable} -c 'from workbench.cli import main; main()' run --list <&- >&- 2>&-"
-    )
-    done = subprocess.run(["sh", "-c", script], cwd=HOUSE, timeout=240, check=False)
-    assert done.returncode == 0
-
-
 @FULL
-def test_an_error_that_cannot_be_printed_still_has_its_code() -> None:
-    script = (
-        f"exec {sys.executable} -c 'from workbench.cli import main; main()' "
-        "run nothing-of-this-name 2>/dev/full"
-    )
-    done = subprocess.run(["sh", "-c", script], cwd=HOUSE, timeout=240, check=False)
-    assert done.returncode == 2
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("arguments", "code"), [("run --list <&- >&- 2>&-", 0), ("run unknown 2>/dev/full", 2)]
+)
+def test_cli_keeps_its_code_with_closed_streams(arguments: str, code: int) -> None:
+    """Files would take the numbers of closed streams, and what is printed would go into them."""
+    main = f"exec {sys.executable} -c 'from workbench.cli import main; main()' "
+    done = subprocess.run(["sh", "-c", main + arguments], cwd=HOUSE, timeout=240, check=False)
+    assert done.returncode == code
 
 
-def test_an_error_of_a_file_is_none_of_the_output() -> None:
+@pytest.mark.thorough
+def test_errors_of_files_are_not_of_the_output() -> None:
     with pytest.raises(OSError, match="nowhere") as raised:
         Path("/nowhere/at/all").read_text()
     assert unprinted(raised.value) is None
@@ -126,7 +110,8 @@ def test_an_error_of_a_file_is_none_of_the_output() -> None:
     assert unprinted(ValueError()) is None
 
 
-def test_a_folder_that_is_gone_is_a_sentence(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_removed_working_folder_is_a_sentence(tmp_path: Path) -> None:
     gone_soon = tmp_path / "gone"
     gone_soon.mkdir()
     code = HEARD + "os.rmdir(os.getcwd())\nfrom workbench.cli import main\nmain()\n"
@@ -135,7 +120,7 @@ def test_a_folder_that_is_gone_is_a_sentence(tmp_path: Path) -> None:
     assert err.startswith("error: the folder that this command was started in is gone")
 
 
-def test_nobodys_home_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unknown_home_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BadFile, match="no home folder is known for ~nobody-of-this-name"):
         load_body("~nobody-of-this-name/body.npz")
 
@@ -149,8 +134,9 @@ def test_nobodys_home_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
         cache_folder()
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc").exists(), reason="a home that nobody can write to")
-def test_a_home_that_cannot_be_written_is_no_reason_not_to_judge_draws() -> None:
+def test_draws_are_judged_without_a_writable_home() -> None:
     """ArviZ wants to keep a file there as it is imported."""
     code = (
         "import numpy as np, os\n"
@@ -182,13 +168,6 @@ sys.meta_path.insert(0, Early())
 from workbench.cli import main
 main()
 """,
-    "as the command begins": """
-import workbench.cli.app as module
-whole = module.app
-module.app = lambda: (send(), whole())
-from workbench.cli import main
-main()
-""",
     "in a destructor": """
 import workbench.cli.app as module, time
 class Leaving:
@@ -209,13 +188,6 @@ module.app = app
 from workbench.cli import main
 main()
 """,
-    "after the work, before Python leaves": """
-import workbench.cli.app as module
-module.app = lambda: None
-from workbench.cli import main
-try: main()
-finally: send()
-""",
     "while threads are waited for": """
 import workbench.cli.app as module, threading, time
 def late():
@@ -234,15 +206,10 @@ def send():
 
 
 @pytest.mark.parametrize(
-    ("number", "code", "times"),
-    [(signal.SIGINT, 130, 1), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 2)],
-    ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM twice"],
+    ("number", "code", "times"), [(signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 2)]
 )
-@pytest.mark.parametrize(
-    "when",
-    [pytest.param(one, marks=[pytest.mark.thorough] * (k % 2)) for k, one in enumerate(WHEN)],
-)
-def test_signals_have_their_code_and_no_traceback(
+@pytest.mark.parametrize("when", few(WHEN, 1))
+def test_signals_end_with_their_code(
     when: str, number: signal.Signals, code: int, times: int
 ) -> None:
     if "SystemError" in WHEN[when] and number is signal.SIGTERM:
@@ -254,7 +221,7 @@ def test_signals_have_their_code_and_no_traceback(
     assert found == code, err
 
 
-def test_two_presses_at_once_are_one() -> None:
+def test_second_interrupt_does_not_disturb_cleaning_up() -> None:
     before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)}
     signal.signal(signal.SIGINT, signal.default_int_handler)
     hook = sys.unraisablehook
@@ -272,7 +239,8 @@ def test_two_presses_at_once_are_one() -> None:
     assert sys.unraisablehook is hook
 
 
-def test_an_ignored_interrupt_stays_ignored() -> None:
+@pytest.mark.thorough
+def test_ignored_interrupt_stays_ignored() -> None:
     """A shell starts what runs in the background so."""
     code = MAIN.replace("default_int_handler", "SIG_IGN").replace(
         "main()", "import workbench.cli.app as m; m.app = lambda: os.kill(os.getpid(), 2); main()"
@@ -365,7 +333,8 @@ def killed(process: "subprocess.Popen[str]") -> None:
             stream.close()
 
 
-def test_the_crew_of_a_training_ends_with_it(tmp_path: Path) -> None:
+@pytest.mark.thorough
+def test_workers_of_a_training_end_with_it(tmp_path: Path) -> None:
     told = tmp_path / "told"
     with told.open("w") as file:
         process = program(CREW, out=file.fileno())
@@ -380,7 +349,8 @@ print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))
 """
 
 
-def test_processes_of_a_crew_are_deaf_to_the_terminal_from_their_start() -> None:
+@pytest.mark.thorough
+def test_workers_ignore_interrupts_from_their_start() -> None:
     """Ctrl-C reaches them too: they printed a traceback each, also while they were importing."""
     with _interrupts_blocked():
         done = subprocess.run(
@@ -392,7 +362,7 @@ def test_processes_of_a_crew_are_deaf_to_the_terminal_from_their_start() -> None
     assert list(Processes(2)(lambda _: asked(), range(2))) == [signal.SIG_IGN] * 2
 
 
-def test_the_interrupt_of_a_crew_is_heard_afterwards() -> None:
+def test_blocked_interrupt_is_raised_afterwards() -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     went_on: list[bool] = []
     try:
@@ -404,8 +374,9 @@ def test_the_interrupt_of_a_crew_is_heard_afterwards() -> None:
     assert went_on
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there, the worker is another process")
-def test_the_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
+def test_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
     told = tmp_path / "told"
     (tmp_path / "line.py").write_text(LINE)
     (tmp_path / "locked.py").write_text(LOCKED.format(told=str(told)))
@@ -415,8 +386,9 @@ def test_the_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
     assert gone(workers)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="only there it holds for code in C, too")
-def test_the_process_that_marks_ends_with_the_one_that_asked(tmp_path: Path) -> None:
+def test_grading_process_ends_with_its_parent(tmp_path: Path) -> None:
     told, answers = tmp_path / "told", tmp_path / "answers.py"
     answers.write_text(LASTS.format(told=str(told)))
     process = program(MARKS, str(answers))
@@ -437,8 +409,9 @@ child.wait()
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("begin", ["end_with_parent()", "end_with(os.getppid())"])
-def test_a_child_ends_with_its_parent(begin: str, tmp_path: Path) -> None:
+def test_child_ends_with_its_parent(begin: str, tmp_path: Path) -> None:
     told = tmp_path / "told"
     with told.open("w") as file:
         process = program(PARENT.format(begin=begin), out=file.fileno())
@@ -447,7 +420,8 @@ def test_a_child_ends_with_its_parent(begin: str, tmp_path: Path) -> None:
     assert gone(child)
 
 
-def test_a_child_of_nobody_goes_on() -> None:
+@pytest.mark.thorough
+def test_child_without_a_parent_id_goes_on() -> None:
     """Without the parent's number in its environment there is nobody to end with."""
     code = "from workbench.processes import orphans; orphans.end_with_parent(); print('on')"
     done = subprocess.run(

@@ -1,22 +1,20 @@
-"""Every solver on problems with numbers that are none, too large, too small, or none at all.
+"""Solvers on problems with numbers that are too large, too small, or none at all.
 
-Each ends in time with a status, keeps the best point, and lets no warning out: the suite turns
-warnings into errors.
+Each ends with a status, keeps the best point, and lets no warning out: the suite turns warnings
+into errors.
 """
 
-import time
 from dataclasses import replace
+from typing import Any
 
 import casadi as cs
 import numpy as np
 import pytest
 
 import workbench as wb
+from tests.tiers import few
 from workbench.errors import NotSupported
 from workbench.solvers import Status
-
-SECONDS = 2.0  # of a run
-LONGEST = 60.0  # s, for one that looks at the clock before every evaluation, on a busy machine
 
 X, Y = cs.MX.sym("x", 2), cs.MX.sym("x", 1)
 A, B = X[0], X[1]
@@ -24,7 +22,7 @@ LINE = cs.vertcat(A - 1, B - 2)
 BIG = 1e308
 
 
-def at(expression: cs.MX, *start: float, sigma: float = 1.0, **more: object):
+def at(expression: cs.MX, *start: float, sigma: float = 1.0, **more: Any) -> tuple[Any, ...]:
     return expression, np.array(start), sigma, more
 
 
@@ -32,77 +30,77 @@ def under(expression: cs.MX, lower: float, upper: float) -> dict[str, object]:
     return {"constraints": [wb.Constraint("c", expression, lower=lower, upper=upper)]}
 
 
-HOSTILE = {
-    "a root near its end": at(cs.vertcat(cs.sqrt(A) - 2, B), 1e-3, 3),
+HOSTILE: dict[str, tuple[Any, ...]] = {
     "a start without numbers": at(cs.vertcat(cs.sqrt(A) - 2, B), -1, 3),
     "a logarithm of next to nothing": at(cs.vertcat(cs.log(A), B - 1), 1e-300, 3),
-    "an exponential below overflow": at(cs.vertcat(cs.exp(A), B - 1), 700, 3),
     "an exponential whose square overflows": at(cs.vertcat(cs.exp(A) - 1, B - 1), 354, 3),
     "residuals of 1e300": at(1e300 * LINE, 3, 3),
-    "residuals of 1e150": at(1e150 * cs.vertcat(A**2 - 1, B - 2), 3, 3),
     "a start at 1e300": at(LINE, 1e300, -1e300),
-    "a start whose square overflows": at(cs.vertcat(A**2 - 1, B - 2), 1e160, -1e150),
-    "residuals of 1e-300": at(1e-300 * LINE, 3, 3),
     "residuals of 1e-160": at(1e-160 * cs.vertcat(A**2 - 1, B - 2), 3, 3),
-    "no residual at all": at(cs.fmin(X, 0), 3, 3),
-    "a start that is the minimum": at(LINE, 1, 2),
-    "one unknown": at(Y**2 - 2, 1),
-    "one unknown without a slope": at(Y**2 - 2, 0),
     "one unknown with an infinite slope": at(cs.sqrt(cs.fabs(Y)), 0),
-    "a column of zeros": at(A - 1 + 0 * B, 3, 3),
-    "a column that nothing reads": at(cs.vertcat(A - 1, A * 2) + 0 * X, 3, 3),
-    "a lower bound that is the upper one": at(LINE, 3, 3, bounds={"x": ([3, 0], [3, 5])}),
-    "all lower bounds the upper ones": at(LINE, 3, 3, bounds={"x": ([3, 3], [3, 3])}),
     "bounds farther apart than numbers go": at(
         LINE, 3, 3, bounds={"x": ([-BIG, -BIG], [BIG, BIG])}
     ),
-    "a reciprocal": at(cs.vertcat(1 / A, B), 1e-200, 1),
     "a division by zero": at(cs.vertcat(1 / A - 1, B), 0, 1),
+    "columns 1e310 apart": at(cs.vertcat(1e155 * A + B - 1, A - 1e-155 * B), 3, 3),
+    "a cliff of NaN": at(cs.vertcat(cs.if_else(A > 0.5, A, np.nan), B), 1, 3),
+    "a constraint that overflows": at(LINE, 709, -1, **under(cs.exp(A), 0.0, 1.0)),
+    # Of these, only the default solver is asked.
+    "a root near its end": at(cs.vertcat(cs.sqrt(A) - 2, B), 1e-3, 3),
+    "an exponential below overflow": at(cs.vertcat(cs.exp(A), B - 1), 700, 3),
+    "residuals of 1e150": at(1e150 * cs.vertcat(A**2 - 1, B - 2), 3, 3),
+    "a start whose square overflows": at(cs.vertcat(A**2 - 1, B - 2), 1e160, -1e150),
+    "residuals of 1e-300": at(1e-300 * LINE, 3, 3),
+    "no residual at all": at(cs.fmin(X, 0), 3, 3),
+    "a start that is the minimum": at(LINE, 1, 2),
+    "one unknown without a slope": at(Y**2 - 2, 0),
+    "a column of zeros": at(A - 1 + 0 * B, 3, 3),
+    "a lower bound that is the upper one": at(LINE, 3, 3, bounds={"x": ([3, 0], [3, 5])}),
+    "all lower bounds the upper ones": at(LINE, 3, 3, bounds={"x": ([3, 3], [3, 3])}),
+    "a reciprocal": at(cs.vertcat(1 / A, B), 1e-200, 1),
     "a pole": at(cs.vertcat(cs.tan(A) * 1e10, B), 1.57, 1),
     "rows 1e400 apart": at(cs.vertcat(1e200 * (A - 1), 1e-200 * (B - 2)), 3, 3),
-    "columns 1e310 apart": at(cs.vertcat(1e155 * A + B - 1, A - 1e-155 * B), 3, 3),
     "a sigma of 1e-300": at(LINE, 3, 3, sigma=1e-300),
     "a sigma of 1e300": at(LINE, 3, 3, sigma=1e300),
     "a power of fifty": at(cs.vertcat(A**50 - 1, B - 2), 1e6, 3),
     "terms that cancel": at(cs.vertcat((A + 1e200) - 1e200, B), 3, 3),
     "a slope that is no number": at(cs.vertcat(cs.fabs(A) ** 0.5, B), 0, 3),
     "a cliff of infinity": at(cs.vertcat(cs.if_else(A > 0, A, cs.inf), B), 1, 3),
-    "a cliff of NaN": at(cs.vertcat(cs.if_else(A > 0.5, A, np.nan), B), 1, 3),
     "the smallest numbers there are": at(cs.vertcat(A * B - 1, B), 5e-324, 5e-324),
     "a constraint of 1e200": at(LINE, 3, 3, **under(1e200 * A * B, 0.0, 1.0)),
     "a constraint without numbers": at(LINE, 3, -1, **under(cs.sqrt(A) * cs.sqrt(B), 1.0, 1.0)),
-    "a constraint that overflows": at(LINE, 709, -1, **under(cs.exp(A), 0.0, 1.0)),
 }
+ASKED = ("trust-region", "levenberg-marquardt", "ipopt", "gauss-newton", "dogleg", "newton", "sqp")
 
 
 def problem_of(name: str) -> tuple[wb.Problem, np.ndarray]:
     expression, start, sigma, more = HOSTILE[name]
-    return wb.Problem([wb.Residual("r", expression, sigma)], ["x"], **more), start  # type: ignore[arg-type]
+    return wb.Problem([wb.Residual("r", expression, sigma)], ["x"], **more), start
 
 
-@pytest.mark.parametrize("solver", wb.SOLVERS)
-@pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_problem_has_an_end(name: str, solver: str) -> None:
-    problem, start = problem_of(name)
-    began = time.perf_counter()
-    try:
-        found = wb.solve(problem, {"x": start}, replace(wb.SOLVERS[solver], max_seconds=SECONDS))
-    except NotSupported:
-        return
-    assert time.perf_counter() - began < LONGEST
-    assert isinstance(found.status, Status)
-    assert found.message
-    first = problem.residual(*problem.split({"x": np.clip(start, problem.lower, problem.upper)}))
-    with np.errstate(over="ignore"):
-        cost = 0.5 * float(first @ first)
-    differentiable = problem.linearize({"x": start}).finite  # else it is no point to begin at
-    if np.isfinite(cost) and differentiable and not problem.constraints:
-        assert found.cost <= cost
-    if found.status is Status.CONVERGED:
-        assert np.isfinite(found.cost)
+@pytest.mark.parametrize("solver", few([*ASKED, "scipy-trf", "nlopt-lbfgs", "nlopt-bobyqa"], 1))
+def test_hostile_problems_end_no_worse_than_they_began(solver: str) -> None:
+    for name in HOSTILE if solver == ASKED[0] else list(HOSTILE)[:12]:
+        problem, start = problem_of(name)
+        limited = replace(wb.SOLVERS[solver], max_seconds=2.0)  # type: ignore[type-var]
+        try:
+            found = wb.solve(problem, {"x": start}, limited)
+        except NotSupported:
+            continue
+        assert isinstance(found.status, Status), name
+        assert found.message, name
+        inside = np.clip(start, problem.lower, problem.upper)
+        first = problem.residual(*problem.split({"x": inside}))
+        with np.errstate(over="ignore"):
+            cost = 0.5 * float(first @ first)
+        differentiable = problem.linearize({"x": start}).finite  # else it is no point to begin at
+        if np.isfinite(cost) and differentiable and not problem.constraints:
+            assert found.cost <= cost, name
+        if found.status is Status.CONVERGED:
+            assert np.isfinite(found.cost), name
 
 
-def test_columns_of_any_length_that_is_a_number_have_it() -> None:
+def test_column_norms_neither_overflow_nor_vanish() -> None:
     lengths = np.array([0.0, 3e-100, 1.0, 3e200, 1e308])
     here = wb.Linearization(np.zeros(2), np.outer([0.6, 0.8], lengths))
     np.testing.assert_allclose(here.column_norms, lengths, rtol=1e-14)
@@ -110,10 +108,11 @@ def test_columns_of_any_length_that_is_a_number_have_it() -> None:
     np.testing.assert_array_equal(odd.column_norms, [np.inf, 1.0, np.nan])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", ["levenberg-marquardt-columns", "dogleg"])
-def test_a_step_that_is_no_number_ends_the_run(solver: str) -> None:
+def test_steps_that_are_no_numbers_end_the_run(solver: str) -> None:
     """Levenberg and Marquardt's damping once was NaN here, and its loop never ended."""
     problem, start = problem_of("a logarithm of next to nothing")
-    found = wb.solve(problem, {"x": start}, replace(wb.SOLVERS[solver], max_seconds=600.0))
+    limited = replace(wb.SOLVERS[solver], max_seconds=600.0)  # type: ignore[type-var]
+    found = wb.solve(problem, {"x": start}, limited)
     assert found.status in (Status.STALLED, Status.CONVERGED, Status.NOT_FINITE)
-    assert found.seconds < LONGEST

@@ -110,18 +110,6 @@ def doubled_lists(levels: int = 200) -> bytes:
     return kept(b"]", FREE) + inner * levels
 
 
-def doubled_dictionaries(levels: int = 200) -> bytes:
-    """The same of dictionaries."""
-    inner = b"0}(" + text("a") + again(FREE) + text("b") + again(FREE) + kept(b"u", FREE)
-    return kept(b"}", FREE) + inner * levels
-
-
-def doubled_calls(levels: int = 200) -> bytes:
-    """The same of chumpy's values, each of which selects from the one before by itself."""
-    inner = b"0" + kept(chumpy("Select", a=again(FREE), idxs=again(FREE)), FREE)
-    return kept(array(1, of="i8"), FREE) + inner * levels
-
-
 def deep_tuples(levels: int = 20_000) -> bytes:
     """A tuple in a tuple in a tuple."""
     return b")" + b"\x85" * levels
@@ -157,35 +145,12 @@ def of_one_content(count: int, size: int) -> dict[str, bytes]:
     return {"e0": first, **others}
 
 
-def of_one_text(count: int, size: int) -> dict[str, bytes]:
-    """The same, the bytes being a text that has to be encoded each time."""
-    first = array(size, of="u1", holds=kept(text("a" * size), FREE))
-    return {"e0": first} | {
-        f"e{i}": array(size, of="u1", holds=again(FREE)) for i in range(1, count)
-    }
-
-
 def selected_again(count: int, size: int) -> dict[str, bytes]:
     """Selections that repeat the one entry of an array very often."""
     which = kept(array(size, of="u1"), FREE)
     first = chumpy("Select", a=array(1), idxs=which)
     others = {f"e{i}": chumpy("Select", a=array(1), idxs=again(FREE)) for i in range(1, count)}
     return {"e0": first} | others
-
-
-def shared_state(count: int, size: int) -> dict[str, bytes]:
-    """Arrays that all have the same far too long state."""
-    state = kept(several(b"N" * size), FREE)
-    first = NO_ARRAY_YET + state + b"b"
-    return {"e0": first} | {f"e{i}": NO_ARRAY_YET + again(FREE) + b"b" for i in range(1, count)}
-
-
-def shared_attributes(count: int, size: int) -> dict[str, bytes]:
-    """Matrices that all have the same dictionary of attributes, with coordinates among them."""
-    coo = b"cscipy.sparse.coo\ncoo_matrix\n)\x81"
-    many = {f"a{i}": b"N" for i in range(size)} | {"coords": several(b"N", b"N"), "data": b"N"}
-    first = coo + kept(dictionary(many), FREE) + b"b"
-    return {"e0": first} | {f"e{i}": coo + again(FREE) + b"b" for i in range(1, count)}
 
 
 def called_with_a_list(count: int, size: int) -> bytes:
@@ -214,15 +179,15 @@ def body(**changed: bytes) -> bytes:
 
 
 SIZES, ZEROS = several(whole(N), whole(K)), content(bytes(8 * N * K))  # of the weights
-BOMBS = {
+BOMBS = {  # that are put in the place of something else
     "tuples twice on every level": doubled_tuples(),
     "lists twice on every level": doubled_lists(),
-    "dictionaries twice on every level": doubled_dictionaries(),
-    "chumpy values twice on every level": doubled_calls(),
+    "chumpy values twice on every level": selections(200),
     "tuples in tuples": deep_tuples(),
     "lists in lists": deep_lists(),
     "a list in itself": in_itself(),
     "a long text": text("x" * 300_000),
     "a text of half a surrogate": text("\ud800" * 9),
     "long bytes": content(b"\xff" * 300_000),
+    "a number of a million bytes": whole(2**8_000_000),
 }

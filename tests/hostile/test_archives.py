@@ -1,0 +1,405 @@
+"""Archives of arrays: each reader refuses what is damaged, contradicts itself, or is a bomb."""
+
+import io
+import os
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.hostile.archives import DAMAGES, OTHERS, arrays_in, npy, with_arrays, with_facts
+from tests.hostile.attack import ask
+from tests.hostile.formats import FORMATS, estimate, whole
+from tests.hostile.limits import REFUSED, Reader
+from tests.tiers import few
+from workbench.bodies.catalogue import load_body
+from workbench.errors import BadFile, WorkbenchError
+from workbench.solvers import Solution
+from workbench.training.checkpoint import Checkpoint, read_checkpoint
+from workbench.training.folder import FolderRegistrations, Row
+
+MB = 2**20
+
+
+def refusal(name: str, folder: Path, file: str, content: bytes) -> str:
+    """The sentence with which a format is refused if one of its files has another content."""
+    for other, kept in whole(name).items():
+        path = folder / other
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content if other == file else kept)
+    with pytest.raises(WorkbenchError) as caught:
+        FORMATS[name].read(folder)
+    told = str(caught.value)
+    assert len(told) < 1500
+    assert Path(file).stem in told
+    return told
+
+
+def test_damaged_archives_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "fit.npz").write_bytes(with_arrays(whole("solution.npz")["fit.npz"], {}))
+    Solution.load(tmp_path / "fit.npz")  # packed anew, and whole
+    for name, damage in DAMAGES.items():
+        damaged = damage(whole("solution.npz")["fit.npz"])
+        assert damaged != whole("solution.npz")["fit.npz"], name
+        told = refusal("solution.npz", tmp_path, "fit.npz", damaged)
+        assert "fit.npz" in told, name
+        assert "\n" not in told, name
+
+
+ARRAYS: dict[str, tuple[str, str]] = {  # of files that say nothing but what they must
+    "solution.npz": ("fit.npz", "value:x trace:x"),
+    "training-checkpoint": ("checkpoint.npz", "templates joints posedirs weights poses"),
+    "truth.npz": ("truth.npz", "rest joints subject poses trans weights"),
+    "pose-priors": ("cmu_gaussian.npz", "mean covariance n_frames"),
+    "mocap.npz": ("mocap.npz", "poses clip"),
+    "training-start": ("start.npz", "template faces parents segmentation"),
+    "training-folder": ("c.npz", "vertices"),
+    "comparison": ("comparison/runs/description.npz", "start"),
+    "soft-tissue": ("tissue.npz", "directions first second response part"),
+    "embedded.npz": ("small.npz", "template shapedirs posedirs_step weight_shares coco_rows faces"),
+}
+SINGLE: dict[str, Callable[[Any], object]] = {"single precision": lambda a: a.astype(np.float32)}
+
+
+@pytest.mark.parametrize("name", few(ARRAYS, 2))
+def test_arrays_of_other_types_and_shapes_are_refused(name: str, tmp_path: Path) -> None:
+    file, arrays = ARRAYS[name]
+    content = whole(name)[file]
+    for array in arrays.split():
+        there = arrays_in(content)[array]
+        kept = name in ("solution.npz", "training-checkpoint")  # numbers as they were saved
+        for other, change in (OTHERS | (SINGLE if kept else {})).items():
+            with np.errstate(all="ignore"):
+                damaged = with_arrays(content, {array: change(there)})
+            told = refusal(name, tmp_path, file, damaged)
+            assert array in told or other != "complex" or name == "comparison", told
+
+
+TEXTS = (None, True, 5, [], {})
+NUMBERS = (None, True, "1.0", [], {}, [1.0], -(10**400))
+COUNTS = (None, True, "3", 2.5, -1, 2**70, [])
+FACTS: dict[str, tuple[str, str, dict[str, tuple[object, ...]]]] = {
+    "solution.npz": (
+        "fit.npz",
+        "solution",
+        {
+            **dict.fromkeys(("cost", "seconds"), (*NUMBERS, -1.0)),
+            **dict.fromkeys(("optimality", "missed"), NUMBERS),
+            **dict.fromkeys(("message", "solver"), TEXTS),
+            "status": (*TEXTS, "GREAT", "converged"),
+            "lost": ("a", [5], None),
+            "evaluations": (None, [], 5, {}, {"residual": -1}, {"guesses": 1}),
+            "trace": (None, "rows", {}, [], [[]], [None], [[1.0] * 6], [[1.0] * 8]),
+        },
+    ),
+    "comparison": (
+        "comparison/runs/record.npz",
+        "facts",
+        {
+            **dict.fromkeys(("cost", "optimality", "digits", "seconds"), NUMBERS),
+            **dict.fromkeys(("solver", "instance", "claim", "message", "machine"), TEXTS),
+            "ending": (*TEXTS, "HAPPY"),
+            "inside": (None, 1, "true"),
+            "not_finite": COUNTS,
+            "counts": (None, [], [1, 2], ["1"] * 7, [1.5] * 7),
+        },
+    ),
+    "training-checkpoint": (
+        "checkpoint.npz",
+        "facts",
+        {
+            "fingerprint": (*TEXTS, "another's"),
+            "parents": (None, [], [0, 1], "parents"),
+            "log": (None, {}, "log", [None], [{}], [5], [{"block": "poses"}]),
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", few(FACTS, 1))
+def test_facts_of_other_types_are_refused(name: str, tmp_path: Path) -> None:
+    file, key, wrong = FACTS[name]
+    content = whole(name)[file]
+    for fact, values in wrong.items():
+        for value in values:
+            changed = with_facts(content, key, lambda told, v=value, f=fact: told | {f: v})
+            refusal(name, tmp_path, file, changed)
+        if fact not in ("missed", "lost"):  # which older files do not say
+            less = with_facts(
+                content, key, lambda told, f=fact: {k: v for k, v in told.items() if k != f}
+            )
+            refusal(name, tmp_path, file, less)
+
+
+Change = Callable[[dict[str, Any]], dict[str, object]]  # arrays of a file -> those that change
+CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone might be right
+    "SMPL.npz": (
+        "SMPL.npz",
+        {
+            "halves in place of faces": lambda a: {"f": np.full((60, 3), 0.5)},
+            "infinite faces": lambda a: {"f": np.full((60, 3), np.inf)},
+            "faces of no vertices": lambda a: {"f": a["f"] + 30},
+            "weights of another size": lambda a: {"weights": np.ones((30, 5)) / 5},
+            "weights that do not sum to one": lambda a: {"weights": 2 * a["weights"]},
+            "a regressor on its side": lambda a: {"J_regressor": a["J_regressor"].T},
+            "a card of brackets": lambda a: {"card": np.array("[" * 100_000)},
+            "another way of skinning": lambda a: {"bs_style": np.array("x" * 10**6)},
+            "a joint too many": lambda a: {"joint_names": np.array(list("abcdefg"))},
+        },
+    ),
+    "training-start": (
+        "start.npz",
+        {
+            "faces of no vertices": lambda a: {"faces": a["faces"] + len(a["template"])},
+            "a face before the first vertex": lambda a: {"faces": a["faces"] - 1},
+            "no faces": lambda a: {"faces": a["faces"][:0]},
+            "a vertex too few": lambda a: {"template": a["template"][1:]},
+            "a template of another unit": lambda a: {"template": 1e9 * a["template"]},
+            "a parent after its child": lambda a: {"parents": a["parents"][::-1]},
+            "two roots": lambda a: {"parents": 0 * a["parents"] - 1},
+            "a segment beyond the joints": lambda a: {"segmentation": a["segmentation"] + 1},
+            "a joint without a vertex": lambda a: {"segmentation": 0 * a["segmentation"]},
+            "two joints of one name": lambda a: {
+                "joint_names": a["joint_names"][[0, 0, *range(22)]]
+            },
+            "fewer names than joints": lambda a: {"joint_names": a["joint_names"][1:]},
+        },
+    ),
+    "training-checkpoint": (
+        "checkpoint.npz",
+        {
+            "a pose too few": lambda a: {"poses": a["poses"][1:]},
+            "weights that sum to two": lambda a: {"weights": 2 * a["weights"]},
+            "joints far away": lambda a: {"joints": 1e9 + a["joints"]},
+            "an array that was never saved": lambda a: {"further": np.zeros(3)},
+        },
+    ),
+    "solution.npz": (
+        "fit.npz",
+        {
+            "a value of another shape": lambda a: {"value:x": a["value:x"][:-1]},
+            "a trace of another length": lambda a: {"trace:x": a["trace:x"][:-1]},
+            "an array that was never saved": lambda a: {"further": np.zeros(3)},
+        },
+    ),
+    "truth.npz": (
+        "truth.npz",
+        {
+            "a subject too many": lambda a: {"subject": a["subject"] + 1},
+            "weights of other vertices": lambda a: {"weights": a["weights"][:-1]},
+        },
+    ),
+    "training-folder": (
+        "c.npz",
+        {
+            "faces turned around": lambda a: {"faces": a["faces"][::-1, ::-1]},
+            "confidence above one": lambda a: {"confidence": 2 * a["confidence"]},
+        },
+    ),
+    "body.npz": (
+        "body.npz",
+        {
+            "landmarks without numbers": lambda a: {"landmarks/one/data": None},
+            "landmarks beyond the mesh": lambda a: {"landmarks/one/indices": np.full(5, 999)},
+            "landmarks of a huge matrix": lambda a: {"landmarks/one/shape": np.array([2**62] * 2)},
+            "names that are numbers": lambda a: {"landmarks/one/names": np.arange(1)},
+        },
+    ),
+    "pose-priors": (
+        "cmu_mixture.npz",
+        {
+            "shares below zero": lambda a: {"shares": -a["shares"]},
+            "covariances of another size": lambda a: {"covariances": a["covariances"][:, :3]},
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", few(CONTRADICTIONS, 3))
+def test_arrays_that_contradict_each_other_are_refused(name: str, tmp_path: Path) -> None:
+    file, wrong = CONTRADICTIONS[name]
+    content = whole(name)[file]
+    for change in wrong.values():
+        refusal(name, tmp_path, file, with_arrays(content, change(arrays_in(content))))
+
+
+@pytest.mark.thorough
+def test_cards_may_say_anything_of_what_was_left_out(tmp_path: Path) -> None:
+    for left_out in (5, None, {"a": 1}):
+        card = with_facts(whole("body.npz")["body.npz"], "card", lambda _: {"left_out": left_out})  # noqa: B023
+        odd = with_arrays(card, {"odd": np.zeros(3, [("x", "f8")])})
+        (tmp_path / "body.npz").write_bytes(odd)
+        said = load_body(tmp_path / "body.npz").card["left_out"]
+        assert said[0] == left_out
+        assert "odd" in said[-1]
+
+
+@pytest.mark.thorough
+def test_arrays_keep_their_order_in_memory(tmp_path: Path) -> None:
+    """A run that goes on from a checkpoint sums in the same order as one that never stopped."""
+    turned = replace(estimate(), posedirs=np.asfortranarray(estimate().posedirs))
+    Checkpoint(turned, (), "mark").save(tmp_path)
+    found = read_checkpoint(tmp_path, "mark", estimate(), ("poses",))
+    assert found is not None
+    assert found.estimate.posedirs.flags.f_contiguous
+    np.testing.assert_array_equal(found.estimate.posedirs, estimate().posedirs)
+
+
+# Stacks of meshes in one .npy, of which a row is read at a time.
+
+
+def _start() -> dict[str, Any]:
+    return arrays_in(whole("training-start")["start.npz"])
+
+
+def one_mesh(path: Path, row: str = "#1") -> np.ndarray:
+    rows = (Row(path.name + row, "a"),)
+    faces = _start()["faces"]
+    return FolderRegistrations(path.parent, rows, 369, faces).read(slice(0, 1)).vertices[0]
+
+
+def header(shape: str, descr: str = "'<f4'") -> bytes:
+    text = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}\n".encode()
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+
+
+def test_stacks_are_read_in_any_order_of_axes_or_refused(tmp_path: Path) -> None:
+    path, stack = tmp_path / "many.npy", np.stack([_start()["template"]] * 3).astype(np.float32)
+    for array in (stack, np.asfortranarray(stack), stack.astype(">f8")):
+        np.save(path, array)
+        np.testing.assert_array_equal(one_mesh(path), stack[1])
+    wrong = {
+        "an archive": b"PK\x03\x04" + bytes(60),
+        "cut off": npy(stack)[:-4],
+        "too long": npy(stack) + b"1",
+        "an unknown version": npy(stack).replace(b"Y\x01\x00", b"Y\x07\x00"),
+        "a header that never ends": header("(3,", "'<f4"),
+        "more than can be counted": header(f"({2**62}, 369, 3)"),
+        "fewer than none": header("(-1, 369, 3)"),
+        "arrays in an array": header("(1, 369)", "('<f4', (3,))"),
+        "objects": npy(np.array([{}, None], dtype=object)),
+        "whole numbers": npy(stack.astype(int)),
+        "half precision": npy(stack.astype(np.float16)),
+        "one axis": npy(stack.ravel()),
+        "no meshes": npy(stack[:0]),
+        "other vertices": npy(stack[:, 1:]),
+        "NaN": npy(np.full_like(stack, np.nan)),
+    }
+    for content in wrong.values():
+        path.write_bytes(content)
+        with pytest.raises(BadFile, match=r"many\.npy"):
+            one_mesh(path)
+
+
+def test_stacks_larger_than_memory_cost_what_is_read(tmp_path: Path) -> None:
+    """A terabyte of nothing: what a file system keeps of it is its header."""
+    count = 2**40 // (12 * 369)
+    start = header(f"({count}, 369, 3)")
+    with (tmp_path / "many.npy").open("wb") as file:
+        file.write(start)
+        try:
+            file.truncate(len(start) + count * 12 * 369)
+        except OSError:
+            pytest.skip("this file system has no file as large")
+    assert not one_mesh(tmp_path / "many.npy").any()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
+def test_pipes_are_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.npy")
+    for read in (Solution.load, lambda path: one_mesh(path, "#0"), load_body):
+        with pytest.raises(BadFile, match="a pipe"):
+            read(tmp_path / "pipe.npy")
+
+
+# Archives that shrink a thousand times.
+
+
+def bomb(whole: bytes, name: str, descr: str, shape: tuple[int, ...], fill: bytes = b"\0") -> bytes:
+    """An archive in which an array of one repeated value is in the place of what it held."""
+    start = io.BytesIO()
+    told = {"descr": descr, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(start, told)
+    size = int(np.prod(shape, dtype=object)) * np.dtype(descr).itemsize
+    piece = fill * (12 * MB // len(fill))
+    pieces = [start.getvalue(), *[piece] * (size // len(piece)), piece[: size % len(piece)]]
+    content, checksum, known = b"", 0, {}
+    for one in pieces:
+        checksum = zlib.crc32(one, checksum)
+        if id(one) not in known:
+            known[id(one)] = deflated(one, zlib.Z_FULL_FLUSH)
+        content += known[id(one)]
+    file = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(file, "w") as archive:
+        for other in set(old.namelist()) - {f"{name}.npy"}:
+            archive.writestr(other, old.read(other))
+        archive.writestr(f"{name}.npy", content + deflated(b"", zlib.Z_FINISH))
+        member = archive.getinfo(f"{name}.npy")  # from which the directory is written at the end
+        member.compress_type, member.CRC = zipfile.ZIP_DEFLATED, checksum
+        member.file_size = len(start.getvalue()) + size
+    return file.getvalue()
+
+
+def deflated(content: bytes, how: int) -> bytes:
+    """What comes after it does not depend on it: pieces can be repeated."""
+    deflating = zlib.compressobj(9, zlib.DEFLATED, -15)
+    return deflating.compress(content) + deflating.flush(how)
+
+
+def members_without_number(whole: bytes) -> bytes:
+    """An archive whose directory has a hundred thousand entries, all for the same bytes."""
+    at, end = whole.find(b"PK\x01\x02"), whole.rfind(b"PK\x05\x06")
+    length = 46 + sum(int.from_bytes(whole[at + k : at + k + 2], "little") for k in (28, 30, 32))
+    directory = whole[at : at + length] * 100_000
+    return (
+        whole[:at]
+        + directory
+        + whole[end:][:12]
+        + len(directory).to_bytes(4, "little")
+        + (whole[end:][16:])
+    )
+
+
+LISTS = "".join(f"{letter}\0\0\0" for letter in "[],").encode()  # an empty list, as numpy has it
+BOMBS: dict[str, tuple[str, str, str, str, tuple[int, ...], bytes]] = {
+    "zeros beside a body": ("SMPL.npz", "SMPL.npz", "further", "<f8", (80_000_000,), b"\0"),
+    "bytes to be widened": ("SMPL.npz", "SMPL.npz", "shapedirs", "|i1", (30, 3, 4_000_000), b"\0"),
+    "a card of empty lists": ("SMPL.npz", "SMPL.npz", "card", "<U40000000", (), LISTS),
+    "a long trace": ("solution.npz", "fit.npz", "trace:x", "<f8", (16_000_000, 3), b"\0"),
+    "facts of lists": ("solution.npz", "fit.npz", "solution", "<U20000000", (), LISTS),
+    "poses": ("training-checkpoint", "checkpoint.npz", "poses", "<f8", (9_000_000, 3, 3), b"\0"),
+    "vertices": ("training-folder", "c.npz", "vertices", "<f4", (20_000_000, 3), b"\0"),
+    "blend shapes": ("embedded.npz", "small.npz", "shapedirs", "<i2", (369, 3, 90_000), b"\0"),
+    "angles": ("mocap.npz", "mocap.npz", "poses", "<f4", (1_200_000, 72), b"\0"),
+    "a mixture": ("pose-priors", "cmu_mixture.npz", "means", "<f4", (8, 9_000_000), b"\0"),
+}
+
+
+@pytest.mark.parametrize("name", few(BOMBS, 1))
+def test_zip_bombs_are_refused_before_memory_is_taken(
+    name: str, reader: Reader, tmp_path: Path
+) -> None:
+    format, file, array, descr, shape, fill = BOMBS[name]
+    content = bomb(whole(format)[file], array, descr, shape, fill)
+    assert len(content) < 8 * MB
+    answer = ask(reader, format, tmp_path, file, content)
+    assert answer.outcome == REFUSED, answer.what
+
+
+@pytest.mark.thorough
+def test_archives_of_too_many_members_are_refused(reader: Reader, tmp_path: Path) -> None:
+    content = members_without_number(whole("truth.npz")["truth.npz"])
+    answer = ask(reader, "truth.npz", tmp_path, "truth.npz", content)
+    assert answer.outcome == REFUSED
+    assert "directory" in answer.what
+
+
+def test_archives_as_large_as_their_arrays_are_read(tmp_path: Path) -> None:
+    """What the refusal of a bomb advises to do: zeros that are not compressed."""
+    np.savez(tmp_path / "start.npz", **_start(), further=np.zeros(2**23, dtype=np.int8))
+    FORMATS["training-start"].check(tmp_path)

@@ -1,0 +1,98 @@
+"""Nothing that a reader is given may crash it, hang it or be believed unseen.
+
+The default run feeds each reader a few files that are damaged, claim too much, or try to run code,
+and all files that were found to do harm before. The thorough run takes a new seed, which a failure
+tells, and WORKBENCH_FUZZ mutations for each format (40 if that is not set); so does
+`python -m tests.hostile`, which prints a table and can keep what it finds.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.hostile.__main__ import FOUND
+from tests.hostile.attack import ask, attacked, drawn
+from tests.hostile.broken_readers import BROKEN
+from tests.hostile.formats import FORMATS, whole
+from tests.hostile.limits import FAILED, READ, REFUSED, Reader
+from tests.hostile.mutations import overstated, trapped
+
+FEW = 10
+MANY = int(os.environ.get("WORKBENCH_FUZZ", "40"))
+FRAGILE = (".npz", ".npy", ".pkl", ".h5", ".glb", ".stl", ".json", ".pcd")  # half of one is none
+UNCOUNTED = (".xyz", ".csv", ".bin", ".trc")  # say nothing of how much they hold, or are counted
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_files_are_read_soundly_or_refused(name: str, reader: Reader, tmp_path: Path) -> None:
+    valid = ask(reader, name, tmp_path)
+    assert valid.outcome == READ, valid.what
+    for file, content in whole(name).items():
+        empty = ask(reader, name, tmp_path, file, b"")
+        assert empty.outcome == REFUSED, f"{file}, empty: {empty.what}"
+        half = ask(reader, name, tmp_path, file, content[: len(content) // 2])
+        allowed = (REFUSED,) if file.endswith(FRAGILE) else (REFUSED, READ)
+        assert half.outcome in allowed, f"{file}, half of it: {half.what}"
+        large = ask(reader, name, tmp_path, file, overstated(file, content))
+        allowed = (REFUSED, READ) if file.endswith(UNCOUNTED) else (REFUSED,)
+        assert large.outcome in allowed, f"{file}, claiming too much: {large.what}"
+        trap = trapped(file, content, tmp_path / "marker")
+        if trap is not None:
+            answer = ask(reader, name, tmp_path, file, trap)
+            assert answer.outcome == REFUSED, f"{file}, with a pickle: {answer.what}"
+            assert not (tmp_path / "marker").exists()
+    counts = attacked(reader, name, tmp_path, seed=0, cases=FEW)
+    assert not counts.failures, str(counts.failures[0])
+    assert counts.refused > FEW / 4, "hardly any mutation was wrong"
+
+
+def test_trapped_pickles_would_run_code(tmp_path: Path) -> None:
+    import pickle
+
+    content = trapped("model.pkl", pickle.dumps({}, 2), tmp_path / "marker")
+    assert content is not None
+    pickle.loads(content)
+    assert (tmp_path / "marker").exists()
+
+
+FILES = sorted(path for path in FOUND.rglob("*") if path.is_file())
+
+
+def test_files_found_before_are_refused(reader: Reader, tmp_path: Path) -> None:
+    assert FILES
+    for path in FILES:
+        name, digest, *file = path.relative_to(FOUND).parts
+        answer = ask(reader, name, tmp_path / digest, "/".join(file), path.read_bytes())
+        assert answer.outcome == REFUSED, f"{path}: {answer.what}"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", FORMATS)
+def test_many_mutations_are_read_or_refused(name: str, reader: Reader, tmp_path: Path) -> None:
+    counts = attacked(reader, name, tmp_path, seed=int(time.time()), cases=MANY)
+    assert not counts.failures, "\n".join(map(str, counts.failures[:5]))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("broken", BROKEN, ids=lambda broken: broken.__name__)
+def test_broken_readers_are_noticed(
+    broken: Callable[[Path], None], reader: Reader, tmp_path: Path
+) -> None:
+    limits = {"seconds": 1.0, "megabytes": 200.0, "wall": 10.0}
+    place = f"{broken.__module__}:{broken.__name__}"
+    answer = reader.ask(place, tmp_path, **limits)
+    assert answer.outcome == FAILED
+    assert BROKEN[broken] in answer.what
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", FORMATS)
+def test_seeds_repeat_their_mutations(name: str) -> None:
+    some = [drawn(name, 0, number) for number in range(8)]
+    same = [drawn(name, 0, number) for number in range(8)]
+    assert some == same
+    assert np.mean([content != whole(name)[file] for file, content in some]) > 0.5
