@@ -24,10 +24,10 @@ SYMBOLIC = {
 
 
 @pytest.mark.parametrize("name", SYMBOLIC)
-def test_symbolic_things_refuse_pickling_and_copy_as_themselves(name: str) -> None:
+def test_symbolic_things_refuse_pickling_and_can_be_copied(name: str) -> None:
     with pytest.raises(BadArgument, match=f"a {name} cannot be pickled"):
         pickle.dumps(SYMBOLIC[name])
-    assert copy.copy(SYMBOLIC[name]) is SYMBOLIC[name]
+    assert vars(copy.copy(SYMBOLIC[name])) == vars(SYMBOLIC[name])
     assert copy.deepcopy({"it": SYMBOLIC[name]})["it"] is SYMBOLIC[name]
 
 

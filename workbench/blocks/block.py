@@ -19,7 +19,7 @@ AXES = ("x", "y", "z")
 
 
 class Symbolic:
-    """What is made of CasADi's symbols, which exist in one process alone; its copy is itself."""
+    """What is made of CasADi's symbols, which exist in one process alone."""
 
     def __reduce__(self) -> NoReturn:
         raise BadArgument(
@@ -28,7 +28,9 @@ class Symbolic:
         )
 
     def __copy__(self) -> Self:
-        return self
+        new = type(self).__new__(type(self))
+        new.__dict__.update(self.__dict__)
+        return new
 
     def __deepcopy__(self, memo: object) -> Self:
         return self

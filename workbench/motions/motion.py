@@ -169,15 +169,17 @@ class Motion:
         too, and said. If the motion has an expression and the body a face, betas are coefficients
         of shape alone, and those beyond the body's directions of shape are left out. The root is
         where it was, also if the motion's own bones rest elsewhere. These are the same angles,
-        which are not the same places on a body of other proportions. Raises BadArgument if the
-        names have no joint in common.
+        which are not the same places on a body of other proportions. Raises BadArgument if most
+        joints have no partner, as the body would be a statue then.
         """
         ours = {name: k for k, name in enumerate(self.joint_names)}
-        if not ours.keys() & set(body.joint_names):
+        common = [name for name in body.joint_names if name in ours]
+        if 2 * len(common) < min(len(ours), len(body.joint_names)) or not common:
             raise BadArgument(
-                f"body {body.name!r} has the joints {some_of(body.joint_names)}, and the motion "
-                f"none of them but {some_of(self.joint_names)}; rename the joints of the motion, "
-                "or play it on its own bones"
+                f"of the {len(ours)} joints of the motion ({some_of(self.joint_names)}), "
+                f"{len(common)} have a partner among those of body {body.name!r} "
+                f"({some_of(body.joint_names)}), which would stand still; rename the joints of the "
+                "motion, or play it on its own bones"
             )
         notes = []
         if still := [name for name in body.joint_names if name not in ours]:
