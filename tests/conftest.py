@@ -15,6 +15,8 @@ os.environ.setdefault("WORKBENCH_CACHE", str(Path(__file__).parents[1] / ".pytes
 import pytest
 
 TOGETHER = {  # files of tests that share what takes long, and a name for them
+    "test_repository.py": "repository",
+    "test_report.py": "report",
     "test_site.py": "site",
     "test_no_hang.py": "no hang",
     "test_triangle_study.py": "triangles",

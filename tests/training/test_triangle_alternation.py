@@ -90,6 +90,7 @@ def test_changed_template_changes_no_subject() -> None:
     np.testing.assert_allclose(*shown, atol=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [blend_scape])
 def test_persons_are_unposed(make: object) -> None:
     assert callable(make)

@@ -214,6 +214,7 @@ def test_vertex_components_explain_no_less(seed: int) -> None:
         np.testing.assert_allclose(left, 1 - found.share[:20], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_smpl_adds_and_scape_multiplies_pose() -> None:
     rng = np.random.default_rng(10)
     pose, betas = rng.normal(scale=0.4, size=(24, 3)), rng.normal(size=10)
