@@ -16,7 +16,6 @@ import pytest
 
 TOGETHER = {  # files of tests that share what takes long, and a name for them
     "test_repository.py": "repository",
-    "test_report.py": "report",
     "test_site.py": "site",
     "test_no_hang.py": "no hang",
     "test_triangle_study.py": "triangles",
@@ -73,7 +72,9 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "xdist_group(name): tests that run in one process")
     if getattr(config.option, "dist", "no") == "load":
         config.option.dist = "loadgroup"
-    if not hasattr(config, "workerinput"):
+    if hasattr(config, "workerinput"):
+        config.option.loadgroup = True  # which workers do not hear of
+    else:
         folder = config.rootpath / ".pytest_cache"
         folder.mkdir(exist_ok=True)
         config.pluginmanager.register(Results(folder / "results.tsv"))
