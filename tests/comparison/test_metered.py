@@ -11,11 +11,10 @@ from tests.comparison import askers
 from tests.comparison.problems import LINE, line, slide
 from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
-from workbench import SOLVERS, Block, Constraint, GaussNewton, Problem, Residual, solve
-from workbench.comparison import Budget, Comparison, TargetOutcome, compare
+from workbench import SOLVERS, Block, Constraint, GaussNewton, Problem, Residual
+from workbench.comparison import Budget, Comparison, compare
 from workbench.comparison.log import KINDS, Log, Observed
 from workbench.comparison.metered import Metered
-from workbench.comparison.words import advice
 from workbench.errors import NotSupported
 from workbench.solvers import Evaluations, Status
 from workbench.solvers.limits import Stop
@@ -120,31 +119,6 @@ def test_stages_are_followed_and_other_costs_not(tmp_path: Path) -> None:
     assert len(seen.trace) == 1
 
 
-def test_judging_an_end_is_no_progress(tmp_path: Path) -> None:
-    """The ridge of (x^2 - 1)^2: the judge finds a lower point beside it, and the run did not."""
-    x = Block("x").symbol
-    problem = Problem((Residual("ridge", x**2 - 1, 1.0),), ("x",))
-    watch = Metered(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 1))
-    solution = solve(watch.metered(), {"x": 0.0})
-    assert solution.status is Status.SADDLE
-    assert solution.judging.residual > 0
-    seen = Log.read(tmp_path / "log")
-    assert seen.trace[-1, -1] == solution.cost == 0.5
-    assert seen.best == solution.values["x"]
-    assert seen.evaluations.residual == solution.evaluations.residual + solution.judging.residual
-
-
-def test_forbidden_points_are_no_progress(tmp_path: Path) -> None:
-    x = Block("x", (2,)).symbol
-    circle = Constraint("circle", cs.sumsqr(x), 1.0, 1.0)
-    problem = Problem((Residual("r", x, 1.0),), ("x",), constraints=(circle,))
-    watch = Metered(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 2))
-    watch.metered().residual(np.zeros(2), NOTHING)
-    assert not len(Log.read(tmp_path / "log").trace)
-    watch.metered().residual(np.array([0.6, 0.8]), NOTHING)
-    assert Log.read(tmp_path / "log").trace[-1, -1] == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(
     "name",
     few(
@@ -213,17 +187,6 @@ def test_graphs_and_batches_are_counted_and_followed(
     assert not found.uncounted(found.instances[0].name, name)
 
 
-def test_uncounted_efforts_are_unknown_and_no_failure(
-    found: Comparison,
-) -> None:
-    name = "own graph"
-    assert found.outcomes[found.instances[0].name, name] is TargetOutcome.REACHED
-    assert found.success(name, 1e-7).value == 1
-    assert found.uncounted(found.instances[0].name, name)
-    assert np.isnan(found.effort(name, 1e-5).value)
-    assert any(said.startswith(f"{name}: not everything was counted") for said in advice(found))
-
-
 def test_columns_are_counted_as_points(tmp_path: Path) -> None:
     problem, seen = line_watched(tmp_path)
     points = np.column_stack([X, X - 1, X - 2, X + 1])
@@ -245,13 +208,6 @@ TAKEN: list[Callable[[cs.Function], object]] = [
     lambda f: f.jacobian(),
     lambda f: cs.Function("whole", [a := cs.MX.sym("a", 3)], [f(a, NOTHING)]),
 ]
-
-
-def test_taking_a_graph_along_is_noticed(tmp_path: Path) -> None:
-    for take in TAKEN:
-        problem, seen = line_watched(tmp_path)
-        take(problem.function)
-        assert seen().taken
 
 
 def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:

@@ -1,27 +1,22 @@
 """Archives of arrays: each reader refuses what is damaged, contradicts itself, or is a bomb."""
 
 import io
-import os
 import zipfile
 import zlib
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.hostile.archives import DAMAGES, OTHERS, arrays_in, npy, with_arrays, with_facts
+from tests.hostile.archives import DAMAGES, OTHERS, arrays_in, with_arrays, with_facts
 from tests.hostile.attack import ask
-from tests.hostile.formats import FORMATS, estimate, whole
+from tests.hostile.formats import FORMATS, whole
 from tests.hostile.limits import REFUSED, Reader
 from tests.tiers import few
-from workbench.bodies.catalogue import load_body
-from workbench.errors import BadFile, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.solvers import Solution
-from workbench.training.checkpoint import Checkpoint, read_checkpoint
-from workbench.training.folder import FolderRegistrations, Row
 
 MB = 2**20
 
@@ -228,93 +223,11 @@ def test_arrays_that_contradict_each_other_are_refused(name: str, tmp_path: Path
         refusal(name, tmp_path, file, with_arrays(content, change(arrays_in(content))))
 
 
-@pytest.mark.thorough
-def test_cards_may_say_anything_of_what_was_left_out(tmp_path: Path) -> None:
-    for left_out in (5, None, {"a": 1}):
-        card = with_facts(whole("body.npz")["body.npz"], "card", lambda _: {"left_out": left_out})  # noqa: B023
-        odd = with_arrays(card, {"odd": np.zeros(3, [("x", "f8")])})
-        (tmp_path / "body.npz").write_bytes(odd)
-        said = load_body(tmp_path / "body.npz").card["left_out"]
-        assert said[0] == left_out
-        assert "odd" in said[-1]
-
-
-@pytest.mark.thorough
-def test_arrays_keep_their_order_in_memory(tmp_path: Path) -> None:
-    """A run that goes on from a checkpoint sums in the same order as one that never stopped."""
-    turned = replace(estimate(), posedirs=np.asfortranarray(estimate().posedirs))
-    Checkpoint(turned, (), "mark").save(tmp_path)
-    found = read_checkpoint(tmp_path, "mark", estimate(), ("poses",))
-    assert found is not None
-    assert found.estimate.posedirs.flags.f_contiguous
-    np.testing.assert_array_equal(found.estimate.posedirs, estimate().posedirs)
-
-
 # Stacks of meshes in one .npy, of which a row is read at a time.
 
 
 def _start() -> dict[str, Any]:
     return arrays_in(whole("training-start")["start.npz"])
-
-
-def one_mesh(path: Path, row: str = "#1") -> np.ndarray:
-    rows = (Row(path.name + row, "a"),)
-    faces = _start()["faces"]
-    return FolderRegistrations(path.parent, rows, 369, faces).read(slice(0, 1)).vertices[0]
-
-
-def header(shape: str, descr: str = "'<f4'") -> bytes:
-    text = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}\n".encode()
-    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
-
-
-def test_stacks_are_read_in_any_order_of_axes_or_refused(tmp_path: Path) -> None:
-    path, stack = tmp_path / "many.npy", np.stack([_start()["template"]] * 3).astype(np.float32)
-    for array in (stack, np.asfortranarray(stack), stack.astype(">f8")):
-        np.save(path, array)
-        np.testing.assert_array_equal(one_mesh(path), stack[1])
-    wrong = {
-        "an archive": b"PK\x03\x04" + bytes(60),
-        "cut off": npy(stack)[:-4],
-        "too long": npy(stack) + b"1",
-        "an unknown version": npy(stack).replace(b"Y\x01\x00", b"Y\x07\x00"),
-        "a header that never ends": header("(3,", "'<f4"),
-        "more than can be counted": header(f"({2**62}, 369, 3)"),
-        "fewer than none": header("(-1, 369, 3)"),
-        "arrays in an array": header("(1, 369)", "('<f4', (3,))"),
-        "objects": npy(np.array([{}, None], dtype=object)),
-        "whole numbers": npy(stack.astype(int)),
-        "half precision": npy(stack.astype(np.float16)),
-        "one axis": npy(stack.ravel()),
-        "no meshes": npy(stack[:0]),
-        "other vertices": npy(stack[:, 1:]),
-        "NaN": npy(np.full_like(stack, np.nan)),
-    }
-    for content in wrong.values():
-        path.write_bytes(content)
-        with pytest.raises(BadFile, match=r"many\.npy"):
-            one_mesh(path)
-
-
-def test_stacks_larger_than_memory_cost_what_is_read(tmp_path: Path) -> None:
-    """A terabyte of nothing: what a file system keeps of it is its header."""
-    count = 2**40 // (12 * 369)
-    start = header(f"({count}, 369, 3)")
-    with (tmp_path / "many.npy").open("wb") as file:
-        file.write(start)
-        try:
-            file.truncate(len(start) + count * 12 * 369)
-        except OSError:
-            pytest.skip("this file system has no file as large")
-    assert not one_mesh(tmp_path / "many.npy").any()
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
-def test_pipes_are_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.npy")
-    for read in (Solution.load, lambda path: one_mesh(path, "#0"), load_body):
-        with pytest.raises(BadFile, match="a pipe"):
-            read(tmp_path / "pipe.npy")
 
 
 # Archives that shrink a thousand times.

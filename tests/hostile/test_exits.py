@@ -12,8 +12,6 @@ import pytest
 
 from tests.tiers import few
 from workbench import load_body
-from workbench.cli.leaving import Signals, Terminated
-from workbench.cli.streams import unprinted
 from workbench.compiling import NoLibrary, cache_folder
 from workbench.errors import BadFile
 from workbench.training.executor import Processes, _interrupts_blocked
@@ -55,31 +53,6 @@ def test_full_output_is_a_sentence(arguments: tuple[str, ...]) -> None:
     assert (code, err) == (2, "cannot write to the standard output: No space left on device\n")
 
 
-@FULL
-def test_full_output_is_a_sentence_when_buffered() -> None:
-    """A pipe or a file is written when Python leaves: there it was a traceback, and code 120."""
-    code = HEARD + (
-        "import workbench.cli.app as module\n"
-        "module.app = lambda: sys.stdout.write('numbers')\n"
-        "from workbench.cli import main\n"
-        "main()\n"
-    )
-    held_back = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            cwd=HOUSE,
-            env=held_back,
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            timeout=240,
-            check=False,
-        )
-    assert done.returncode == 2
-    assert done.stderr == "cannot write to the standard output: No space left on device\n"
-
-
 def test_output_that_nobody_reads_is_no_error() -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -98,16 +71,6 @@ def test_cli_keeps_its_code_with_closed_streams(arguments: str, code: int) -> No
     main = f"exec {sys.executable} -c 'from workbench.cli import main; main()' "
     done = subprocess.run(["sh", "-c", main + arguments], cwd=HOUSE, timeout=240, check=False)
     assert done.returncode == code
-
-
-@pytest.mark.thorough
-def test_errors_of_files_are_not_of_the_output() -> None:
-    with pytest.raises(OSError, match="nowhere") as raised:
-        Path("/nowhere/at/all").read_text()
-    assert unprinted(raised.value) is None
-    assert unprinted(OSError(28, "No space left on device")) is None  # raised nowhere
-    assert unprinted(None) is None
-    assert unprinted(ValueError()) is None
 
 
 @pytest.mark.thorough
@@ -132,29 +95,6 @@ def test_unknown_home_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "expanduser", unknown)
     with pytest.raises(NoLibrary, match="no folder to keep libraries in"):
         cache_folder()
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(not Path("/proc").exists(), reason="a home that nobody can write to")
-def test_draws_are_judged_without_a_writable_home() -> None:
-    """ArviZ wants to keep a file there as it is imported."""
-    code = (
-        "import numpy as np, os\n"
-        "from workbench.sampling.arviz_interface import psis\n"
-        "print(psis(np.random.default_rng(0).normal(size=500))[0].shape, os.environ['HOME'])\n"
-    )
-    homeless = {k: v for k, v in os.environ.items() if not k.startswith("XDG_")}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        cwd=HOUSE,
-        env=homeless | {"HOME": "/proc"},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert done.stdout == "(500,) /proc\n"
-    assert "Traceback" not in done.stderr
 
 
 # Signals, from the first line of ours to the last of Python's.
@@ -219,33 +159,6 @@ def test_signals_end_with_their_code(
     assert "Traceback" not in err
     assert "Exception ignored" not in err
     assert found == code, err
-
-
-def test_second_interrupt_does_not_disturb_cleaning_up() -> None:
-    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)}
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    hook = sys.unraisablehook
-    try:
-        with Signals() as signals:
-            with pytest.raises(KeyboardInterrupt):
-                signal.raise_signal(signal.SIGINT)
-            signal.raise_signal(signal.SIGINT)  # cleaning up is not disturbed
-            with pytest.raises(Terminated):
-                signal.raise_signal(signal.SIGTERM)  # which is another request
-            assert signals.asked is Terminated
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    assert sys.unraisablehook is hook
-
-
-@pytest.mark.thorough
-def test_ignored_interrupt_stays_ignored() -> None:
-    """A shell starts what runs in the background so."""
-    code = MAIN.replace("default_int_handler", "SIG_IGN").replace(
-        "main()", "import workbench.cli.app as m; m.app = lambda: os.kill(os.getpid(), 2); main()"
-    )
-    assert ended(program(code))[::2] == (0, "")
 
 
 # Processes that outlive the one that started them.
@@ -362,18 +275,6 @@ def test_workers_ignore_interrupts_from_their_start() -> None:
     assert list(Processes(2)(lambda _: asked(), range(2))) == [signal.SIG_IGN] * 2
 
 
-def test_blocked_interrupt_is_raised_afterwards() -> None:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    went_on: list[bool] = []
-    try:
-        with pytest.raises(KeyboardInterrupt), _interrupts_blocked():  # noqa: PT012
-            signal.raise_signal(signal.SIGINT)  # to this thread: others may not block it
-            went_on.append(True)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert went_on
-
-
 @pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there, the worker is another process")
 def test_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
@@ -418,18 +319,3 @@ def test_child_ends_with_its_parent(begin: str, tmp_path: Path) -> None:
     child = lines_of(told, 1, process)
     killed(process)
     assert gone(child)
-
-
-@pytest.mark.thorough
-def test_child_without_a_parent_id_goes_on() -> None:
-    """Without the parent's number in its environment there is nobody to end with."""
-    code = "from workbench.processes import orphans; orphans.end_with_parent(); print('on')"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=HOUSE,
-        capture_output=True,
-        text=True,
-        check=True,
-        env={k: v for k, v in os.environ.items() if k != "WORKBENCH_PARENT"},
-    )
-    assert done.stdout == "on\n"

@@ -18,7 +18,7 @@ import pytest
 from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Staged, Status
-from workbench.interrupts import SIGNALS, Interrupts
+from workbench.interrupts import SIGNALS
 from workbench.residuals import gaussian
 from workbench.sampling import Progress, sample
 from workbench.solvers import Ipopt, Iterate, LevenbergMarquardt, Solution, Sqp, exact_hessian
@@ -188,18 +188,6 @@ def test_handlers_of_others_are_heard_and_come_back(name: str) -> None:
 
 
 @pytest.mark.thorough
-def test_handlers_that_raise_nothing_let_ipopt_go_on() -> None:
-    counted: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, frame: counted.append(number))
-    problem, start = body_fit()
-    solution = Ipopt().solve(
-        problem, start, callback=lambda iterate: signal.raise_signal(signal.SIGINT)
-    )
-    assert solution.status is Status.CONVERGED
-    assert len(counted) == len(solution.trace)
-
-
-@pytest.mark.thorough
 def test_other_threads_leave_signals_alone() -> None:
     during: list[object] = []
 
@@ -210,17 +198,6 @@ def test_other_threads_leave_signals_alone() -> None:
     thread.start()
     thread.join()
     assert set(during) == {signal.default_int_handler}
-
-
-def test_third_signal_is_raised_at_once() -> None:
-    with Interrupts() as interrupts:
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            interrupts.check()
-    assert interrupts.pressed
 
 
 @pytest.mark.thorough

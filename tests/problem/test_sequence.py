@@ -1,7 +1,6 @@
 """A sequence is the sum of its frames, and of what is between them, whatever the frames are."""
 
 from dataclasses import replace
-from functools import cache
 
 import casadi as cs
 import numpy as np
@@ -37,7 +36,6 @@ from workbench.errors import BadArgument, BadBounds, BadResidual, UnknownName, W
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.residuals import geman_mcclure, huber, of_norms
 from workbench.residuals.frames import Frames
-from workbench.sampling import fixed
 
 ONCE = ("shape prior",)
 
@@ -443,61 +441,6 @@ def test_banded_solution_is_the_dense_one(monkeypatch: pytest.MonkeyPatch) -> No
     assert other.cost == pytest.approx(one.cost, rel=1e-12)
 
 
-T = np.linspace(0, 3, 8)
-
-
-@cache
-def decays() -> tuple[list[wb.Problem], wb.Values]:
-    """Three regressions of exponentials, without points."""
-    x, y = wb.Block("x", (2,)), wb.Block("y", (8,))
-    curve = wb.Residual("decay", x.symbol[0] * cs.exp(-x.symbol[1] * T) - y.symbol, 0.1)
-    rng = np.random.default_rng(0)
-    truth = np.array([[2.0, 1.3], [1.5, 0.7], [1.0, 1.0]])
-    seen = truth[:, :1] * np.exp(-truth[:, 1:] * T) + 0.1 * rng.standard_normal((3, 8))
-    start = {"x": np.array([[1.2, 0.8]] * 3), "y": seen}
-    return [wb.Problem((curve,), ("x",))] * 3, start
-
-
-LOCAL = [name for name, solver in wb.SOLVERS.items() if not solver.abilities.is_global]
-
-
-@pytest.mark.parametrize("name", few(LOCAL, ("trust-region", "gauss-newton", "scipy-trf")))
-def test_unshared_frames_are_solved_apart(name: str, storage: str) -> None:
-    each, start = decays()
-    alone = [
-        wb.LevenbergMarquardt(gradient_tolerance=1e-10).solve(
-            problem, {"x": start["x"][t], "y": start["y"][t]}
-        )
-        for t, problem in enumerate(each)
-    ]
-    whole = wb.sequence(each)
-    found = wb.SOLVERS[name].solve(whole, start)
-    assert found.converged, (found.status, found.message)
-    assert found.cost == pytest.approx(sum(one.cost for one in alone), rel=1e-9)
-    np.testing.assert_allclose(found.values["x"], [one.values["x"] for one in alone], atol=1e-4)
-
-
-@pytest.mark.thorough
-def test_stages_of_entries(storage: str) -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
-    given = values(3)
-    stages = wb.Staged((("trans", "pose[:, joint0]"), ("pose[0]", "betas"), FREE))
-    found = stages.solve(whole, given)
-    assert found.converged
-    assert found.cost == pytest.approx(wb.solve(whole, given).cost, rel=1e-8)
-
-
-@pytest.mark.thorough
-def test_laplace_of_shared_shape(storage: str) -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
-    at = values(3)
-    at |= wb.solve(whole, at).values
-    J = whole.linearize(at).dense[:, whole.free.slices["betas"]]
-    held = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))  # all else stays where it is
-    near = wb.laplace(whole, at, "betas", rest=fixed)
-    np.testing.assert_allclose(near.sd, held, rtol=0.1)  # of a few thousand draws
-
-
 # Bad input.
 
 
@@ -535,18 +478,3 @@ def test_values_of_other_frames_are_refused() -> None:
     given["pose"][2, 1, 0] = np.nan
     with pytest.raises(WorkbenchError, match=r"\[2, joint1, x\]"):
         whole.linearize(given)
-
-
-def test_residuals_of_frames_refuse_replaced_weights() -> None:
-    x = wb.Block("x", (2,))
-    one = wb.Problem([wb.Residual("off", x.symbol - 1.0, 0.5)], ("x",))
-    problem = wb.sequence([one] * 3)
-    (whole,) = problem.residuals
-    for changed in ({"weights": np.full(6, 4.0)}, {"sigma": 0.1}, {"kernel": geman_mcclure}):
-        with pytest.raises(BadResidual, match=rf"3 frames.* {next(iter(changed))} were replaced"):
-            replace(whole, **changed)
-    at = {"x": np.zeros((3, 2))}
-    four = wb.Problem([whole.weighed(4.0)], ("x",))
-    assert four.linearize(at).cost == pytest.approx(4 * problem.linearize(at).cost, rel=1e-14)
-    again = replace(whole.weighed(4.0), name="other").weighed(0.25)
-    assert wb.Problem([again], ("x",)).linearize(at).cost == pytest.approx(12.0, rel=1e-14)

@@ -2,13 +2,11 @@
 
 from dataclasses import replace
 
-import casadi as cs
 import numpy as np
 import pytest
 
-from workbench import Block, LevenbergMarquardt, Problem, Residual, load_body
+from workbench import load_body
 from workbench.arrays import Array
-from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting import BadScan, Scan
@@ -23,8 +21,6 @@ from workbench.registration import (
     scan_starts,
     support,
 )
-from workbench.registration.fit_stage import StageRuns
-from workbench.registration.unfolding import Known
 from workbench.solvers import Hypothesis, Status
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
@@ -162,15 +158,6 @@ def test_body_before_the_scan_is_doubted(fit: ModelFit, truth: Array) -> None:
     assert "before" not in behind
 
 
-@pytest.mark.thorough
-def test_feet_start_at_the_lowest_points(body: SkinnedBody, truth: Array) -> None:
-    scan = points_on(body, truth)
-    stray = np.concatenate([scan.points, [[0.0, -4.0, 0.0], [0.0, 5.0, 0.0]]])
-    for start in scan_starts(body, Scan(stray)):
-        feet = body.vertices(start["pose"], start["betas"], start["trans"])[:, 1].min()
-        assert abs(feet - truth[:, 1].min()) < 0.05
-
-
 @pytest.mark.parametrize("angle", [0.5])
 def test_arms_point_below_the_horizontal(body: SkinnedBody, angle: float) -> None:
     joints = body.joints(arms_lowered(body, angle))
@@ -234,55 +221,3 @@ def test_point_at_the_surface_lowers_cost_by_its_reach(body: SkinnedBody, reach:
 
     lowered = cost(surface[:1] + 100.0) - cost(surface[:1])
     assert lowered == pytest.approx((reach / stage.sigma) ** 2 / 2, rel=0.01)
-
-
-LOWEST = 0.5  # of the cost below
-
-
-def test_hopeless_runs_are_given_up() -> None:
-    """That is above a tenth more than `enough`, even after five more decreases like the last."""
-    x = Block("x", (2,))
-    valley = cs.vertcat(10 * (x.symbol[1] - x.symbol[0] ** 2), 1 - x.symbol[0], 1.0)
-    problem = Problem([Residual("valley", valley, 1.0)], ["x"], blocks=[x])
-    ends, given_up = {}, []
-    for enough in (np.inf, LOWEST, 0.1 * LOWEST):
-        runs = StageRuns(problem, LevenbergMarquardt(), None, lambda: False, (1, 1), 1)
-        ends[enough] = runs.run(0, {"x": np.array([-1.2, 1.0])}, 60, 1e-9, enough)
-        given_up.append(runs.given_up)
-    assert given_up == [False, False, True]
-    assert ends[np.inf].cost == pytest.approx(LOWEST)
-    assert len(ends[LOWEST].trace) == len(ends[np.inf].trace)  # it can come down to that
-    assert len(ends[0.1 * LOWEST].trace) < len(ends[np.inf].trace)
-
-
-def test_runs_to_known_ends_are_given_up() -> None:
-    """Not where it begins: from there it may lead elsewhere."""
-    x = Block("x", (2,))
-    problem = Problem([Residual("off", x.symbol - 1, 1.0)], ["x"], blocks=[x])
-    lengths, given_up = [], []
-    for near in (0.0, 0.5, 10.0):
-        runs = StageRuns(problem, LevenbergMarquardt(), None, lambda: False, (1, 1), 1)
-        asked: list[float] = []
-
-        def known(values: Values, near: float = near, asked: list[float] = asked) -> bool:
-            asked.append(float(np.linalg.norm(values["x"] - 1)))
-            return asked[-1] < near
-
-        end = runs.run(0, {"x": np.array([3.0, -2.0])}, 60, 1e-9, known=known)
-        assert asked[0] < np.hypot(2.0, 3.0)
-        lengths.append(len(end.trace))
-        given_up.append(runs.given_up)
-    assert given_up == [False, True, True]
-    assert lengths[2] == 2 <= lengths[1] < lengths[0]
-
-
-@pytest.mark.thorough
-def test_known_ends_are_compared_by_joints() -> None:
-    body = load_body("small")
-    known = Known(body, 0.01)
-    assert not known.knows(body.start())
-    known.add(body.start())
-    for off, near in ((0.009, True), (0.011, False)):
-        moved = body.start()
-        moved["trans"] = moved["trans"] + [off, 0.0, 0.0]
-        assert known.knows(moved) == near

@@ -4,8 +4,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from tests.solvers.problems import body_fit
-from workbench import Block, Constraint, Problem, Residual, Solution, Solver, Values
+from workbench import Block, Problem, Residual, Solution, Solver, Values
 from workbench.experiments import find
 from workbench.solvers import (
     Damped,
@@ -15,16 +14,9 @@ from workbench.solvers import (
     Sqp,
     chumpy,
     full_step,
-    gauss_newton_hessian,
 )
-from workbench.solvers.damping import eased
-from workbench.solvers.run import Run
 from workbench.solvers.trust_radius import (
     FIRST,
-    GROWTH,
-    TRUSTED,
-    first_radius,
-    radius_after,
 )
 
 T = np.linspace(0, 5, 30)
@@ -72,30 +64,6 @@ def test_whole_steps_leap_as_they_are_described(solver: Solver) -> None:
     assert np.abs(solution.values["x"]).max() > 10
 
 
-def test_the_radius_at_the_start() -> None:
-    x, D = np.array([3.0, -4.0]), np.array([1.0, 2.0])
-    assert first_radius(x, np.ones(2)) == pytest.approx(FIRST * 5)
-    assert first_radius(x, D) == pytest.approx(FIRST * np.hypot(3, 8))
-    assert first_radius(np.zeros(2), D) == first_radius(x / 1e6, D) == FIRST
-    assert first_radius(x, D, np.inf) == np.inf
-    assert FIRST < 1  # a step of one unknown does not end on zero
-
-
-def test_the_radius_after_a_step() -> None:
-    p, change = np.array([0.3, 0.4]), np.array([5.0, 0.0, 0.0])
-    bent = np.array([0.0, 1.0, 0.0])
-    assert radius_after(p, change, bent) == pytest.approx(0.5 * GROWTH)
-    assert radius_after(p, change, bent / 100) == pytest.approx(0.5 * TRUSTED * 500)
-    assert radius_after(p, change, 0 * bent) > 1e10
-
-
-def test_radii_cost_no_jacobians_near_the_end() -> None:
-    whole = GaussNewton(line_search=full_step).solve(*body_fit())
-    within = GaussNewton().solve(*body_fit())
-    assert within.converged
-    assert within.evaluations.jacobian <= whole.evaluations.jacobian
-
-
 def test_turned_unknowns_and_sigma_change_no_iterate() -> None:
     turn, angle = 0.7, np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     for solver in (GaussNewton(max_iterations=6), Dogleg(max_iterations=6)):
@@ -106,33 +74,7 @@ def test_turned_unknowns_and_sigma_change_no_iterate() -> None:
         np.testing.assert_allclose(other, ours, rtol=1e-6, atol=1e-6)
 
 
-def test_the_first_damping_is_as_large_as_the_radius_needs() -> None:
-    problem, values = peak(WIDER)
-    with Run("ipopt", Ipopt(), problem, values, None) as run:
-        here = run.linearize(run.x)
-        H = Damped().along(run)(run.x, np.zeros(0))
-        radius = first_radius(run.x, np.ones(2))
-        assert np.linalg.norm(here.step()) > radius
-        assert np.linalg.norm(np.linalg.solve(H, here.gradient)) <= radius
-        half = here.normal + (H - here.normal) / 2
-        assert np.linalg.norm(np.linalg.solve(half, here.gradient)) > radius
-
-
 # Damping, which follows the gain.
-
-
-def test_damping_follows_the_gain() -> None:
-    assert eased(1.0) == pytest.approx(0.1)
-    assert eased(0.5) == 1.0
-    assert eased(1e-9) == pytest.approx(2.0)
-    gains = np.linspace(0.01, 3, 50)
-    assert (np.diff([eased(gain) for gain in gains]) <= 0).all()
-
-
-def curved() -> tuple[Problem, dict[str, np.ndarray]]:
-    x = Block("x", (2,)).symbol
-    r = cs.vertcat(x[0] - 1, 10 * (x[1] - x[0] ** 2))
-    return Problem([Residual("r", r, 1.0)], ["x"]), {"x": np.array([-1.2, 1.0])}
 
 
 @pytest.mark.thorough
@@ -143,25 +85,3 @@ def test_a_nearly_singular_fit_is_solved_by_damped_steps(solver: Solver) -> None
     found = solver.solve(setup.problem, setup.start)
     assert found.converged
     assert found.cost == pytest.approx(setup.known.cost, rel=1e-6)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("solver", [Ipopt, Sqp])
-def test_undamped_the_line_search_cuts_each_step_of_it(solver: type[Ipopt] | type[Sqp]) -> None:
-    setup = find("body-points-lbs", {"start": 3}).setup()
-    assert setup.known is not None
-    assert setup.known.cost is not None
-    undamped = solver(hessian=gauss_newton_hessian, max_iterations=200)
-    found = undamped.solve(setup.problem, setup.start)
-    assert not found.converged
-    assert found.cost > 1.1 * setup.known.cost
-    assert found.evaluations.residual > 2 * found.evaluations.jacobian
-
-
-def test_with_constraints_nothing_is_damped() -> None:
-    """There, line searches cut steps for the constraints' sake, too."""
-    x = Block("x", (2,)).symbol
-    circle = Constraint("circle", cs.sumsqr(x), 1.0, 1.0)
-    problem = Problem([Residual("r", x - cs.DM([2, 1]), 1.0)], ["x"], constraints=[circle])
-    with Run("test", Ipopt(), problem, {"x": np.array([1.0, 0.0])}, None) as run:
-        np.testing.assert_array_equal(Damped().along(run)(run.x, np.zeros(1)), np.eye(2))

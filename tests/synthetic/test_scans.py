@@ -261,19 +261,6 @@ def test_clutter_is_where_its_scanner_sees_it() -> None:
         assert len(np.unique(ray[nearer])) < 0.05 * len(mine)  # less than a pixel inside its edge
 
 
-@pytest.mark.thorough
-def test_floor_and_crate_are_where_they_should_be() -> None:
-    low, high = BENT[:, 1].min(), BENT.max(axis=0)
-    floor = of_bent(clutter=Clutter(0.2, (Floor(0.5),)))
-    np.testing.assert_allclose(floor.scan.points[floor.clutter][:, 1], low, atol=1e-12)
-    crate = of_bent(clutter=Clutter(0.2, (Crate(0.3, away=1.0, angle=np.pi / 2),)))
-    found = crate.scan.points[crate.clutter]
-    middle = (BENT[:, 0].min() + high[0]) / 2
-    assert found[:, 1].max() == pytest.approx(low + 0.3, abs=1e-9)
-    assert found[:, 0].max() <= middle + 1.15 + 1e-9
-    assert found[:, 0].min() == pytest.approx(middle + 0.85, abs=0.02)
-
-
 def test_holes_hold_no_points() -> None:
     whole, made = of_bent(), of_bent(holes=Holes(5, 0.08))
     discs = Holes(5, 0.08).discs(BENT, BODY.faces, np.random.default_rng((0, 1)))
@@ -310,38 +297,6 @@ def test_clothing_lies_outside_of_the_skin() -> None:
     step = np.linalg.norm(a, axis=1) - np.linalg.norm(b, axis=1)
     assert np.std(step) < 0.25 * radius.std()  # smooth: neighbours are alike
     np.testing.assert_allclose(ball.scan.points, ball.true_points, rtol=0, atol=1e-12)
-
-
-def test_partial_scan_lies_in_its_region() -> None:
-    box = Box((-0.3, -0.2, -1), (0.3, 0.5, 1))
-    made = of_bent(region=box, clutter=Clutter(0.2, (Specks(),)))
-    assert box.holds(made.scan.points).all()
-    assert made.clutter.sum() == round(0.2 * made.scan.n_points)
-    assert box.holds(BENT[made.seen]).all()
-
-
-def test_joined_triangles_face_the_scanner() -> None:
-    made = of_bent(joining=Joining())
-    faces, points = made.scan.faces, made.scan.points
-    assert faces is not None
-    a, b, c = points[faces].transpose(1, 0, 2)
-    places = np.array([scanner.place for scanner in FOUR])[made.view[faces[:, 0]]]
-    assert (np.einsum("ti,ti->t", np.cross(b - a, c - a), places - a) > 0).all()
-    np.testing.assert_array_equal(made.view[faces[:, 0]], made.view[faces[:, 1]])
-    assert np.linalg.norm(a - b, axis=1).max() < 0.15  # no triangle from an arm to the torso
-    torn = of_bent(joining=Joining(1.0)).scan.faces
-    assert torn is not None
-    assert len(torn) < len(faces)
-    wall = scan(WALL, WALL_FACES, scanners(1, distance=1.0), seed=0, joining=Joining())
-    assert wall.scan.faces is not None
-    assert len(wall.scan.faces) == 2 * 149 * 199
-
-
-@pytest.mark.thorough
-def test_more_scanners_leave_the_first_alone() -> None:
-    one, four = (scan(BENT, BODY.faces, FOUR[:n], seed=0, noise=Noise()) for n in (1, 4))
-    np.testing.assert_array_equal(four.scan.points[four.view == 0], one.scan.points)
-    assert one.seen.sum() < four.seen.sum() < len(BENT)
 
 
 def test_scans_of_nothing_are_refused() -> None:
