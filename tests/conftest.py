@@ -50,12 +50,15 @@ class Results:
     def __init__(self, file: Path) -> None:
         self.file = file.open("w", encoding="utf-8", buffering=1)  # line by line: runs are killed
         self.seconds: dict[str, float] = {}
+        self.outcomes: dict[str, str] = {}
 
     def pytest_runtest_logreport(self, report: Any) -> None:
+        name = report.nodeid
         if report.when == "call" or not report.passed:
-            self.file.write(f"{report.outcome}\t{report.nodeid}\n")
+            self.outcomes[name] = report.outcome
         if hasattr(report, "cpu"):
-            self.seconds[report.nodeid] = report.cpu
+            self.seconds[name] = report.cpu
+            self.file.write(f"{self.outcomes.get(name, '')}\t{report.cpu:.2f}\t{name}\n")
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         self.file.close()

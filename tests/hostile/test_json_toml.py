@@ -149,7 +149,7 @@ def test_unusual_texts_are_read(reader: Reader, tmp_path: Path) -> None:
 def test_devices_without_end_are_refused(reader: Reader) -> None:
     """/dev/zero says that it has no bytes, and gives them for ever."""
     for read in (KEYPOINTS, CAMERAS):
-        assert "is a folder or a device" in reader.refusal(read, Path("/dev/zero"))
+        assert "a pipe or a device" in reader.refusal(read, Path("/dev/zero"))
 
 
 OTHERS = ("[]", "null", "5", '{"made_by": "me"}', '{"kind": ["comparison"]}', '{"a": 1, "a": 2}')
