@@ -346,3 +346,12 @@ def test_compiled_normal_equations_keep_nonfinite_numbers() -> None:
     assert np.isnan(found[1][5])  # beside a residual of zero
     assert found[0][4, 4] == np.inf
     assert np.isfinite(found[0][7, 7])
+
+
+@pytest.mark.parametrize(("least", "rank"), [(1e-3, 2), (1e-10, 2), (1e-18, 1)])
+def test_rank_counts_singular_values_above_rounding(least: float, rank: int) -> None:
+    U, V = (np.linalg.qr(np.random.default_rng(k).normal(size=(2, 2)))[0] for k in (1, 2))
+    x = Block("x", (2,))
+    expression = cs.DM(U @ np.diag([1.0, least]) @ V.T) @ x.symbol
+    here = Problem([Residual("r", expression, 1.0)], "x").linearize({"x": np.zeros(2)})
+    assert here.spectrum.rank == rank
