@@ -349,9 +349,10 @@ def test_compiled_normal_equations_keep_nonfinite_numbers() -> None:
 
 
 @pytest.mark.parametrize(("least", "rank"), [(1e-3, 2), (1e-10, 2), (1e-18, 1)])
-def test_rank_counts_singular_values_above_rounding(least: float, rank: int) -> None:
+@pytest.mark.parametrize("longer", [1.0, 1e8])
+def test_rank_counts_singular_values_above_rounding(least: float, rank: int, longer: float) -> None:
     U, V = (np.linalg.qr(np.random.default_rng(k).normal(size=(2, 2)))[0] for k in (1, 2))
     x = Block("x", (2,))
-    expression = cs.DM(U @ np.diag([1.0, least]) @ V.T) @ x.symbol
+    expression = cs.DM(U @ np.diag([1.0, least]) @ V.T * [longer, 1.0]) @ x.symbol
     here = Problem([Residual("r", expression, 1.0)], "x").linearize({"x": np.zeros(2)})
     assert here.spectrum.rank == rank
