@@ -115,7 +115,6 @@ FORGED: dict[str, Callable[[h5py.File], None]] = {
 }
 
 
-@pytest.mark.thorough
 def test_draws_forged_under_a_right_seal_are_refused(tmp_path: Path) -> None:
     for change in FORGED.values():
         path = tmp_path / "draws.h5"

@@ -43,7 +43,6 @@ from tests.hostile.pickle_bombs import (
     text,
     whole,
 )
-from tests.tiers import few
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadFile
 
@@ -174,7 +173,23 @@ GREEDY: dict[str, Callable[[], bytes]] = {  # small files that ask for much work
 }
 
 
-@pytest.mark.parametrize("name", few(GREEDY, 1))
+LIMITS = {  # and the words that name them
+    "1.5 million values pushed and dropped": "more than 500,000 instructions",
+    "3,000 arrays of nothing": "more than 2,000 arrays",
+    "the same bytes in 1,900 arrays": "would take more than",
+    "chumpy's Select of Select, 500 deep": "nested more than 16 deep",
+    "a matrix of 2 billion rows": "a matrix of 2,147,483,647 x 5",
+    "a long text as key": "an entry has 500,000 characters",
+}
+
+
+def test_limits_of_pickles_are_named(reader: Reader, tmp_path: Path) -> None:
+    for name, says in LIMITS.items():
+        assert says in refused(reader, tmp_path, GREEDY[name]())
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", GREEDY)
 def test_greedy_pickles_are_refused(reader: Reader, tmp_path: Path, name: str) -> None:
     refused(reader, tmp_path, GREEDY[name]())
 
