@@ -196,6 +196,10 @@ def _space(body: Body, end: str, joints: tuple[str, ...]) -> PoseSpace:
             f"body {body.name!r} has {len(joints)} joints {where}, but {keys[0]} of shape "
             f"{mean.shape} and {keys[1]} of shape {rows.shape}"
         )
+    if not (np.isfinite(mean).all() and np.isfinite(rows).all()):
+        raise BadBody(
+            f"body {body.name!r} has numbers in {keys[0]} or {keys[1]} that are not finite"
+        )
     components = rows.reshape(len(rows), len(joints), 3)
     return PoseSpace(joints, mean.reshape(-1, 3), components, _deviations(extras, end, len(rows)))
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec
+from os.path import isdir
 from pathlib import Path
 from types import ModuleType
 
@@ -30,7 +31,7 @@ def own_lecture(folder: str | Path) -> Lecture:
     of the course are, so that the folder may later be moved there as it is. Raises BadFile.
     """
     place = Path(folder).resolve()
-    if not place.is_dir():
+    if not isdir(place):  # also for a name that no file system takes
         raise BadFile(
             f"there is no folder {folder}; give the number of a lecture, which `workbench lecture "
             "list` names, or the folder of a lecture of your own (`workbench new lecture NAME`)"
