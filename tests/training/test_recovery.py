@@ -12,9 +12,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from benchmarks.ablations.study import generalization_errors
-from workbench import SkinnedBody, load_body
-from workbench.geometry.rigid import procrustes
+from workbench import SkinnedBody
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     Truth,
@@ -23,114 +21,18 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions, BlockResult
-from workbench.training.estimate import TERMS, Estimate, Sigmas
-from workbench.training.first_guess import MOST_WEIGHTS, Start
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
-from workbench.training.plan import NO_LIMIT, Plan, Stage
-from workbench.training.training import Trained, train
 
 pytestmark = pytest.mark.thorough
 
 
-FREE_ROUND = ("surfaces", "weights", "poses")
-TO_THE_END = 3000  # products in a step: directions that hardly change the data need that many
-EXACT = 1e-9  # m, rms of E_D: a thousandth of the accuracy that the model should have
-
-
-def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, inf)) -> Plan:
-    """A plan for registrations without noise, which switches every term but E_D off step by step.
-
-    Each lambda falls with the square of its factor; the last stage fits the data alone. Only
-    there the number of weights of a vertex is limited, because by then it is clear which of them
-    are zero. Only the last steps are solved to the end: joints that move few vertices are found
-    last.
-    """
-    free = BlockOptions(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
-    first = Stage(sigmas, FREE_ROUND, 3, free)
-    rest = [Stage(_loosened(sigmas, f), ("weights", "together"), options=free) for f in factors]
-    limited = replace(free, most_weights=MOST_WEIGHTS, products=TO_THE_END, enough=EXACT)
-    last = Stage(_loosened(sigmas, inf), ("cut", "weights", "together"), options=limited)
-    return Plan((first, *rest, last))
-
-
-def _loosened(sigmas: Sigmas, factor: float) -> Sigmas:
-    """Every sigma but the data's multiplied by a factor."""
-    return replace(sigmas, **{name: factor * getattr(sigmas, name) for name in TERMS})
-
-
-FACTORS = (1.0, 10.0, 100.0)
 TURN = 1.6  # rad, the largest
 SIGMAS = Sigmas(
     data=0.001, symmetry=inf, joint_symmetry=inf, rings=0.02, posedirs=0.005, weights=0.3
 )
 FREE = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)  # of every term but E_D
-
-
-@dataclass(frozen=True, eq=False)
-class Recovery:
-    """A truth, what it made, and what training made of that."""
-
-    body: SkinnedBody
-    truth: Truth
-    trained: Trained
-
-    def held_out(self) -> float:
-        """The largest distance of other people in other poses, m."""
-        others, _ = draw_registrations(self.body, 4, 2, seed=99, turn=TURN)
-        return generalization_errors(self.trained.body, others).largest
-
-    def joints(self) -> float:
-        """How far joints of held-out bodies of the same shape space are off, but the root, m."""
-        betas = np.random.default_rng(5).standard_normal((10, self.body.n_betas))
-        gap = (self.trained.body.J_regressor - self.body.J_regressor).toarray()
-        away = np.einsum("kn,sna->ska", gap, self.body.vertices(betas=betas))
-        return float(np.linalg.norm(away, axis=2)[:, 1:].max())
-
-    def weights(self) -> float:
-        """The largest error."""
-        return float(np.abs(self.trained.body.weights - self.body.weights).max())
-
-    def posedirs(self) -> float:
-        """The largest error, m, after the rest frames are turned onto each other."""
-        found = self.trained.poses.estimate
-        people = self.body.vertices(betas=self.truth.betas)
-        R = procrustes(
-            np.concatenate(found.templates - found.templates.mean(axis=1, keepdims=True)),
-            np.concatenate(people - people.mean(axis=1, keepdims=True)),
-        ).R
-        P = found.posedirs.reshape(len(people[0]), 3, -1, 3, 3)
-        turned = np.einsum("ab,nbkcd,ec,fd->nakef", R, P, R, R, optimize=True)
-        return float(np.abs(turned.reshape(found.posedirs.shape) - self.body.posedirs).max())
-
-
-def small_start() -> Start:
-    """The mesh and tree of `small`, with ten vertices for each collar.
-
-    Its own collars carry no vertex most, and what carries nothing is not seen to turn. The mesh is
-    coarse: a ring reaches farther than the vertices that training takes a joint to be a mean of,
-    so the generator's joints are means of those of its vertices that are nearest to its middle.
-    """
-    body = load_body("small")
-    start = Start.of(body)
-    mirror = start.mirror()
-    assert mirror is not None
-    left, right, *around = map(
-        body.joint_names.index,
-        ("left_collar", "right_collar", "spine2", "spine3", "neck", "left_shoulder"),
-    )
-    away = np.linalg.norm(body.template - body.joints()[left], axis=1)
-    beside = np.isin(start.segmentation, (left, *around)) & (body.template[:, 0] > 0.02)  # m
-    away[~beside] = inf
-    segments, own = start.segmentation.copy(), np.argsort(away)[:10]
-    segments[own], segments[mirror.vertices[own]] = left, right
-    return replace(start, segmentation=segments)
-
-
-def recover(start: Start, n_betas: int, subjects: int, poses: int, ring: int | None) -> Recovery:
-    body = random_smpl(start, n_betas, seed=0, ring=ring)
-    data, truth = draw_registrations(body, subjects, poses, seed=1, turn=TURN)
-    plan = annealed(SIGMAS, FACTORS)
-    return Recovery(body, truth, train(data, start, plan=plan, n_betas=n_betas))
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,24 +86,6 @@ def test_steps_in_all_names_converge_quadratically(near: Near) -> None:
     falls = np.array(rms[1:]) / rms[:-1]
     assert falls[1] < 0.1
     np.testing.assert_allclose(estimate.weights.sum(axis=1), 1, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("start", "n_betas", "subjects", "poses", "ring"),
-    [
-        (jointed_tube(9, 6), 2, 5, 16, None),
-        (small_start(), 4, 6, 60, 12),
-    ],
-    ids=["54 vertices, 6 joints", "369 vertices, 24 joints"],
-)
-def test_generator_is_recovered_from_segments(
-    start: Start, n_betas: int, subjects: int, poses: int, ring: int | None
-) -> None:
-    found = recover(start, n_betas, subjects, poses, ring)
-    assert found.held_out() < 1e-6
-    assert found.joints() < 1e-6
-    assert found.weights() < 1e-5
-    assert found.posedirs() < 1e-5
 
 
 def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0.001) -> float:
