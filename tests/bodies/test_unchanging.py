@@ -145,6 +145,7 @@ def again(body: wb.SkinnedBody) -> wb.SkinnedBody:
     return copy.copy(copy.deepcopy(through_pickle(body)))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("travel", [through_pickle, copy.deepcopy, again])
 def test_used_bodies_travel_whole(travel: Callable[[wb.SkinnedBody], wb.SkinnedBody]) -> None:
     body = used(whole_body(1100))  # from 1,000 vertices on the arithmetic may be compiled

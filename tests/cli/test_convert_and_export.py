@@ -5,6 +5,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import workbench as wb
 from benchmarks.clips_made_up import clip
@@ -54,6 +55,7 @@ def test_convert_fits_a_body_to_named_points(tmp_path: Path, workbench: Run) -> 
     assert len(wb.read_motion(tmp_path / "found.bvh")) == 3
 
 
+@pytest.mark.thorough
 def test_export_says_the_error_of_correctives(tmp_path: Path, workbench: Run) -> None:
     motion_file(tmp_path)
     for correctives, count in (("1", 1), ("exact", 3), ("0", 0)):

@@ -53,6 +53,7 @@ def test_design_checks_predictions_by_fits(workbench: Run, line: Path) -> None:
     assert "at 3 of 3 points" in said  # linear: the same everywhere
 
 
+@pytest.mark.thorough
 def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
     for arguments, said in (
         (["--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),

@@ -103,6 +103,7 @@ class Interrupting:
         signal.raise_signal(signal.SIGINT)
 
 
+@pytest.mark.thorough
 def test_interrupted_comparison_keeps_the_report(
     workbench: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -234,6 +234,7 @@ def test_other_poses_are_not_degenerate_in_depth(seed: int) -> None:
     assert not any("in depth" in text for text in found)
 
 
+@pytest.mark.thorough
 def test_a_second_camera_sees_depth() -> None:
     assert nearly_degenerate(*seen_by(0.0, 1.2)) == []
 

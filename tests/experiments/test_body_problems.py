@@ -141,6 +141,7 @@ def test_cameras_see_the_person_upright() -> None:
     assert u["left_shoulder"] > u["right_shoulder"]  # the person faces it
 
 
+@pytest.mark.thorough
 def test_impossible_bodies_are_refused() -> None:
     with pytest.raises(BadArgument, match="start must be from 0 on, not -1"):
         built("body-vertices", start=-1)

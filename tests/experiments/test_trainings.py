@@ -26,6 +26,7 @@ def standard(name: str) -> Setup:
     return KEPT[name] if name in KEPT else KEPT.setdefault(name, find(name).setup())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "name", few([*REFINED, "triangles-bends", "triangles-persons"], ["triangles-persons"])
 )

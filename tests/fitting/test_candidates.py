@@ -69,6 +69,7 @@ def test_candidate_cameras_look_at_the_centre() -> None:
         assert np.degrees(np.arctan2(place[0], place[2])) % 360 == pytest.approx(around)
 
 
+@pytest.mark.thorough
 def test_camera_candidate_equals_its_keypoint_residual(
     body: SkinnedBody, problem: wb.Problem, at: wb.Values
 ) -> None:
@@ -122,6 +123,7 @@ def test_hidden_keypoints_do_not_count(
     assert by_name[1]["180 around, 0 up"] < by_name[0]["180 around, 0 up"]
 
 
+@pytest.mark.thorough
 def test_keypoint_candidates_sum_to_the_camera(
     body: SkinnedBody, problem: wb.Problem, at: wb.Values
 ) -> None:
@@ -161,6 +163,7 @@ def test_marker_candidates_determine_stature(
     assert seen.size == 3 * 41
 
 
+@pytest.mark.thorough
 def test_pose_candidates_equal_a_marker_fit(body: SkinnedBody) -> None:
     """The same as the posterior of the shape in the fit to markers of these frames."""
     worn = default_markers(body)

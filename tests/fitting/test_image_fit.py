@@ -246,6 +246,7 @@ def written(folder: Path, count: int) -> list[Path]:
     return found
 
 
+@pytest.mark.thorough
 def test_images_of_a_folder_are_fitted_apart(tmp_path: Path) -> None:
     files = written(tmp_path, 3)
     (tmp_path / "broken.json").write_text("{")

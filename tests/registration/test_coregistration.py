@@ -119,6 +119,7 @@ def test_soft_scans_converge_faster_than_hard() -> None:
     assert costs[0] < costs[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ended", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_symbolic_form_has_the_same_terms(ended: bool) -> None:
     begun = state() if ended else joint().first(made()[1])

@@ -93,6 +93,7 @@ def test_unseen_vertices_rest_on_the_prior(body: SkinnedBody, truth: Array) -> N
     assert known.sd[~known.seen].mean() > 3 * known.sd[known.seen].mean()
 
 
+@pytest.mark.thorough
 def test_vertex_spread_matches_laplace_draws(fit: ModelFit) -> None:
     """Draws from Laplace's covariance scatter the vertices as `sd` says."""
     C = fit.problem.linearize(fit.values).covariance

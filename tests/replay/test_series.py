@@ -83,6 +83,7 @@ def test_registration_keeps_surfaces_of_its_stages() -> None:
     assert off[0] > 2 * off[2]
 
 
+@pytest.mark.thorough
 def test_recorded_scan_has_its_distances() -> None:
     found, shown = registration(), series(recorded_registration(registration()))
     far = numbers(shown["far"]).reshape(4, -1)[-1]

@@ -23,6 +23,7 @@ def exact() -> np.ndarray:
     return np.asarray(np.sqrt(np.diag(C)[TWO] / np.diag(alone)))
 
 
+@pytest.mark.thorough
 def test_ratio_is_the_gaussians_and_limits_usability() -> None:
     assert exact().max() > RATIO
     problem = gaussian(C, MEAN)

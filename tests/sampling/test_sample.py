@@ -267,6 +267,7 @@ def test_far_modes_are_not_mixing() -> None:
     assert "95 %" not in str(posterior)  # no interval without a verdict that carries it
 
 
+@pytest.mark.thorough
 def test_short_runs_tell_what_would_do() -> None:
     posterior = sample(gaussian(np.eye(20)), {"x": np.zeros(20)}, steps=300, seed=5)
     assert posterior.mixing.verdict is not Usability.USABLE

@@ -47,6 +47,7 @@ ESTIMATE = Estimate(
 VALUES = SYMBOLIC.values(ESTIMATE)
 
 
+@pytest.mark.thorough
 def test_terms_are_those_of_the_blocks() -> None:
     for term in TERMS:
         found = SYMBOLIC.problem([term]).linearize(VALUES).cost
@@ -68,6 +69,7 @@ def test_gradient_of_priors_is_that_of_the_blocks() -> None:
             )
 
 
+@pytest.mark.thorough
 def test_gradient_of_the_data_is_that_of_the_blocks() -> None:
     """The translation is at its optimum, so that it does not matter whether it follows."""
     names = ("templates", "posedirs", "joints", "weights")

@@ -103,6 +103,7 @@ def test_raised_cost_stops_training(monkeypatch: pytest.MonkeyPatch) -> None:
         train(DATA, START, plan=short_plan())
 
 
+@pytest.mark.thorough
 def test_checkpoints_of_other_trainings_are_refused(tmp_path: Path) -> None:
     trained = train(DATA, START, plan=short_plan(), n_betas=2, folder=tmp_path)
     other = CorruptedRegistrations(EXACT, seed=6, noise=0.001)

@@ -198,6 +198,7 @@ def many_people(seed: int) -> np.ndarray:
     return np.asarray(people + 0.01 * bumps)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(1))
 def test_vertex_components_explain_no_less(seed: int) -> None:
     people = many_people(seed)
