@@ -29,7 +29,8 @@ EXCEPTIONS: set[tuple[str, str]] = set()  # (module, what it imports from above)
 DRAWING = ("plots", "studies")  # packages that draw figures
 LOADING = {"np.load", "np.lib.format.read_array", "np.lib.format.open_memmap", "pickle.load"}
 LOADING |= {"pickle.loads", "eval", "exec", "yaml.load"}
-OWN_MESSAGES = {  # between processes of one run, and the code of a lecture or an answer
+OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lecture or an answer
+    "workbench.experiments.own_file",
     "workbench.processes.fork_server",
     "workbench.comparison.worker",
     "workbench.comparison.workers",
