@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 # A process for each core is enough: their linear algebra needs no further threads.
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Compiled libraries are kept with the checkout, not in the user's own cache.
 os.environ.setdefault("WORKBENCH_CACHE", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
 
