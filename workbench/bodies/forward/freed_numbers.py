@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, kron
+from scipy.sparse import csc_array, csr_array, eye_array, kron
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.arrays import SkinnedArrays
@@ -241,7 +241,7 @@ class FreedSurfaceAt:
         return csc_array(self._rows(blocks, np.broadcast_to(columns, blocks.shape), K))
 
     def _by_regressor(self) -> csc_array:
-        on_all = kron(np.eye(len(self.joints)), self.person.T, format="csr")  # (3 K, K N)
+        on_all = kron(eye_array(len(self.joints)), self.person.T, format="csr")  # (3 K, K N)
         return csc_array(csr_array(self._by_joints) @ on_all)
 
     def _by_betas(self) -> csc_array:
