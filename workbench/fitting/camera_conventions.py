@@ -8,11 +8,11 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.setup import View
 from workbench.geometry.camera import triangulate
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
-SEEN = 0.2  # a keypoint of a lower confidence is not looked at
 AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
 MOST_ORDERS = 5  # cameras of which all orders are tried; of more, every exchange of two
 OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
@@ -23,7 +23,9 @@ Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
 
 def triangulated(views: Sequence[View], values: Values) -> Array:
     """The keypoints (M, 3) m that two views or more see; NaN for others."""
-    confidences = [np.where(view.confidence > SEEN, view.confidence, 0.0) for view in views]
+    confidences = [
+        np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0) for view in views
+    ]
     observed = [view.observed for view in views]
     return triangulate([view.camera for view in views], values, observed, confidences)
 
@@ -35,9 +37,9 @@ def disagreement(views: Sequence[View], values: Values) -> float:
     image; infinite for points behind a camera, and NaN where no keypoint is seen by two views.
     """
     points, off = triangulated(views, values), []
-    several = np.sum([view.confidence > SEEN for view in views], axis=0) > 1
+    several = np.sum([view.confidence > LEAST_CONFIDENCE for view in views], axis=0) > 1
     for view in views:
-        rows = several & (view.confidence > SEEN)
+        rows = several & (view.confidence > LEAST_CONFIDENCE)
         if not rows.any():
             continue
         seen = view.observed[rows]

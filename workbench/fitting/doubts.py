@@ -1,8 +1,8 @@
 """Whether a fit may be believed, judged without the truth.
 
 A doubt is a sentence: what was seen, what it probably means, and what to do. None of them says that
-a fit is wrong; they name what a converged solver does not look at. Thresholds were chosen so that
-hardly any fit to good data is doubted.
+a fit is wrong; they name what a converged solver does not look at. The thresholds are judgements;
+how many good fits they doubt has not been measured yet.
 """
 
 from collections.abc import Iterator, Sequence
