@@ -99,14 +99,16 @@ def test_sample_goes_on_from_its_checkpoint(workbench: Run) -> None:
     assert "usable:" in out
     folder = Path("runs/line-posterior")
     assert json.loads((folder / "summary.json").read_text())["parts"]["all"]["usable"]
-    draws = np.load(folder / "all.npz")["draws"]
+    with np.load(folder / "all.npz") as file:
+        draws = file["draws"]
     assert draws.shape[0] == 4
     assert Path("runs/line-draws/all.h5").is_file()
     page = (folder / "index.html").read_text()
     assert "usable" in page
     assert "x[0]" in page
     assert workbench("sample", "line.py", *LONG)[0] == 0
-    np.testing.assert_array_equal(np.load(folder / "all.npz")["draws"], draws)
+    with np.load(folder / "all.npz") as file:
+        np.testing.assert_array_equal(file["draws"], draws)
     assert "draws of another run" in workbench("sample", "line.py", *LONG, "--seed", "1")[2]
     assert workbench("sample", "line.py", "--steps", "40", "--walkers", "16", "--fresh")[0] == 1
 

@@ -30,8 +30,8 @@ def test_run_writes_a_whole_report(workbench: Run) -> None:
     folder = Path("runs/balance")
     for name in ("index.html", "values.npz", "solution.npz", "body.glb", "summary.json"):
         assert (folder / name).is_file(), name
-    numbers = np.load(folder / "values.npz", allow_pickle=False)
-    assert numbers["projected:cam01"].shape == (23, 2)
+    with np.load(folder / "values.npz", allow_pickle=False) as numbers:
+        assert numbers["projected:cam01"].shape == (23, 2)
     assert wb.Solution.load(folder / "solution.npz").converged
     assert json.loads((folder / "summary.json").read_text())["status"] == "CONVERGED"
 
