@@ -16,7 +16,6 @@ from typer.testing import CliRunner
 
 import workbench as wb
 from workbench import browser
-from workbench.blocks.threaded import available_cores
 from workbench.cli.app import app
 from workbench.comparison import workers
 from workbench.course.grades import CheckState
@@ -132,5 +131,4 @@ def test_what_needs_other_processes_or_threads_says_so_or_does_without(
     monkeypatch.setattr(workers, "pool", cache(workers.Pool))  # without workers of other tests
     with pytest.raises(NoProcesses, match="none can be started in a browser"):
         wb.compare(["landmarks"], ["trust-region"])
-    assert available_cores() == 1
     assert over_halves(sum, [1, 2, 3, 4, 5]) == [3, 12]

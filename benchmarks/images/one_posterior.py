@@ -15,7 +15,7 @@ from workbench.blocks import Values
 from workbench.blocks.simd import simd_function
 from workbench.bodies import SkinnedBody
 from workbench.fitting.setup import Setup
-from workbench.problem.batch import compiled
+from workbench.problem.costs import compiled
 from workbench.sampling import Mixing, sample
 from workbench.sampling.autocorrelation import integrated_time
 from workbench.sampling.descent import mode_from

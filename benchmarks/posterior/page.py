@@ -119,24 +119,15 @@ def _throughput(found: Found, results: Mapping[str, Found]) -> str:
             f"{rates[way]:,.0f} | {rates[way] / ceiling:.1%}" for way in ("interpreted", "compiled")
         ]
         lines.append(f"| {name} | {ceiling:,.0f} | {' | '.join(cells)} |")
-    alone = found["not batched"]
-    said = ", ".join(f"{rate:,.0f} on {use}" for use, rate in alone["costs a second"].items())
-    lines += [
+    lines.append(
         "\nMeshes are computed by matrix products in both columns, because their residual is too "
-        "long to compile.",
-        "\nThe cost of a synthetic pendulum, which CVODES integrates, cannot be batched. Its "
-        f"values per second: {said}; they are "
-        + ("the same to the last bit." if alone["same bits"] else "NOT THE SAME.")
-        + " The points are divided among threads and not among processes: CasADi releases the "
-        "interpreter's lock while it works, and each process would have to build a problem's "
-        "symbols anew. Threads are used only where they are measured to be faster.\n",
-    ]
+        "long to compile.\n"
+    )
     facts = results["throughput"]["machine"]
     if max(facts["load"][0], facts["load after"][0]) > BUSY * facts["cores"]:
         lines.append(
             "Other work ran on the machine meanwhile. Shares are of one run and hold; rates of "
-            "processor time suffer a little, and those of the pendulum, which are of the time on "
-            "the clock, say nothing about an idle machine.\n"
+            "processor time suffer a little.\n"
         )
     return "\n".join(lines)
 

@@ -7,9 +7,9 @@ import pytest
 import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
 from tests.tiers import THOROUGH
-from workbench.blocks.batched import Mapped
+from workbench.blocks.functions import Mapped
 from workbench.blocks.simd import simd_function
-from workbench.problem.batch import Evaluation, compiled, interpreted
+from workbench.problem.costs import Evaluation, compiled, interpreted
 from workbench.residuals import geman_mcclure, huber
 
 

@@ -14,7 +14,7 @@ from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import residuals
 from workbench.blocks import Block, NumericPoints, Tree
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.problem import storage
 
 STORED = pytest.mark.parametrize("dense_from", [0, 10**9], ids=["sparse", "dense"])

@@ -6,7 +6,7 @@ import scipy.stats
 
 import workbench as wb
 from workbench.experiments import find
-from workbench.problem.batch import compiled
+from workbench.problem.costs import compiled
 from workbench.sampling import Usability, sample
 from workbench.sampling.ensemble_settings import EnsembleSettings
 from workbench.sampling.ensembles import run

@@ -17,7 +17,7 @@ from tests.problem.test_costs import problems
 from tests.sampling.test_modes import target_of
 from workbench.diagnostics.design import Candidate, with_candidates
 from workbench.errors import BadArgument, BadFile, BadResidual
-from workbench.problem.batch import compiled, interpreted
+from workbench.problem.costs import compiled, interpreted
 from workbench.residuals import Residual, gaussian, keypoints
 from workbench.sampling import laplace, posterior_mean, sample
 from workbench.sampling.descent import mode_from

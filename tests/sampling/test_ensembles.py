@@ -14,7 +14,6 @@ from tests.sampling.densities import gaussian
 from tests.sampling.interrupted_run import run
 from tests.tiers import few
 from workbench import Problem, WorkbenchError
-from workbench.blocks import threaded
 from workbench.sampling import MOVES, BiasedMove, Progress, sample
 from workbench.sampling.checkpoint import load
 from workbench.sampling.moves import (
@@ -195,15 +194,3 @@ def test_seeds_reproduce() -> None:
     np.testing.assert_array_equal(one, same)
     assert not np.array_equal(one, other)
     assert len(np.unique(one[:, -1, 0, 0])) == 4  # ensembles are independent
-
-
-def test_draws_do_not_depend_on_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn = []
-    monkeypatch.setattr(threaded, "WORTH", 0.0)  # so that short rows are shared out too
-    for count in (1, 2, 3):
-        monkeypatch.setattr(threaded, "available_cores", lambda count=count: count)
-        drawn.append(
-            sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=60, walkers=20, seed=3).draws
-        )
-    np.testing.assert_array_equal(drawn[0], drawn[1])
-    np.testing.assert_array_equal(drawn[0], drawn[2])

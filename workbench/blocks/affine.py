@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks.batched import Buffered
+from workbench.blocks.functions import Buffered
 
 FILLED = 0.2  # share of nonzeros above which dense products are faster than sparse ones
 SMALL = 10_000  # entries of a matrix below which dense products are faster, too

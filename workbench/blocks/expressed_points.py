@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array
-from workbench.blocks.batched import Buffered
 from workbench.blocks.block import Block
+from workbench.blocks.functions import Buffered
 from workbench.blocks.tree import Tree
 
 

@@ -3,13 +3,13 @@
 import ctypes
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks.batched import Batched, Mapped, count
-from workbench.blocks.products import AfterProduct, Before, rows_together
+from workbench.blocks.functions import Batched, Mapped, count
 from workbench.compiling import (
     NoLibrary,
     address,
@@ -21,6 +21,8 @@ from workbench.compiling import (
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
+TOGETHER = 8  # rows of a matrix at most that are multiplied at once
+LARGEST = 2**15  # rows and columns of a matrix, whose numbers are a C short
 LINES = 500  # instructions in one piece of the source
 LONG = 20_000  # instructions, from which on the compiler is asked to try less
 TRIED = 11  # calls of the comparison: all lanes are used, and some calls are left over
@@ -52,8 +54,25 @@ C_OF: Mapping[int, str] = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class ConstantProduct:
+    """What makes a function's last two arguments w and y = A u: another function and a matrix.
+
+    Pose blend shapes, shape directions and Gaussian priors are such products. Written out in scalar
+    instructions they are five sixths of the graph of a fit to keypoints; as matrices they are
+    arrays, which a loop reads faster, and which no compiler has to read.
+
+    Attributes:
+        function: of all other arguments, with two results u (n,) and w.
+        matrix: A (m, n).
+    """
+
+    function: cs.Function
+    matrix: Array
+
+
 def simd_function(
-    function: cs.Function, shared: Sequence[bool], before: Before | None = None
+    function: cs.Function, shared: Sequence[bool], before: ConstantProduct | None = None
 ) -> Batched:
     """A function of scalar instructions as compiled code, which is kept in a library on disk.
 
@@ -64,12 +83,16 @@ def simd_function(
     as C here.
     """
     source = simd_code(function, shared, before)
-    usual: Batched = Mapped(function, shared if before is None else (*shared, False, False))
-    if before is not None:
-        usual = AfterProduct(usual, before, Mapped(before.function, shared))
+    last = Mapped(function, shared if before is None else (*shared, False, False))
+
+    def interpreted(*arguments: Array) -> list[Array]:
+        if before is None:
+            return last(*arguments)
+        u, w = Mapped(before.function, shared)(*arguments)
+        return last(*arguments, w, u @ before.matrix.T)
 
     def agrees(loaded: ctypes.CDLL) -> bool:
-        return _agree(SimdFunction(loaded, function, shared), usual, function, shared)
+        return _agree(SimdFunction(loaded, function, shared), interpreted, function, shared)
 
     try:
         return SimdFunction(library("simd", source, agrees), function, shared)
@@ -98,7 +121,9 @@ class SimdFunction:
         return found
 
 
-def simd_code(function: cs.Function, shared: Sequence[bool], before: Before | None = None) -> str:
+def simd_code(
+    function: cs.Function, shared: Sequence[bool], before: ConstantProduct | None = None
+) -> str:
     """The C source of a function; raises NotSupported for an instruction that has no C here."""
     head = source_beside(__package__, "simd.h")
     inputs = [(k, function.nnz_in(k), same) for k, same in enumerate(shared)]
@@ -159,9 +184,15 @@ def _stage(
 
 def _product(matrix: Array, u: str, y: str) -> tuple[str, str]:
     """The tables of a matrix in C, and the call that multiplies by it; see `product` in simd.h."""
+    if max(matrix.shape) >= LARGEST:
+        raise NotSupported(f"a matrix of shape {matrix.shape} is too large for a product in C here")
+    used_by = matrix != 0
+    order = np.lexsort(used_by.T)  # rows with the same columns stand together
+    order = order[used_by[order].any(axis=1)]
     rows_of, columns_of, rows, columns = [], [], [], []
     elements: list[float] = []
-    for group in rows_together(matrix):
+    for first in range(0, len(order), TOGETHER):
+        group = order[first : first + TOGETHER]
         used = np.flatnonzero(matrix[group].any(axis=0))
         rows_of.append(len(group))
         columns_of.append(len(used))

@@ -17,7 +17,7 @@ from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Tree
-from workbench.blocks.batched import Buffered
+from workbench.blocks.functions import Buffered
 from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import columns_of_nonzeros

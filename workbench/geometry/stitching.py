@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Index
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.errors import BadMesh
 from workbench.geometry.triangles import edge_matrix
 

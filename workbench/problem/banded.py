@@ -150,16 +150,6 @@ class BandedFactor:
         found[order.inner] = _triangular(self.L, first - self.answer @ last, "T")
         return found
 
-    def half_answer(self, right: Array) -> Array:
-        """M^-1 times a vector (n,), where M M' is the matrix that was factorized."""
-        order, found = self.order, np.empty_like(right, dtype=float)
-        first = _triangular(self.L, right[order.inner], "N")
-        last = right[order.border] - self.answer.T @ first
-        if len(last):
-            last = scipy.linalg.solve_triangular(self.corner, last, lower=True)
-        found[order.inner], found[order.border] = first, last
-        return found
-
     def half_times(self, w: Array) -> Array:
         """M'^-1 w for w (n,) or (n, k), where M M' is the matrix that was factorized.
 

@@ -19,8 +19,7 @@ from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
-from workbench.blocks.batched import Buffered, without_calls
-from workbench.blocks.elementwise import Elementwise
+from workbench.blocks.functions import Buffered, without_calls
 from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
 from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
 from workbench.problem.naming import distinct
@@ -48,8 +47,7 @@ class Chain:
         self.sources, self.free = tuple(sources), free
         arguments = [graph.x, graph.fixed, *graph.points]
         r = cs.densify(graph.residual)
-        self.to_residual = Buffered(residual := cs.Function("residual", arguments, [r]))
-        self._residual = Elementwise.of(residual) or self.to_residual
+        self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
         derivative = cs.Function("derivative", arguments, [r, *jacobians])
         self.to_derivative = Buffered(without_calls(derivative))
@@ -81,7 +79,7 @@ class Chain:
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """The whitened residual, (m,)."""
-        return self._residual(x, fixed, *self._points(x, fixed))[0]
+        return self.to_residual(x, fixed, *self._points(x, fixed))[0]
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Stored]:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
@@ -94,7 +92,7 @@ class Chain:
         # the points come last, because they are a byproduct of their derivative
         direct, *by_points = self._constant or self._slopes(x, fixed)
         J = self._jacobian(places, direct, by_points)
-        return self._residual(x, fixed, *(here.points for here in places))[0], J
+        return self.to_residual(x, fixed, *(here.points for here in places))[0], J
 
     @cached_property
     def sparse(self) -> bool:

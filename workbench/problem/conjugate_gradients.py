@@ -2,14 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import bsr_array, csc_array, csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.errors import BadArgument
-from workbench.problem.steps import LinearModel, Step
+from workbench.problem.steps import Step
 from workbench.problem.storage import Symmetric, crowded, dense, unblocked
+
+if TYPE_CHECKING:
+    from workbench.problem.linearization import Linearization
 
 SMALLEST = 1e-12  # of a block's trace: a smaller eigenvalue of it is only rounding
 
@@ -57,7 +61,7 @@ class ConjugateGradients:
                 f"{self.tolerance:g}"
             )
 
-    def __call__(self, here: LinearModel, damping: float, D: Array) -> Step:
+    def __call__(self, here: "Linearization", damping: float, D: Array) -> Step:
         """The step (n,) that nearly minimises |J p + r|^2 + damping |D p|^2."""
         return Step(self.solved(here.normal, damping * D**2, -here.gradient), "conjugate gradients")
 

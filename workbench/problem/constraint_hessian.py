@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Points, in_blocks
-from workbench.blocks.batched import Buffered, without_calls
+from workbench.blocks.functions import Buffered, without_calls
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import nonzeros_of, pattern_of
 from workbench.problem.graph import Graph, split

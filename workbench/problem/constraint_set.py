@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, in_blocks
-from workbench.blocks.batched import Buffered
+from workbench.blocks.functions import Buffered
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_hessian import ConstraintHessian, has_arithmetic

@@ -15,12 +15,20 @@ from workbench.blocks.checks import mapping, texts
 from workbench.blocks.layout import all_values
 from workbench.errors import check_known
 from workbench.problem import naming
-from workbench.problem.batch import Batch, Costs, Evaluation, Places, Slopes, interpreted, slopes
 from workbench.problem.bounds import Bounds, flat_bounds, of_free
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.problem.domain import Domain
+from workbench.problem.costs import (
+    Batch,
+    Costs,
+    Domain,
+    Evaluation,
+    Places,
+    Slopes,
+    interpreted,
+    slopes,
+)
 from workbench.problem.frame_chain import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization

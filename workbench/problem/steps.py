@@ -8,25 +8,26 @@ take conjugate gradients (`conjugate_gradients`).
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
 from scipy.linalg import lapack
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import LinearOperator, lsmr
+from scipy.sparse.linalg import lsmr
 
 from workbench.arrays import Array
 from workbench.problem.banded import BandedFactor, BandedMatrix
 from workbench.problem.sparse_cholesky import SparseFactor, factorized
-from workbench.problem.storage import Matrix, Symmetric, scaled_sparse
+from workbench.problem.storage import scaled_sparse
+
+if TYPE_CHECKING:
+    from workbench.problem.linearization import Linearization
 
 EPS = float(np.finfo(float).eps)
 CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
 UNEVEN = 1e6  # times the shortest column: a longer one would hide it among its rounding errors
 DIGITS, PRODUCTS = 1e-12, 2000  # of LSMR: its tolerances, and products at most
-TOO_MANY = 7  # LSMR's reason to stop where `PRODUCTS` were not enough
-RAISED = 1e-7  # of the squared length of each column: what makes the band's factor safe
 SLIGHT = 1e-7  # of the longest column's square, in the units of D
 LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
 
@@ -38,54 +39,10 @@ class Step(NamedTuple):
     by: str
 
 
-class LinearModel(Protocol):
-    """The linear model r + J p, as far as steps need it; see `Linearization`."""
-
-    @property
-    def residual(self) -> Array:
-        """The residual r, (m,)."""
-
-    @property
-    def gradient(self) -> Array:
-        """The gradient J'r, (n,)."""
-
-    @property
-    def normal(self) -> Symmetric:
-        """The normal equations' matrix J'J, (n, n)."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """The numbers of rows and columns, (m, n)."""
-
-    @property
-    def dense(self) -> Array:
-        """The Jacobian J as an array, (m, n)."""
-
-    @property
-    def estimated(self) -> bool:
-        """Whether J is stored by its nonzeros or by blocks."""
-
-    @property
-    def column_norms(self) -> Array:
-        """The lengths of the Jacobian's columns, (n,)."""
-
-    @property
-    def triangle(self) -> tuple[Array, Array, Array]:
-        """`d, R, b`: J / d = Q R and b = Q'r."""
-
-    @property
-    def svd(self) -> tuple[Array, Array, Array]:
-        """`U, s, Vt`: the singular value decomposition of J."""
-
-    @property
-    def jacobian(self) -> Matrix:
-        """J as it is stored."""
+LinearAlgebra = Callable[["Linearization", float, Array], Step | None]
 
 
-LinearAlgebra = Callable[[LinearModel, float, Array], Step | None]
-
-
-def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
+def cholesky(here: "Linearization", damping: float, D: Array) -> Step | None:
     """The step by the normal equations J'J + damping D^2, scaled to a diagonal of ones.
 
     This is the fastest way for Jacobians with many more rows than columns. The condition number is
@@ -114,7 +71,7 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
     return Step(-p / d, "cholesky")
 
 
-def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
+def qr(here: "Linearization", damping: float, D: Array) -> Step | None:
     """The step by QR of J, then of its triangle above sqrt(damping) D (Moré 1978).
 
     The condition number is not squared. None for a sparse Jacobian, and if the columns are
@@ -141,7 +98,7 @@ def _inverse_condition(R: Array) -> float:
     return float(found)
 
 
-def svd(here: LinearModel, damping: float, D: Array) -> Step:
+def svd(here: "Linearization", damping: float, D: Array) -> Step:
     """The shortest step, by the singular values of J / D; null directions are left out.
 
     There is a step for every Jacobian. Without damping, D is the length of the columns if some are
@@ -166,56 +123,20 @@ def _even(lengths: Array) -> Array:
     return np.where(lengths > 0, lengths, 1.0)
 
 
-def krylov(here: LinearModel, damping: float, D: Array) -> Step:
+def krylov(here: "Linearization", damping: float, D: Array) -> Step:
     """The shortest step by products with J and J' alone, for a sparse J with dependent columns.
 
-    See Fong and Saunders, LSMR: an iterative algorithm for sparse least-squares problems, 2011. If
-    it needs too many products, it is preconditioned for a sequence of frames; otherwise the result
-    is the best step so far, along which the cost falls.
+    See Fong and Saunders, LSMR: an iterative algorithm for sparse least-squares problems, 2011.
+    After `PRODUCTS` products, the result is the best step so far, along which the cost falls.
     """
     if damping == 0:
         D = _even(here.column_norms)
     A = scaled_sparse(here.jacobian, 1 / D)
-    p, why = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[
-        :2
-    ]
-    if why == TOO_MANY and isinstance(here.normal, BandedMatrix):
-        found = _preconditioned(here, here.normal, damping, D)
-        if found is not None:
-            return found
+    p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
     return Step(np.asarray(p) / D, "lsmr")
 
 
-def _preconditioned(
-    here: LinearModel, normal: BandedMatrix, damping: float, D: Array
-) -> Step | None:
-    """`krylov` in the unknowns M'p, where M M' is J'J with a slightly raised diagonal.
-
-    Directions that the data determine well are then found in a few products, so that the remaining
-    products serve the others. None where even the raised matrix has no factor.
-    """
-    lengths = here.column_norms
-    raised = RAISED * np.where(lengths > 0, lengths, 1.0) ** 2
-    factor = normal.factorized(damping * D**2 + raised)
-    if factor is None:
-        return None
-    J, (m, n) = here.jacobian, here.shape
-    own = np.sqrt(damping) * D
-
-    def product(y: Array) -> Array:
-        p = factor.half_times(y.ravel())
-        return np.concatenate([J @ p, own * p])
-
-    def pulled(r: Array) -> Array:
-        return factor.half_answer(J.T @ r.ravel()[:m] + own * r.ravel()[m:])
-
-    A = LinearOperator((m + n, n), matvec=product, rmatvec=pulled, dtype=float)
-    right = np.concatenate([-here.residual, np.zeros(n)])
-    y = lsmr(A, right, 0.0, DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
-    return Step(factor.half_times(np.asarray(y)), "lsmr")
-
-
-def automatic(here: LinearModel, damping: float, D: Array) -> Step:
+def automatic(here: "Linearization", damping: float, D: Array) -> Step:
     """The step by Cholesky while that keeps half of the digits, else by QR, else by the SVD.
 
     QR is used while the columns are independent. For a sparse Jacobian, the Cholesky factor is
@@ -228,7 +149,7 @@ def automatic(here: LinearModel, damping: float, D: Array) -> Step:
     return krylov(here, damping, D) if here.estimated else svd(here, damping, D)
 
 
-def sparing(here: LinearModel, damping: float, D: Array) -> Step:
+def sparing(here: "Linearization", damping: float, D: Array) -> Step:
     """`automatic`, but without `krylov` while a slight damping serves as well.
 
     For a sparse Jacobian with dependent columns, the shortest step takes hundreds of products. With

@@ -22,9 +22,8 @@ from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, NumericPoints, PointsAt, PointSource, Tree
+from workbench.blocks.functions import sparse_constant
 from workbench.blocks.points import jacobian_of, pattern_of
-from workbench.blocks.sparse_constants import sparse_constant
-from workbench.residuals.sparse_products import write_product
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +234,7 @@ class ContactsAt:
         self.here.tangent(rooms, None)
         W = self.slopes if scale is None else _with(_per_row(self.slopes, scale), self.slopes)
         for name, target in into.items():
-            write_product(W, rooms[name], target)
+            target[...] = (W @ rooms[name].T).T
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative (M d, size) by a block, for which that of the vertices must be sparse."""

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Index
 from workbench.blocks import Points
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.errors import BadResidual
 from workbench.geometry.triangles import edge_matrix
 from workbench.residuals.arguments import expressed, given, named_after, numbered

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.problem.batch import compiled
+from workbench.problem.costs import compiled
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.descent import bounds_of, mode_from
 from workbench.sampling.feasible import refuse_flat, refuse_undefined

@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Problem
-from workbench.problem.batch import Costs, Evaluation, Slopes, interpreted
+from workbench.problem.costs import Costs, Evaluation, Slopes, interpreted
 from workbench.sampling.subspace import Subspace
 
 

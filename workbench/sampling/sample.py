@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.problem.batch import compiled, interpreted
+from workbench.problem.costs import compiled, interpreted
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.ensemble_settings import (
     Callback,

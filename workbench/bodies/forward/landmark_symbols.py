@@ -8,7 +8,7 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array
 
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.rest_points import RestPoints

@@ -11,7 +11,7 @@ import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks.batched import Batched, Buffered, Mapped
+from workbench.blocks.functions import Batched, Buffered, Mapped
 from workbench.bodies.forward.halves import NUMBERS, halved_features, numbers_of
 from workbench.bodies.forward.kinematics import (
     ancestors,

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.skinning import blend_points
 

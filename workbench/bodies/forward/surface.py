@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as cs
 import numpy as np
 
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.forward.features import Posture
 from workbench.bodies.forward.kinematics import binding_motions

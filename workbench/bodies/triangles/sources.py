@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, kron
 
 from workbench.arrays import Array
 from workbench.blocks import Block
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.numeric_sources import BodyPointsAt, Named
 from workbench.bodies.forward.rows import Target, write

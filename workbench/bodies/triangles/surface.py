@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward.kinematics import world_rotations
 from workbench.bodies.triangles.packed import PackedTriangles
 

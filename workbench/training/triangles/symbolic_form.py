@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.blocks.sparse_constants import sparse_constant
+from workbench.blocks.functions import sparse_constant
 from workbench.bodies.triangles import TriangleBody
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, vertices

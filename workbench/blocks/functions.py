@@ -1,4 +1,4 @@
-"""One CasADi function of many columns of numbers at once."""
+"""CasADi functions of arrays: without conversions, for many arguments at once, as scalars."""
 
 from collections.abc import Sequence
 from threading import Lock
@@ -6,12 +6,16 @@ from typing import Protocol
 
 import casadi as cs
 import numpy as np
+from scipy.sparse import coo_array, csc_array, csr_array
 
 from workbench.arrays import Array
 
 LONGEST = 20_000  # instructions; above, operations on whole matrices are faster
 LARGE = 1000  # numbers, from which on they are read and written in place
 TOGETHER = 32  # calls that one evaluation serves
+MOST_NUMBERS = (
+    500_000  # that one evaluation takes and gives, so that meshes are taken a few at a time
+)
 CALLS = 20  # of other functions, from which on a graph is evaluated in scalar instructions
 LONGEST_OF_CALLS = 400_000  # instructions, up to which it is
 
@@ -93,31 +97,15 @@ def without_calls(function: cs.Function, calls: int = CALLS) -> cs.Function:
     return (scalar(function, LONGEST_OF_CALLS) or function) if sum(called) >= calls else function
 
 
-class OneByOne:
-    """A function that is called once for each row."""
-
-    def __init__(self, function: Buffered, shared: Sequence[bool]) -> None:
-        self._function, self._shared = function, shared
-
-    def __call__(self, *arguments: Array) -> list[Array]:
-        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
-        M = count(arguments, self._shared)
-        found = [
-            self._function(
-                *(a if s else a[i] for a, s in zip(arguments, self._shared, strict=True))
-            )
-            for i in range(M)
-        ]
-        outputs = range(self._function.function.n_out())
-        return [np.array([row[k] for row in found]).reshape(M, -1) for k in outputs]
-
-
 class Mapped:
     """A function that takes several rows per call; the last call repeats the last row."""
 
     def __init__(
-        self, function: cs.Function, shared: Sequence[bool], together: int = TOGETHER
+        self, function: cs.Function, shared: Sequence[bool], together: int | None = None
     ) -> None:
+        if together is None:
+            numbers = function.nnz_in() + function.nnz_out()
+            together = max(1, min(TOGETHER, MOST_NUMBERS // max(1, numbers)))
         self._shared, self._together = tuple(shared), together
         one_for_all = [i for i, s in enumerate(self._shared) if s]
         mapped = function.map(f"many_{function.name()}", "serial", together, one_for_all, [])
@@ -142,3 +130,15 @@ class Mapped:
 def count(arguments: Sequence[Array], shared: Sequence[bool]) -> int:
     """M, the number of rows of the first argument that is not shared."""
     return next(len(a) for a, s in zip(arguments, shared, strict=True) if not s)
+
+
+def sparse_constant(matrix: csc_array | csr_array | coo_array) -> cs.DM:
+    """SciPy's matrix (m, n) as CasADi's, with the same stored entries, also those that are zero.
+
+    `cs.DM(matrix)` needs five times as long, and in CasADi 3.7 it takes SciPy's sparse matrices
+    but not its sparse arrays.
+    """
+    columns = csc_array(matrix).sorted_indices()  # a copy, which is CasADi's order
+    columns.sum_duplicates()
+    sparsity = cs.Sparsity(*columns.shape, columns.indptr.tolist(), columns.indices.tolist())
+    return cs.DM(sparsity, columns.data.tolist())

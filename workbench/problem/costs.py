@@ -1,0 +1,399 @@
+"""A problem's cost at many points at once, and its gradient where the graph is short.
+
+Two ways to the same numbers. Where the whole graph is short, it is evaluated in scalar
+instructions, by CasADi's machine with all that does not vary folded into constants, or compiled,
+several points to an instruction. Where it is long, as for the vertices of a mesh, the points of
+bodies come from matrix products over all the values at once and only the residual is a graph.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import casadi as cs
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Layout, NumericPoints, Points, in_blocks
+from workbench.blocks.functions import Batched, Mapped, scalar
+from workbench.blocks.layout import all_values
+from workbench.blocks.simd import ConstantProduct, simd_function
+from workbench.compiling import NoLibrary
+from workbench.errors import NotSupported
+from workbench.problem.graph import Graph, split
+from workbench.problem.naming import distinct
+from workbench.residuals import Residual
+
+T = TypeVar("T")
+Places = Index
+Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
+Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
+Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
+COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
+INTERPRETED_UP_TO = 2_000  # of them: of more, points from matrix products are faster
+EXPANDED_UP_TO = 100_000  # of the whole graph
+LEAST = 200  # elements that are not zero, from which on a constant matrix is taken out
+SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """The domains of the points of some residuals; see `Residual.domain`.
+
+    Attributes:
+        residuals: those that have a domain.
+        free: the layout of the free numbers.
+        fixed: the layout of the fixed numbers.
+    """
+
+    residuals: tuple[Residual, ...]
+    free: Layout
+    fixed: Layout
+
+    @staticmethod
+    def of(residuals: Iterable[Residual], free: Layout, fixed: Layout) -> "Domain | None":
+        """The domain of a problem with these residuals; None if they mean something everywhere."""
+        limited = tuple(one for one in residuals if one.domain is not None)
+        return Domain(limited, free, fixed) if limited else None
+
+    def beside(self, whitened: cs.MX) -> cs.MX:
+        """A column of whitened residuals with one row more: 0 in the domain, infinite elsewhere.
+
+        The cost of the column is therefore infinite outside of the domain; inside it has the same
+        bits as without that row, and the same derivatives.
+        """
+        outside = cs.mmin(self._counted) < 0
+        return cs.vertcat(whitened, cs.if_else(outside, np.inf, 0.0))
+
+    def outside_in_words(self, x: Array, fixed: Array) -> str:
+        """The first point that is outside of its domain at x (n,), in words; "" if none is."""
+        found = np.asarray(self._evaluated(x, fixed)).ravel()
+        first = 0
+        for one in self.residuals:
+            d = one.rows_per_point
+            out = np.flatnonzero(found[first : first + one.size // d] < 0)
+            if out.size:
+                return (
+                    f"{one.label(d * int(out[0]))} means nothing there, because its domain is "
+                    f"{found[first + out[0]]:.3g}, below zero (of a keypoint, the domain is how "
+                    "many metres it is in front of its camera, times its confidence)"
+                )
+            first += one.size // d
+        return ""
+
+    @cached_property
+    def _counted(self) -> cs.MX:
+        """The domain of each point times its weight, (p, 1)."""
+        return cs.vertcat(*[_weighed(one, one.domain) for one in self.residuals])
+
+    def _evaluated(self, x: Array, fixed: Array) -> cs.DM:
+        points = distinct(p for one in self.residuals for p in one.points)
+        graph, sources = split(self._counted, points, self.free, self.fixed)
+        named = all_values(self.free, x, self.fixed, fixed)
+        values = {name: value[None] for name, value in named.items()}
+        there = [source.evaluate_batch(values)[0].T for source in sources]
+        f = cs.Function("domain", [graph.x, graph.fixed, *graph.points], [graph.residual])
+        return f(x, fixed, *there)
+
+
+def _weighed(residual: Residual, numbers: cs.MX) -> cs.MX:
+    """Numbers for each point (m / d, 1) times the point's weight, the sum of those of its rows."""
+    d, weights = residual.rows_per_point, residual.weights
+    if weights is None:
+        return numbers
+    if not isinstance(weights, cs.MX):
+        weights = cs.DM(np.asarray(weights, dtype=float))
+    if d > 1 and weights.numel() == residual.size:
+        weights = cs.sum1(cs.reshape(weights, d, residual.size // d)).T
+    return weights * numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """A residual as one graph, and as a graph of points that come from arithmetic.
+
+    Attributes:
+        whole: the residual as one graph; None where only arithmetic has the points of a source.
+        split: the residual as a graph of points that come from arithmetic.
+        sources: the arithmetic for the points of the split graph.
+        free: the layout of the free numbers.
+        fixed: the layout of the fixed numbers.
+        limited: whether the last row says by 0 or infinity if all is in its domain.
+        made: what was derived or compiled already, by the places that vary.
+    """
+
+    whole: Graph | None
+    split: Graph
+    sources: Sequence[NumericPoints]
+    free: Layout
+    fixed: Layout
+    limited: bool = False
+    made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
+
+    @staticmethod
+    def of(
+        whitened: cs.MX,
+        points: Sequence[Points],
+        free: Layout,
+        fixed: Layout,
+        graph: Graph | None,
+        domain: Domain | None,
+    ) -> "Batch":
+        """The batch of whitened residuals, of which `graph` is the graph if there is one."""
+        if domain is None:
+            return Batch(graph, *split(whitened, points, free, fixed), free, fixed)
+        limited = domain.beside(whitened)
+        whole = None if graph is None else Graph.of(in_blocks(limited, points), free, fixed)
+        return Batch(whole, *split(limited, points, free, fixed), free, fixed, limited=True)
+
+    def once(self, what: str, places: Places, make: Callable[[], T]) -> T:
+        """The result of `make`, which is called once for these places and is kept in `made`."""
+        key = what, places.tobytes()
+        if key not in self.made:
+            self.made[key] = make()
+        found: T = self.made[key]
+        return found
+
+
+Evaluation = Callable[[Batch, Array, Array, Places], Costs]
+
+
+@dataclass(frozen=True, eq=False)
+class FoldedCost:
+    """The cost 0.5 |r|^2 as a function of the numbers z (k,) that vary.
+
+    Attributes:
+        still: (x, fixed) to the numbers that the cost takes beside z, which z does not change.
+        cost: (z, still) to the cost, or (z, still, w, y) where `before` has made w and y.
+        before: the product with a constant matrix, where there is one.
+    """
+
+    still: cs.Function
+    cost: cs.Function
+    before: ConstantProduct | None
+
+    def numbers(self, x: Array, fixed: Array) -> Array:
+        """What z does not change, flat."""
+        return np.asarray(self.still(np.concatenate([x, fixed]))).ravel()
+
+    @property
+    def instructions(self) -> int:
+        """The scalar instructions of all parts that vary."""
+        more = 0 if self.before is None else self.before.function.n_instructions()
+        return int(self.cost.n_instructions() + more)
+
+
+def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
+    """A function of z to costs that CasADi and NumPy evaluate, without a compiler.
+
+    Points come from arithmetic for all rows at once, where there is some and the whole graph is
+    not short.
+    """
+    folded = batch.once("folded", places, lambda: _folded(batch, places))
+    if folded is not None and (not batch.sources or folded.instructions <= INTERPRETED_UP_TO):
+        return _called(Mapped(folded.cost, SHARED), folded, x, fixed)
+    graph = batch.split
+    cost = 0.5 * cs.sumsqr(cs.densify(graph.residual))
+    run = Mapped(
+        cs.Function("cost", [graph.x, graph.fixed, *graph.points], [cost]),
+        (False, True, *(False for _ in graph.points)),
+    )
+
+    def costs(z: Array) -> Array:
+        X = _filled(x, places, z)
+        values = _values(batch, X, fixed)
+        points = (source.evaluate_batch(values).reshape(len(z), -1) for source in batch.sources)
+        return run(X, fixed, *points)[0][:, 0]
+
+    return costs
+
+
+def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
+    """A function of z to costs that is compiled, where that is possible and worth it."""
+    graph = batch.once("products", places, lambda: _folded(batch, places, products=True))
+    if graph is None or graph.instructions > COMPILED_UP_TO:
+        return interpreted(batch, x, fixed, places)
+
+    def make() -> Batched:
+        return simd_function(graph.cost, SHARED, graph.before)
+
+    try:
+        run = batch.once("compiled", places, make)
+    except (NoLibrary, NotSupported):
+        return interpreted(batch, x, fixed, places)
+    return _called(run, graph, x, fixed)
+
+
+def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slope) -> Slopes:
+    """Costs and their gradients by z, compiled where that works.
+
+    Where the graph is too long, `one_by_one` is asked for the cost and its gradient (n,) at each x.
+    """
+    graph = batch.once("folded", places, lambda: _folded(batch, places))
+    if graph is None or graph.instructions > COMPILED_UP_TO:
+        costs = interpreted(batch, x, fixed, places) if batch.limited else None
+
+        def each(z: Array) -> tuple[Array, Array]:
+            X = _filled(x, places, z)
+            found = [one_by_one(row) for row in X]
+            cost = np.array([cost for cost, _ in found])
+            if costs is not None:
+                cost[np.isinf(costs(z))] = np.inf
+            return cost, np.array([g[places] for _, g in found])
+
+        return each
+    run = batch.once("slopes", places, lambda: _derived(graph.cost))
+    numbers = graph.numbers(x, fixed)
+
+    def together(z: Array) -> tuple[Array, Array]:
+        cost, gradient = run(z, numbers)
+        return cost[:, 0], gradient
+
+    return together
+
+
+def _derived(cost: cs.Function) -> Batched:
+    z, still = (cs.SX.sym(name, cost.nnz_in(i)) for i, name in enumerate(("z", "still")))
+    c = cost(z, still)
+    both = cs.Function("slope", [z, still], [c, cs.densify(cs.gradient(c, z))])
+    try:
+        return simd_function(both, SHARED)
+    except (NoLibrary, NotSupported):
+        return Mapped(both, SHARED)
+
+
+def _called(run: Batched, graph: FoldedCost, x: Array, fixed: Array) -> Costs:
+    numbers = graph.numbers(x, fixed)
+    return lambda z: run(z, numbers)[0][:, 0]
+
+
+def _folded(batch: Batch, places: Places, products: bool = False) -> "FoldedCost | None":
+    """The cost by what varies; None if there are too many instructions, or no such graph."""
+    return None if batch.whole is None else folded_cost(batch.whole, places, products)
+
+
+def _filled(x: Array, places: Places, z: Array) -> Array:
+    """Copies (M, n) of x with z (M, k) in these places."""
+    X = np.repeat(x[None], len(z), axis=0)
+    X[:, places] = z
+    return X
+
+
+def _values(batch: Batch, X: Array, fixed: Array) -> Mapping[str, Array]:
+    same, M = batch.fixed.unpack(fixed), len(X)
+    values = {name: np.broadcast_to(value, (M, *value.shape)) for name, value in same.items()}
+    for block in batch.free.blocks:
+        numbers = X[:, batch.free.slices[block.name]]
+        if block.whole is None:
+            values[block.name] = numbers.reshape(M, *block.shape)
+        else:
+            whole = np.array(values[block.name])
+            whole.reshape(M, -1)[:, list(block.places)] = numbers
+            values[block.name] = whole
+    return values
+
+
+def folded_cost(graph: Graph, places: Places, products: bool) -> FoldedCost | None:
+    """The cost of a graph by z, which stands at these places of x; None for too long a graph.
+
+    With `products`, large constant matrices are taken out, as far as z changes what they multiply.
+    """
+    cost = 0.5 * cs.sumsqr(cs.densify(graph.residual))
+    out, left = _taken_out(cost, [graph.x, graph.fixed]) if products else ([], cost)
+    given = [graph.x, graph.fixed, *(one.result for one in out)]
+    operands = cs.vertcat(cs.MX(0, 1), *(one.operand for one in out))
+    f = scalar(cs.Function("cost", given, [left, operands]), EXPANDED_UP_TO)
+    if f is None:
+        return None
+    z, x = cs.SX.sym("z", len(places)), cs.SX.sym("x", graph.x.numel())
+    fixed, put = cs.SX.sym("fixed", graph.fixed.numel()), cs.SX(x)
+    put[places.tolist()] = z
+    matrix = block_diag(*(one.matrix for one in out)) if out else np.zeros((0, 0))
+    zeros = [cs.SX(one.result.numel(), 1) for one in out]
+    u = f(put, fixed, *zeros)[1]
+    varies = np.array(cs.which_depends(u, z, 1, True), dtype=bool) if out else np.zeros(0, bool)
+    if np.count_nonzero(matrix[:, varies]) < LEAST:
+        varies[:] = False
+    moved = matrix[:, varies].any(axis=1)  # rows; all others stay what they are
+    y = cs.SX.sym("y", np.count_nonzero(moved))
+    shift = np.concatenate([np.zeros(0), *(one.shift for one in out)])
+    same = np.flatnonzero(~varies).tolist()
+    results = cs.DM(shift) + cs.sparsify(cs.DM(matrix[:, ~varies])) @ u[same]
+    results[np.flatnonzero(moved).tolist()] += y
+    edges = np.cumsum([0, *(one.result.numel() for one in out)]).tolist()
+    c = f(put, fixed, *(results[a:b] for a, b in pairwise(edges)))[0]
+    parts = cs.cse(cs.vertcat(c, u[np.flatnonzero(varies).tolist()]))
+    symbols, made, left = _made_first(parts, cs.vertcat(x, fixed), trivial=True)
+    still = cs.Function("still", [cs.vertcat(x, fixed)], [made])
+    if not varies.any():
+        return FoldedCost(still, cs.Function("cost", [z, symbols], [cs.densify(left)]), None)
+    w, made, last = _made_first(left[0], cs.vertcat(z, symbols))
+    return FoldedCost(
+        still,
+        cs.Function("cost", [z, symbols, w, y], [cs.densify(last)]),
+        ConstantProduct(
+            cs.Function("before", [z, symbols], [cs.densify(left[1:]), made]),
+            matrix[np.ix_(moved, varies)],
+        ),
+    )
+
+
+def _made_first(parts: cs.SX, of: cs.SX, trivial: bool = False) -> tuple[cs.SX, cs.SX, cs.SX]:
+    """Symbols for what depends on `of` alone, what they stand for, and the parts in these symbols.
+
+    With `trivial`, entries of `of` that stand alone get symbols too.
+    """
+    left, symbols, made = cs.extract_parametric(parts, of, {"extract_trivial": trivial})
+    column = cs.SX(0, 1)
+    return cs.vertcat(column, *symbols), cs.densify(cs.vertcat(column, *made)), left
+
+
+@dataclass(frozen=True, eq=False)
+class InnerProduct:
+    """A product y = A u + b that stands in a graph.
+
+    Attributes:
+        matrix: A (m, n).
+        shift: b (m,).
+        operand: u (n, 1), in symbols.
+        result: (m, 1), the symbol that stands for y in what is left of the graph.
+    """
+
+    matrix: Array
+    shift: Array
+    operand: cs.MX
+    result: cs.MX
+
+
+def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[InnerProduct], cs.MX]:
+    """The products with constant matrices in an expression, and what is left in their results.
+
+    A product with fewer than LEAST elements stays where it is, and so does one whose operand needs
+    another product.
+    """
+    f = cs.Function("f", list(inputs), [expression])
+    nodes: list[cs.MX] = []
+    products: list[InnerProduct] = []
+    for k in range(f.n_instructions()):
+        if f.instruction_id(k) == cs.OP_MTIMES:
+            node = f.instruction_MX(k)
+            shift, matrix, operand = (node.dep(i) for i in range(3))
+            if matrix.is_constant() and shift.is_constant() and operand.shape[1] == 1:
+                A = np.array(cs.evalf(matrix))
+                if np.count_nonzero(A) >= LEAST:
+                    b = np.array(cs.evalf(shift)).ravel()
+                    y = cs.MX.sym(f"y{len(nodes)}", len(A))
+                    nodes.append(node)
+                    products.append(InnerProduct(A, b, cs.densify(operand), y))
+    if not nodes:
+        return [], expression
+    results = [one.result for one in products]
+    operands = cs.graph_substitute([one.operand for one in products], nodes, results)
+    free = [k for k, u in enumerate(operands) if not cs.depends_on(u, cs.vertcat(*results))]
+    (left,) = cs.graph_substitute(
+        [expression], [nodes[k] for k in free], [products[k].result for k in free]
+    )
+    return [products[k] for k in free], left
