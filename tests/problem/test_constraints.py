@@ -177,3 +177,9 @@ def test_contradictory_constraints_are_nowhere_stationary() -> None:
     assert optimality(problem, 0.5, 1.0) == np.inf
     flat = near(Constraint("flat", x[0] ** 2, lower=1.0))  # its slope at 0 is none
     assert optimality(flat, 0.0, 1.0) == np.inf
+
+
+def test_linearizations_with_another_residual_keep_constraints() -> None:
+    here = near(Constraint("c", x[0], 0.0)).linearize({"x": np.array([1.0, 1.0])})
+    assert here.constraints is not None
+    assert here.with_residual(2 * here.residual).constraints is here.constraints

@@ -116,6 +116,17 @@ def test_costs_of_points_by_a_graph_alone() -> None:
     np.testing.assert_allclose(problem.costs(x, fixed)(X), each, rtol=1e-10)
 
 
+def test_costs_of_points_that_read_no_block() -> None:
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    scan, far = np.array([[0.2, 0.3, -0.1]]), wb.Block("far", (1,), "m")
+    still = wb.residuals.scan_to_model(cs.MX(cs.DM(corners.T)), faces, scan, sigma=0.1)
+    moving = wb.Residual("moving", far.symbol - 1.0, 0.5, "m", blocks=(far,))
+    problem = wb.Problem([still, moving], "far")
+    x, fixed = problem.split({"far": [3.0]})
+    np.testing.assert_allclose(problem.costs(x, fixed)(np.array([[3.0], [2.0]])), [8.5, 2.5])
+
+
 @pytest.mark.thorough
 @NEEDS_A_COMPILER
 def test_long_compiled_functions_are_cut_into_pieces() -> None:

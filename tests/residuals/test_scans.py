@@ -362,3 +362,34 @@ def test_bad_free_space_arguments_are_refused() -> None:
         residuals.free_space(PLACED.symbol, np.vstack([SCAN, CAMERA]), CAMERA, sigma=0.1)
     with pytest.raises(BadResidual, match="camera's place"):
         residuals.free_space(PLACED.symbol, SCAN, [0.0, np.nan, 1.0], sigma=0.1)
+
+
+@pytest.mark.parametrize("form", few([distance, offset], 1))
+def test_sequences_of_scans_are_their_frames(form: Form) -> None:
+    body, scan, values = body_and_scan()
+    frames = [
+        Problem([of_body(body, scan + shift, form=form)], ("pose", "betas", "trans"))
+        for shift in (0.0, 0.02)
+    ]
+    video = wb.sequence(frames, shared="betas")
+    each = {"pose": 0.1, "trans": 0.05}
+    whole = {
+        name: np.stack([value, value + each[name]]) if name in each else value
+        for name, value in values.items()
+    }
+    own = [{n: v[t] if n in each else v for n, v in whole.items()} for t in range(2)]
+    apart = [frame.linearize(at) for frame, at in zip(frames, own, strict=True)]
+    together = video.linearize(whole)
+    np.testing.assert_allclose(together.residual, np.concatenate([one.residual for one in apart]))
+    at = video.free.slices["betas"]
+    by_betas = [J.dense[:, f.free.slices["betas"]] for J, f in zip(apart, frames, strict=True)]
+    np.testing.assert_allclose(together.dense[:, at], np.concatenate(by_betas), atol=1e-9)
+    held = video.frozen(whole)
+    assert held.has_graph
+    x, fixed = held.split(whole)
+    by_graph, J = held.derivative(x, fixed)
+    np.testing.assert_allclose(np.asarray(by_graph).ravel(), together.residual, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(cs.densify(J)), together.dense, atol=1e-8)
+    np.testing.assert_allclose(held.linearize(whole).dense, together.dense, atol=1e-9)
+    x = x + 1e-3 * np.random.default_rng(0).standard_normal(x.shape)
+    assert held.costs(x, fixed)(x[None])[0] == pytest.approx(held.cost_and_gradient(x, fixed)[0])

@@ -58,7 +58,7 @@ class ExpressedPoints:
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points (M, N, 3) m for M values of each block."""
-        M = len(values[self.reads[0]])
+        M = len(next(iter(values.values())))  # of any block: the points may read none
         each = ({name: values[name][i] for name in self.reads} for i in range(M))
         return np.stack([self.evaluate(one).points for one in each])
 

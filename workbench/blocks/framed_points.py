@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import casadi as cs
 import numpy as np
@@ -11,7 +12,15 @@ from scipy.sparse import csc_array, vstack
 from workbench.arrays import Array
 from workbench.blocks.block import Block
 from workbench.blocks.frames import FrameBlocks
-from workbench.blocks.points import NumericPoints, PointsAt, PointSource, jacobian_of, pattern_of
+from workbench.blocks.joined_points import Joined
+from workbench.blocks.points import (
+    ChosenAnew,
+    NumericPoints,
+    PointsAt,
+    PointSource,
+    jacobian_of,
+    pattern_of,
+)
 from workbench.blocks.tree import Tree
 
 
@@ -23,11 +32,14 @@ class FramedPoints:
         source: where the points of a single frame come from.
         frames: the blocks of the sequence.
         some: the numbers of the frames whose points these are.
+        numbers: d, how many numbers the source has of each point: its three coordinates, or
+            others, such as its distance from a surface.
     """
 
     source: PointSource
     frames: FrameBlocks
     some: tuple[int, ...]
+    numbers: int = 3
 
     @property
     def count(self) -> int:
@@ -36,7 +48,7 @@ class FramedPoints:
 
     @cached_property
     def expression(self) -> cs.MX | None:
-        """(3, N len(some)) m, in the blocks of the sequence."""
+        """(d, N len(some)) m, in the blocks of the sequence."""
         found = self.source.expression
         return (
             None if found is None else self.frames.in_frames(found, self.source.blocks, self.some)
@@ -82,7 +94,19 @@ class FramedPoints:
         if found is None:
             return None
         blocks = {name: self.frames[name] for name in found.reads}
-        return NumericFrames(found, blocks, self.some, self.source.count)
+        return NumericFrames(found, blocks, self.some, self.source.count, self.numbers)
+
+    def frozen(self, values: Mapping[str, Array]) -> PointSource:
+        """The points with what the source chooses anew held in each frame; see ChosenAnew."""
+        if not hasattr(self.source, "frozen"):
+            return self
+        held = (
+            cast(ChosenAnew, self.source).frozen(self.frames.values_in(t, values))
+            for t in self.some
+        )
+        frames = zip(self.some, held, strict=True)
+        each = [FramedPoints(one, self.frames, (t,), self.numbers) for t, one in frames]
+        return Joined(tuple(each), np.arange(self.count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +118,14 @@ class NumericFrames:
         blocks: the blocks of the sequence that the points depend on, by name.
         some: the numbers of the frames whose points these are.
         count: N, the number of points in one frame.
+        numbers: d, how many numbers there are of each point.
     """
 
     source: NumericPoints
     blocks: Mapping[str, Block]
     some: Sequence[int]
     count: int
+    numbers: int = 3
 
     @cached_property
     def framed(self) -> dict[str, bool]:
@@ -116,7 +142,7 @@ class NumericFrames:
             return None if own is None else csc_array(vstack([own] * len(self.some)))
         T = block.shape[0]
         if own is None:
-            own = csc_array(np.ones((3 * self.count, block.size // T)))
+            own = csc_array(np.ones((self.numbers * self.count, block.size // T)))
         return on_the_diagonal([own] * len(self.some), self.some, T)
 
     @property
@@ -135,18 +161,19 @@ class NumericFrames:
         return FramesAt(self, each)
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """The points (M, N len(some), 3) m in all these frames, for M sets of values."""
+        """The points (M, N len(some), d) m in all these frames, for M sets of values."""
         M, T = len(next(iter(values.values()))), len(self.some)
 
         def row(name: str) -> Array:
             value = values[name]
-            if self.framed[name]:
+            if self.framed.get(name, False):
                 value = value[:, list(self.some)]
                 return value.reshape(M * T, *value.shape[2:])
             return np.repeat(value, T, axis=0)
 
-        found = self.source.evaluate_batch({name: row(name) for name in self.reads})
-        return found.reshape(M, -1, 3)
+        names = self.reads or tuple(values)[:1]  # points that read nothing take its M alone
+        found = self.source.evaluate_batch({name: row(name) for name in names})
+        return found.reshape(M, -1, self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +182,7 @@ class FramesAt:
 
     Attributes:
         of: the arithmetic of all frames.
-        each: the points of each frame.
+        frames: the points of each frame.
     """
 
     of: NumericFrames
@@ -163,11 +190,11 @@ class FramesAt:
 
     @cached_property
     def points(self) -> Array:
-        """The points, (N len(some), 3) m."""
+        """The points, (N len(some), d) m."""
         return np.concatenate([here.points for here in self.frames])
 
     def jacobian(self, name: str) -> csc_array:
-        """The derivative by a block that has a pattern, (3 N len(some), size)."""
+        """The derivative by a block that has a pattern, (d N len(some), size)."""
         block, sparse = self.of.blocks[name], pattern_of(self.of.source, name) is not None
         each = [
             jacobian_of(here, name) if sparse else self._dense(here, name) for here in self.frames
@@ -177,15 +204,15 @@ class FramesAt:
         return on_the_diagonal(each, self.of.some, block.shape[0])
 
     def _dense(self, here: PointsAt, name: str) -> csc_array:
-        """The derivative of one frame's points by its own part of a block, (3 N, size)."""
+        """The derivative of one frame's points by its own part of a block, (d N, size)."""
         block = self.of.blocks[name]
-        into = np.empty((block.size // block.shape[0], 3 * self.of.count))
+        into = np.empty((block.size // block.shape[0], here.points.size))
         here.tangent({name: into}, None)
         return csc_array(into.T)
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """The derivative, transposed and with all its zeros, into[block] (size, 3 N len(some))."""
-        width = 3 * len(self.frames[0].points)
+        """The derivative, transposed and with all its zeros, into[block] (size, d N len(some))."""
+        width = self.frames[0].points.size
         for i, (t, here) in enumerate(zip(self.of.some, self.frames, strict=True)):
             at = slice(i * width, (i + 1) * width)
             rooms = {}

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import casadi as cs
 
+from workbench.arrays import Array
 from workbench.blocks.block import Block
 from workbench.errors import check_known
 
@@ -27,6 +28,13 @@ class FrameBlocks:
         """A block of the sequence. Raises UnknownName."""
         check_known("block", name, self.blocks)
         return self.blocks[name]
+
+    def values_in(self, t: int, values: Mapping[str, Array]) -> dict[str, Array]:
+        """The values of the blocks in frame t, of those of the sequence."""
+        return {
+            name: value[t] if name in self.blocks and self.blocks[name].framed else value
+            for name, value in values.items()
+        }
 
     def columns(self, one: Block, some: Sequence[int]) -> cs.MX:
         """The symbols of a (K, 3) block in some frames, side by side: (3, K len(some)).

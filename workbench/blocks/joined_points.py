@@ -71,7 +71,7 @@ class Joined:
 
     @cached_property
     def expression(self) -> cs.MX | None:
-        """The points in symbols, (3, N) m; None if a source has no graph."""
+        """The points in symbols, (d, N) m; None if a source has no graph."""
         each = [source.expression for source in self.sources]
         return None if any(e is None for e in each) else cs.horzcat(*each)[:, self.order.tolist()]
 
@@ -125,10 +125,8 @@ class JoinedNumbers:
         )
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """The points at M sets of values, (M, N, 3) m."""
-        each = [
-            part.evaluate_batch({name: values[name] for name in part.reads}) for part in self.parts
-        ]
+        """The points at M sets of values, (M, N, d) m."""
+        each = [part.evaluate_batch(values) for part in self.parts]
         return np.concatenate(each, axis=1)[:, self.order]
 
 
@@ -142,17 +140,17 @@ class JoinedAt:
 
     @cached_property
     def points(self) -> Array:
-        """The points, (N, 3) m."""
+        """The points, (N, d) m."""
         return np.concatenate([part.points for part in self.parts])[self.order]
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Write the derivative by each block of `into`, (size, 3 N)."""
+        """Write the derivative by each block of `into`, (size, d N)."""
         columns = self._columns
-        width = 3 * sum(len(part.points) for part in self.parts)
+        width = sum(part.points.size for part in self.parts)
         whole = {name: np.zeros((len(target), width)) for name, target in into.items()}
         first = 0
         for part, reads in zip(self.parts, self.reads, strict=True):
-            last = first + 3 * len(part.points)
+            last = first + part.points.size
             own = {n: np.zeros((len(t), last - first)) for n, t in whole.items() if n in reads}
             part.tangent(own, None)
             for name, some in own.items():
@@ -163,12 +161,12 @@ class JoinedAt:
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradient of sum(pull * points) by each block; flat."""
-        back = np.zeros(3 * sum(len(part.points) for part in self.parts))
+        back = np.zeros(sum(part.points.size for part in self.parts))
         back[self._columns] = pull
         found: dict[str, Array] = {}
         first = 0
         for part in self.parts:
-            last = first + 3 * len(part.points)
+            last = first + part.points.size
             for name, some in part.adjoint(back[first:last]).items():
                 found[name] = found[name] + some if name in found else some
             first = last
@@ -176,4 +174,5 @@ class JoinedAt:
 
     @property
     def _columns(self) -> Index:
-        return np.asarray((3 * self.order[:, None] + np.arange(3)).ravel())
+        d = self.parts[0].points.shape[1]
+        return np.asarray((d * self.order[:, None] + np.arange(d)).ravel())

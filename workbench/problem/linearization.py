@@ -103,7 +103,7 @@ class Linearization:
 
     def with_residual(self, residual: Array) -> "Linearization":
         """The same J with another residual (m,); J'J is not computed again."""
-        other = Linearization(residual, self.jacobian)
+        other = Linearization(residual, self.jacobian, self.constraints)
         vars(other)["normal"] = self.normal  # a cached property of a frozen object
         return other
 

@@ -52,8 +52,9 @@ class Frames:
                 raise BadResidual(f"there is no frame {t}; the frames are 0 to {self.count - 1}")
         key = points.symbol.__hash__(), chosen
         if key not in self._made:
-            source = FramedPoints(points.source, self.blocks, chosen)
-            self._made[key] = Points.of(source, f"{points.name} in {len(chosen)} frames")
+            numbers = points.symbol.shape[0]
+            source = FramedPoints(points.source, self.blocks, chosen, numbers)
+            self._made[key] = Points.of(source, f"{points.name} in {len(chosen)} frames", numbers)
         return self._made[key]
 
     def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:

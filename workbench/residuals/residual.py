@@ -182,8 +182,14 @@ class Residual(Symbolic):
     def frozen(self, values: Mapping[str, Array]) -> "Residual":
         """The residual with contacts and the like held as they are at these values."""
         held = tuple(points.frozen(values) for points in self.points)
-        same = all(one is other for one, other in zip(held, self.points, strict=True))
-        return self if same else replace(self, points=held)
+        if all(one is other for one, other in zip(held, self.points, strict=True)):
+            return self
+        framed = {block.name for block in self.blocks if block.framed}
+        by_frame = tuple(
+            (t, one.frozen({n: v[t] if n in framed else v for n, v in values.items()}))
+            for t, one in self.by_frame
+        )
+        return replace(self, points=held, by_frame=by_frame, _of_frames=())
 
     def weighed(self, factor: float) -> "Residual":
         """The same residual with every weight multiplied by a number from 0 on."""
