@@ -26,7 +26,7 @@ from workbench.fitting import Scan, pose_prior, shape_prior
 from workbench.priors.mocap import held_out_poses
 from workbench.problem import Problem
 from workbench.registration import SEEN_STAGES, ModelFit, doubts, fit_model, support
-from workbench.residuals.contact_forms import Form, distance, offset
+from workbench.residuals.contacts import Form, distance, offset
 from workbench.residuals.scans import scan_to_model
 from workbench.solvers import TrustRegion
 from workbench.synthetic import Clutter, Holes, Noise, SimulatedScan, people, scan, scanners

@@ -40,8 +40,8 @@ from workbench.fitting.videos import (
 )
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, gaussian, keypoints, smooth
-from workbench.residuals.frames import Between, Frames
 from workbench.residuals.kernels import geman_mcclure, scaled
+from workbench.residuals.sequences import Between, Frames
 
 RESULTS = Path(__file__).parents[1] / "results" / "images-video-errors.json"
 MARKS = (

@@ -22,7 +22,7 @@ import scipy.stats
 import workbench as wb
 from benchmarks.posterior.nuts import NutsSettings, nuts
 from workbench.arrays import Array, Index
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.experiments.balance import balance, balance_monocular, published
 from workbench.fitting.setup import View
 from workbench.priors.poses import shipped_gaussian

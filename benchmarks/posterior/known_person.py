@@ -10,7 +10,7 @@ from benchmarks.posterior.fitted import Fitted, monocular
 from benchmarks.posterior.nuts import NutsSettings, nuts
 from benchmarks.posterior.pieces import Pieces
 from workbench.arrays import Array
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.sampling import Posterior, fixed, laplace, sample
 from workbench.sampling.descent import Mode
 

@@ -20,7 +20,7 @@ import numpy as np
 import workbench as wb
 from benchmarks.posterior.fitted import BLOCKS, monocular
 from workbench.arrays import Array, Index
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.sampling import Posterior, fixed, sample
 from workbench.sampling.arviz_interface import arviz
 from workbench.sampling.descent import Mode

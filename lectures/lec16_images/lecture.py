@@ -73,8 +73,8 @@ from workbench.residuals import (
     scaled,
     spheres,
 )
-from workbench.residuals.bending import HINGES, bent_back
 from workbench.residuals.kernels import Scaled
+from workbench.residuals.numbers import HINGES, bent_back
 from workbench.solvers import SolveStage, Staged, Starts
 
 SIGMA = 4.0  # px, of a keypoint

@@ -6,7 +6,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.fitting import ImageFits, Observations, photograph
-from workbench.residuals.bending import HINGES
+from workbench.residuals.numbers import HINGES
 
 Array = np.ndarray
 

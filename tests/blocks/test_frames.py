@@ -7,8 +7,7 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.tiers import few
-from workbench.blocks.framed_points import FramedPoints
-from workbench.blocks.frames import FrameBlocks, framed
+from workbench.blocks.composed_points import FrameBlocks, FramedPoints, framed
 from workbench.errors import BadBlock
 
 BODY = random_body(1, n_vertices=5, n_joints=3, n_betas=2)

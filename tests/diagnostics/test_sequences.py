@@ -18,7 +18,7 @@ from workbench.errors import BadArgument, NotFinite
 from workbench.problem import frame_chain, storage
 from workbench.reports import write_diagnosis
 from workbench.residuals import Residual
-from workbench.residuals.frames import Between
+from workbench.residuals.sequences import Between
 
 
 @pytest.fixture(autouse=True)

@@ -10,7 +10,7 @@ from tests.problem.test_chain import assert_same
 from tests.tiers import few
 from workbench import SOLVERS, Staged, residuals
 from workbench.blocks import Layout
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.errors import BadBounds, MissingValue, ShapeMismatch, UnknownName
 from workbench.problem import Constraint
 

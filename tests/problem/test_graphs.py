@@ -14,7 +14,7 @@ from tests.bodies_made_up import random_body
 from tests.residuals.test_every_residual import CASES, Case, near
 from tests.tiers import THOROUGH, few
 from workbench import residuals
-from workbench.blocks.backwards import scalars_repeated
+from workbench.blocks.points import scalars_repeated
 from workbench.bodies.triangles.recipes import blend_scape
 from workbench.errors import BadBody, BadResidual, TwoSymbolsOneName
 from workbench.problem import Constraint

@@ -13,7 +13,7 @@ from tests.problem.test_chain import assert_same, pose_at
 from tests.tiers import few
 from workbench import residuals
 from workbench.blocks import NumericPoints
-from workbench.blocks.points_of_each import FrameByFrame, points_of_each
+from workbench.blocks.points import FrameByFrame, points_of_each
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.bodies.forward.posed_each import PosedEach
 from workbench.problem import Constraint

@@ -35,7 +35,7 @@ from workbench import residuals
 from workbench.errors import BadArgument, BadBounds, BadResidual, UnknownName, WorkbenchError
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.residuals import geman_mcclure, huber, of_norms
-from workbench.residuals.frames import Frames
+from workbench.residuals.sequences import Frames
 
 ONCE = ("shape prior",)
 

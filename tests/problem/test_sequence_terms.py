@@ -14,7 +14,7 @@ from workbench.diagnostics import SequenceDiagnosis, diagnose
 from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
 from workbench.problem import frame_chain
 from workbench.residuals import Residual, gaussian, huber, landmarks, smooth
-from workbench.residuals.frames import Frames
+from workbench.residuals.sequences import Frames
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.subspace import fixed, subspace_of
 

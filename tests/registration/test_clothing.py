@@ -8,7 +8,7 @@ from workbench.blocks import Values
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration import FitStage, fit_model
 from workbench.residuals import distance, loose
-from workbench.residuals.contact_forms import Form
+from workbench.residuals.contacts import Form
 from workbench.synthetic import (
     Clothing,
     Noise,

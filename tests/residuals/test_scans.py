@@ -13,8 +13,8 @@ from workbench import Block, Problem, Residual, residuals
 from workbench.errors import BadMesh, BadResidual, NotNumbers, NotSupported
 from workbench.problem import storage
 from workbench.residuals import geman_mcclure, of_norms, quadratic, scaled
-from workbench.residuals.contact_forms import Form, distance, loose, offset, plane
-from workbench.residuals.free_space import Shadow
+from workbench.residuals.contacts import Form, distance, loose, offset, plane
+from workbench.residuals.scans import Shadow
 
 FORMS: dict[str, Form] = {
     "distance": distance,

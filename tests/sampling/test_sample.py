@@ -7,7 +7,7 @@ import scipy.stats
 
 import workbench as wb
 from tests.sampling.densities import bounded, conditioned, gaussian, rosenbrock, two_modes
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.registration import random_surface_points
 from workbench.residuals import scan_to_model
 from workbench.sampling import (

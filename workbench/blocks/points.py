@@ -8,14 +8,16 @@ None): then there is no whole graph, and all that uses the chain rule works.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NoReturn, Protocol, cast
 
 import casadi as cs
+import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array
-from workbench.blocks.backwards import scalars_repeated
 from workbench.blocks.block import Block, Symbolic
+from workbench.blocks.functions import Buffered
 from workbench.blocks.tree import Tree
 from workbench.errors import BadArgument, BadResidual, NotSupported, TwoSymbolsOneName
 
@@ -292,3 +294,201 @@ def nonzeros_of(source: NumericPoints, name: str) -> int | None:
 def jacobian_of(here: PointsAt, name: str) -> csc_array:
     """The sparse derivative by a block with a pattern or a number of nonzeros, (3 N, size)."""
     return cast(SparsePointsAt, here).jacobian(name)
+
+
+LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
+
+
+def scalars_repeated(expression: cs.MX) -> cs.MX:
+    """An equal expression in which every scalar is repeated to a matrix before it is added to one.
+
+    casadi.jacobian of the result by a symbol is right forwards and backwards. Functions that the
+    expression calls without being inlined by CasADi are left as they are.
+    """
+    graph = cs.Function("graph", cs.symvar(expression), [expression])
+    sums, repeated = [], []
+    for k in range(graph.n_instructions()):
+        if graph.instruction_id(k) in LOSES:
+            found = graph.instruction_MX(k)
+            a, b = found.dep(0), found.dep(1)
+            if a.is_scalar() != b.is_scalar() and not (a if a.is_scalar() else b).is_constant():
+                sums.append(found)
+                repeated.append(_repeated(graph.instruction_id(k), a, b))
+    if not sums:
+        return expression
+    # each sum gets a symbol, and the sums are put back one after the other, in their order
+    symbols = [cs.MX.sym(f"sum {i}", found.sparsity()) for i, found in enumerate(sums)]
+    *parts, last = cs.graph_substitute([*repeated, expression], sums, symbols)
+    known: list[cs.MX] = []
+    for part in parts:
+        known.append(_put(part, symbols[: len(known)], known))
+    return _put(last, symbols, known)
+
+
+def _put(expression: cs.MX, symbols: list[cs.MX], known: list[cs.MX]) -> cs.MX:
+    read = {symbol.__hash__() for symbol in cs.symvar(expression)}
+    some = [i for i, symbol in enumerate(symbols) if symbol.__hash__() in read]
+    if not some:
+        return expression
+    return cs.graph_substitute(expression, [symbols[i] for i in some], [known[i] for i in some])
+
+
+def _repeated(operation: int, a: cs.MX, b: cs.MX) -> cs.MX:
+    if a.is_scalar():
+        a = cs.repmat(a, *b.shape)
+    else:
+        b = cs.repmat(b, *a.shape)
+    named = {cs.OP_ADD: cs.plus, cs.OP_SUB: cs.minus, cs.OP_FMOD: cs.fmod}
+    return named.get(operation, cs.remainder)(a, b)
+
+
+@dataclass(frozen=True, eq=False)
+class ExpressedPoints:
+    """A source of points (3, N) that are an expression, such as the symbol of a block (N, 3).
+
+    See PointSource, NumericPoints and SparsePoints: it is all of these.
+
+    Attributes:
+        expression: the points in the symbols of the blocks, (3, N) in metres.
+        blocks: the blocks that the expression reads.
+        tree: the kinematic tree that moves the points, where there is one.
+        labels: a name for each point, where they have names.
+    """
+
+    expression: cs.MX
+    blocks: tuple[Block, ...]
+    tree: Tree | None = None
+    labels: tuple[str, ...] | None = None
+
+    @property
+    def count(self) -> int:
+        """The number of points, N."""
+        return int(self.expression.shape[1])
+
+    @property
+    def numeric(self) -> "ExpressedPoints":
+        """Itself, for it computes its points."""
+        return self
+
+    @cached_property
+    def reads(self) -> tuple[str, ...]:
+        """The names of the blocks that the points depend on."""
+        return tuple(block.name for block in self.blocks)
+
+    def pattern(self, name: str) -> csc_array:
+        """Where the derivative by a block can be nonzero, (3 N, size)."""
+        return self._jacobians[name][1]
+
+    def evaluate(self, values: Mapping[str, Array]) -> "ExpressedPointsAt":
+        """The points where the blocks have these values."""
+        arguments = [np.asarray(values[name], dtype=float) for name in self.reads]
+        return ExpressedPointsAt(self, arguments, self._points(*arguments)[0].reshape(-1, 3))
+
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
+        """The points (M, N, 3) m for M values of each block."""
+        M = len(next(iter(values.values())))  # of any block: the points may read none
+        each = ({name: values[name][i] for name in self.reads} for i in range(M))
+        return np.stack([self.evaluate(one).points for one in each])
+
+    @cached_property
+    def _symbols(self) -> list[cs.MX]:
+        return [block.symbol for block in self.blocks]
+
+    @cached_property
+    def _points(self) -> Buffered:
+        return Buffered(cs.Function("points", self._symbols, [cs.densify(self.expression)]))
+
+    @cached_property
+    def _jacobians(self) -> dict[str, tuple[Buffered, csc_array]]:
+        """For every block, the derivative's nonzeros as a function, and their places."""
+        found = {}
+        for name, symbol in zip(self.reads, self._symbols, strict=True):
+            J = cs.jacobian(cs.vec(self.expression), cs.vec(symbol))
+            starts, rows = J.sparsity().get_ccs()
+            places = csc_array((np.ones(len(rows)), rows, starts), shape=J.shape)
+            found[name] = Buffered(cs.Function("slopes", self._symbols, [J])), places
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class ExpressedPointsAt:
+    """The points at one set of values; see PointsAt and SparsePointsAt.
+
+    Attributes:
+        of: the source.
+        arguments: the values of its blocks.
+        points: the points, (N, 3) m.
+    """
+
+    of: ExpressedPoints
+    arguments: list[Array]
+    points: Array
+
+    def jacobian(self, name: str) -> csc_array:
+        """The derivative by a block, (3 N, size)."""
+        function, places = self.of._jacobians[name]
+        (entries,) = function(*self.arguments)
+        return csc_array((entries, places.indices, places.indptr), shape=places.shape)
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Write the derivative, transposed, with all its zeros, into[block] (size, 3 N)."""
+        for name, target in into.items():
+            found = self.jacobian(name).toarray().T
+            target[...] = found if scale is None else found * scale
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """The gradient of sum(pull * points), pull (3 N,), by each block; flat."""
+        return {name: np.asarray(self.jacobian(name).T @ pull) for name in self.of.reads}
+
+
+class PointsOfEach(Protocol):
+    """Points at M sets of values; see PointsAt for those at one."""
+
+    @property
+    def points(self) -> Array:
+        """The points, (M, N, 3), in metres."""
+
+    def tangents(self, some: slice, into: Mapping[str, Array]) -> None:
+        """Write the derivatives by blocks at some of the values, into[name] (some, 3 N, size)."""
+
+    def adjoints(self, pulls: Array) -> dict[str, Array]:
+        """The gradients (M, size) of each sum(pull * points), pulls (M, 3 N), by each block."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameByFrame:
+    """Points that are computed for one set of values after the other; see PointsOfEach."""
+
+    places: list[PointsAt]
+
+    @cached_property
+    def points(self) -> Array:
+        """The points, (M, N, 3), in metres."""
+        return np.array([here.points for here in self.places])
+
+    def tangents(self, some: slice, into: Mapping[str, Array]) -> None:
+        """Write the derivatives at some of the values, (some, 3 N, size)."""
+        for i, here in enumerate(self.places[some]):
+            here.tangent({name: room[i].T for name, room in into.items()}, None)
+
+    def adjoints(self, pulls: Array) -> dict[str, Array]:
+        """The gradients (M, size) by each block that is read."""
+        return stacked([here.adjoint(own) for here, own in zip(self.places, pulls, strict=True)])
+
+
+def stacked(found: list[dict[str, Array]]) -> dict[str, Array]:
+    """Gradients (M, size) by each block, from M of them."""
+    return {name: np.array([one[name] for one in found]) for name in (found[0] if found else {})}
+
+
+def points_of_each(source: NumericPoints, values: Mapping[str, Array], count: int) -> PointsOfEach:
+    """The points at M = `count` sets of values, of every block that is read (M, *shape).
+
+    A source may have a method `evaluate_each` for that, where it finds several in fewer calls.
+    """
+    together = getattr(source, "evaluate_each", None)
+    if together is not None:
+        found: PointsOfEach = together(values, count)
+        return found
+    each = ({name: value[i] for name, value in values.items()} for i in range(count))
+    return FrameByFrame([source.evaluate(some) for some in each])

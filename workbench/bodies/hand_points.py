@@ -3,7 +3,7 @@
 import casadi as cs
 
 from workbench.blocks import Points
-from workbench.blocks.joined_points import chosen, joined
+from workbench.blocks.composed_points import chosen, joined
 from workbench.bodies.body import Body
 from workbench.errors import BadBody
 

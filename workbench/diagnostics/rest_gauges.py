@@ -22,7 +22,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout
-from workbench.blocks.rest import Rest
+from workbench.blocks.tree import Rest
 from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.problem import Problem
 

@@ -21,7 +21,7 @@ from workbench.fitting.keypoint_precision import alike, as_marked
 from workbench.fitting.keypoint_problem import Relative, Terms
 from workbench.fitting.stature import MEASURED, stature_prior
 from workbench.residuals import Residual, bending
-from workbench.residuals.bending import HINGES
+from workbench.residuals.numbers import HINGES
 from workbench.solvers import LevenbergMarquardt, Solver, SolveStage
 
 SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Values
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.diagnostics.design import Criterion, MeasurementDesign, Quantity
 from workbench.errors import BadArgument
 from workbench.problem import Problem

@@ -31,8 +31,8 @@ from workbench.fitting.video_start import FrameFits, Told, frame_by_frame
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth
-from workbench.residuals.frames import Between, Frames
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
+from workbench.residuals.sequences import Between, Frames
 from workbench.solvers import TrustRegion
 
 FAR = 100.0  # px, where outliers begin (Bogo et al. 2016, SMPLify)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, Layout
 from workbench.blocks.checks import reals
-from workbench.blocks.entries import places_named
+from workbench.blocks.layout import places_named
 from workbench.errors import BadBounds, ShapeMismatch
 
 Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks.functions import TOGETHER, Buffered, Mapped
-from workbench.blocks.points_of_each import PointsOfEach, points_of_each
+from workbench.blocks.points import PointsOfEach, points_of_each
 from workbench.problem.band_order import run_of
 from workbench.problem.chain import Chain
 

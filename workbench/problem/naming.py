@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.blocks import Block, Layout, Points
 from workbench.blocks.checks import several
-from workbench.blocks.entries import block_of, places_named
+from workbench.blocks.layout import block_of, places_named
 from workbench.errors import (
     BadBlock,
     BadConstraint,

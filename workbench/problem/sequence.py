@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import several, texts
-from workbench.blocks.frames import FrameBlocks, framed
+from workbench.blocks.composed_points import FrameBlocks, framed
 from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
 from workbench.problem.constraint import Constraint
 from workbench.problem.problem import Problem
 from workbench.residuals import Residual
-from workbench.residuals.frames import Between, Frames
+from workbench.residuals.sequences import Between, Frames
 
 Part = TypeVar("Part", Residual, Constraint)
 

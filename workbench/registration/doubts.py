@@ -18,7 +18,7 @@ from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.support import Support, support
-from workbench.residuals.free_space import BESIDE, Shadow
+from workbench.residuals.scans import BESIDE, Shadow
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from workbench.fitting.scan import Scan
 from workbench.registration.fit_stage import FitStage
 from workbench.registration.scan_starts import STRAY, WHOLE
 from workbench.residuals import Residual, free_space, geman_mcclure, scaled
-from workbench.residuals.free_space import BEFORE, BESIDE
+from workbench.residuals.scans import BEFORE, BESIDE
 
 BEHIND = 0.02  # of the points of a scan may be behind a camera that looks at their middle
 

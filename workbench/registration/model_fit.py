@@ -23,7 +23,7 @@ from workbench.registration.scan_starts import scan_starts
 from workbench.registration.seen_starts import seen_starts
 from workbench.registration.unfolding import Known, joints_of, unfolded
 from workbench.residuals import Residual
-from workbench.residuals.contact_forms import Form, distance
+from workbench.residuals.contacts import Form, distance
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
 from workbench.residuals.scans import scan_to_model
 from workbench.solvers.solution import Hypothesis, Solution, Solver

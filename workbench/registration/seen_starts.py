@@ -16,7 +16,7 @@ from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.registration.empty_space import EmptySpace
 from workbench.registration.limbs import limb_poses
 from workbench.registration.scan_starts import STRAY, WHOLE
-from workbench.residuals.free_space import Shadow
+from workbench.residuals.scans import Shadow
 
 DRAWS = 72  # poses of the prior that are tried beside those of the starts
 SAME_ROOT = 1e-6  # rad: root rotations that differ less are one

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.problem import Linearization, Problem
 from workbench.sampling.descent import rows_between
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.problem import Problem
 from workbench.sampling.descent import rows_between
 from workbench.sampling.subspace import movable

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from workbench.blocks import Layout, Tree
-from workbench.blocks.entries import places_named
+from workbench.blocks.layout import places_named
 
 
 def sampling_blocks(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.errors import BadArgument, WorkbenchError, some_of
 from workbench.problem import Problem
 from workbench.sampling.arviz_interface import inference_data

@@ -17,7 +17,7 @@ import scipy.linalg
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.errors import BadArgument, TooLarge, WorkbenchError
 from workbench.problem import Linearization, Problem
 from workbench.problem.banded import BandedFactor, BandedMatrix

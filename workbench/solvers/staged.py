@@ -9,7 +9,7 @@ from types import NoneType
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.errors import BadArgument
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.geometry.rotation import slopes_by_turns
-from workbench.residuals.gaussian import whitening
+from workbench.residuals.numbers import whitening
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks.points import tangent_over_zeros
-from workbench.blocks.points_of_each import FrameByFrame, PointsOfEach
+from workbench.blocks.points import FrameByFrame, PointsOfEach, tangent_over_zeros
 from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced, Translating
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed

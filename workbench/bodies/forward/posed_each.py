@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks.points_of_each import stacked
+from workbench.blocks.points import stacked
 from workbench.bodies.forward.motion import Kinematics, Motion, Slopes
 
 

@@ -10,7 +10,7 @@ import casadi as cs
 
 from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Tree
-from workbench.blocks.rest import Rest
+from workbench.blocks.tree import Rest
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arguments import Arguments

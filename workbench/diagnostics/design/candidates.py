@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.blocks.checks import mapping, several, texts
-from workbench.blocks.entries import block_of
+from workbench.blocks.layout import block_of
 from workbench.diagnostics.trials import with_more
 from workbench.errors import (
     BadArgument,

@@ -18,7 +18,7 @@ import scipy.linalg
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points
 from workbench.blocks.checks import texts
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.errors import BadArgument
 from workbench.residuals import Residual
 

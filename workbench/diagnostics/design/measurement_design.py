@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Layout
-from workbench.blocks.entries import entries
+from workbench.blocks.layout import entries
 from workbench.diagnostics.design.criteria import YARDSTICKS
 from workbench.diagnostics.design.search import Score, State
 from workbench.errors import some_of
