@@ -26,7 +26,7 @@ from benchmarks.scaling import peak
 from benchmarks.timing import side_by_side
 from workbench.arrays import Array
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.problem import frame_chain
+from workbench.problem import frames as frame_chains
 from workbench.problem.storage import by_nonzeros
 
 BODY = "default"
@@ -225,14 +225,14 @@ def _timed(run: Any, given: Any) -> float:
 @contextmanager
 def _by_blocks() -> Iterator[None]:
     """So few frames would have an array."""
-    always = patch.object(frame_chain, "is_sparse", lambda *_: True)
-    with always, patch.object(frame_chain, "WORTH", 10**9):
+    always = patch.object(frame_chains, "is_sparse", lambda *_: True)
+    with always, patch.object(frame_chains, "WORTH", 10**9):
         yield
 
 
 @contextmanager
 def _as_an_array() -> Iterator[None]:
-    with patch.object(frame_chain, "is_sparse", lambda *_: False):
+    with patch.object(frame_chains, "is_sparse", lambda *_: False):
         yield
 
 

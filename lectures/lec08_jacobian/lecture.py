@@ -21,7 +21,7 @@ from workbench.plots import (
     plot_sparsity,
     sheet,
 )
-from workbench.problem.covariance import covariance_without
+from workbench.problem.linearization import covariance_without
 
 body = wb.load_body("small")
 pose, betas, trans = (block.symbol for block in body.blocks())

@@ -63,7 +63,7 @@ from workbench.lectures.material.photographs import (
 )
 from workbench.plots import house_style, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
-from workbench.problem.stages import in_stage
+from workbench.problem.problem import in_stage
 from workbench.residuals import (
     apart,
     bending,

@@ -42,7 +42,7 @@ from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem.banded import BandedMatrix
-from workbench.problem.stages import in_stage
+from workbench.problem.problem import in_stage
 from workbench.residuals import gaussian, geman_mcclure, quadratic, scaled, smooth
 from workbench.solvers import TrustRegion
 from workbench.threads import limited_threads

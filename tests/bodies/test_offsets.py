@@ -15,7 +15,7 @@ from tests.tiers import few
 from workbench import Landmarks, residuals
 from workbench.bodies.triangles.recipes import blend_scape
 from workbench.errors import BadBody, NotSupported, UnknownName
-from workbench.problem.block_matrix import BlockMatrix
+from workbench.problem.banded import BlockMatrix
 
 RNG = np.random.default_rng(0)
 

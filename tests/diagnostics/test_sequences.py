@@ -15,7 +15,8 @@ from workbench.diagnostics import Diagnosis, Gauge, SequenceDiagnosis, Undiagnos
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.words import diagnosis_of
 from workbench.errors import BadArgument, NotFinite
-from workbench.problem import frame_chain, storage
+from workbench.problem import frames as frame_chains
+from workbench.problem import storage
 from workbench.reports import write_diagnosis
 from workbench.residuals import Residual
 from workbench.residuals.sequences import Between
@@ -24,8 +25,8 @@ from workbench.residuals.sequences import Between
 @pytest.fixture(autouse=True)
 def always_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every sequence takes the long way, however short it is."""
-    monkeypatch.setattr(frame_chain, "is_sparse", lambda *_: True)
-    monkeypatch.setattr(frame_chain, "WORTH", 1e9)
+    monkeypatch.setattr(frame_chains, "is_sparse", lambda *_: True)
+    monkeypatch.setattr(frame_chains, "WORTH", 1e9)
     monkeypatch.setattr(storage, "WIDE", 0)
 
 
@@ -148,7 +149,7 @@ def test_planted_null_spaces_are_found(seed: int, order: int) -> None:
 def test_a_residual_ties_far_frames() -> None:
     rng = np.random.default_rng(3)
 
-    def loop(frames: residuals.frames.Frames) -> Residual:
+    def loop(frames: residuals.sequences.Frames) -> Residual:
         x = frames["x"].symbol
         return Residual("loop", x[:, -1] - x[:, 0], 0.1, blocks=(frames["x"],))
 

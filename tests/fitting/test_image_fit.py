@@ -35,7 +35,7 @@ from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.stature import stature, stature_prior
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.problem.stages import in_stage
+from workbench.problem.problem import in_stage
 from workbench.residuals.kernels import geman_mcclure, scaled
 from workbench.solvers import Staged, Starts
 

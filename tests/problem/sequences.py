@@ -9,7 +9,7 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench import residuals
-from workbench.problem import frame_chain
+from workbench.problem import frames as frame_chains
 from workbench.problem.storage import dense
 from workbench.residuals import geman_mcclure
 
@@ -139,8 +139,8 @@ def assert_numbers(problem: wb.Problem, given: wb.Values) -> wb.Linearization:
 
 def in_blocks_of_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the Jacobian of every sequence stored by blocks, however small."""
-    monkeypatch.setattr(frame_chain, "is_sparse", lambda *_: True)
-    monkeypatch.setattr(frame_chain, "WORTH", 10**9)
+    monkeypatch.setattr(frame_chains, "is_sparse", lambda *_: True)
+    monkeypatch.setattr(frame_chains, "WORTH", 10**9)
 
 
 def both_storages(

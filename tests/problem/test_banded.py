@@ -16,8 +16,7 @@ from tests.problem.sequences import (
 from tests.tiers import few
 from workbench import residuals
 from workbench.problem import steps, storage
-from workbench.problem.banded import BandedMatrix, BandOrder
-from workbench.problem.block_matrix import BlockMatrix
+from workbench.problem.banded import BandedMatrix, BandOrder, BlockMatrix
 
 Array = np.ndarray
 

@@ -11,7 +11,7 @@ from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
 from workbench.problem import storage
 from workbench.problem.graph import SUMS, size_of_terms
-from workbench.problem.least_distance import Limits, at_once, by_parts, nearest
+from workbench.problem.optimality import Limits, at_once, by_parts, nearest
 from workbench.problem.rounding import Rounding, fall
 
 EPS = np.finfo(float).eps

@@ -33,7 +33,7 @@ from tests.problem.sequences import (
 from tests.tiers import THOROUGH, few
 from workbench import residuals
 from workbench.errors import BadArgument, BadBounds, BadResidual, UnknownName, WorkbenchError
-from workbench.problem.block_matrix import BlockMatrix
+from workbench.problem.banded import BlockMatrix
 from workbench.residuals import geman_mcclure, huber, of_norms
 from workbench.residuals.sequences import Frames
 

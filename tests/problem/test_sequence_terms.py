@@ -12,7 +12,7 @@ from tests.tiers import few
 from workbench.blocks import Values
 from workbench.diagnostics import SequenceDiagnosis, diagnose
 from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
-from workbench.problem import frame_chain
+from workbench.problem import frames as frame_chains
 from workbench.residuals import Residual, gaussian, huber, landmarks, smooth
 from workbench.residuals.sequences import Frames
 from workbench.sampling.conditioning import conditioning
@@ -235,7 +235,7 @@ def test_chain_seen_at_one_end_is_solved(monkeypatch: pytest.MonkeyPatch) -> Non
     )
     T, rng = 300, np.random.default_rng(0)
     frames = [seen if t < 2 else unseen for t in range(T)]
-    monkeypatch.setattr(frame_chain, "is_sparse", lambda *a: True)
+    monkeypatch.setattr(frame_chains, "is_sparse", lambda *a: True)
     whole = wb.sequence(frames, between=[smooth("y", sigma=1.0, order=2)])
     start = {"y": rng.standard_normal((T, 3)), "o": rng.standard_normal((T, 3))}
     found = wb.solve(whole, start, wb.SOLVERS["gauss-newton"])

@@ -10,9 +10,8 @@ from tests.tiers import few
 from workbench import Linearization, residuals
 from workbench.problem import steps, storage
 from workbench.problem.conjugate_gradients import ConjugateGradients
-from workbench.problem.pattern import Assembly, Part, Pattern, merged
-from workbench.problem.sparse_cholesky import factorized
-from workbench.problem.steps import cholesky
+from workbench.problem.sparsity import Assembly, Part, Pattern, merged
+from workbench.problem.steps import cholesky, factorized
 from workbench.solvers.box_step import box_step
 
 

@@ -10,7 +10,7 @@ from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Residual, Solution, Status, residuals, solve
 from workbench.geometry.rotation import rodrigues
-from workbench.problem.bounds import Bounds
+from workbench.problem.naming import Bounds
 from workbench.residuals.kernels import geman_mcclure
 
 LOCAL = [name for name in SOLVERS if name not in ("nlopt-mlsl", "nlopt-bobyqa")]

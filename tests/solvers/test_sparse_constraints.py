@@ -14,7 +14,7 @@ from tests.tiers import few
 from workbench import Status
 from workbench.errors import TooLarge
 from workbench.problem import storage
-from workbench.problem.bounds import Bounds
+from workbench.problem.naming import Bounds
 from workbench.solvers import Solver, exact_hessian
 from workbench.solvers.convexity import raised
 

@@ -224,6 +224,11 @@ def _expression_of(points: Points) -> cs.MX:
     return found
 
 
+def distinct(points: Iterable[Points]) -> tuple[Points, ...]:
+    """The points without repetition."""
+    return tuple({p.symbol.__hash__(): p for p in points}.values())
+
+
 def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
     """The names of placeholders that an expression reads without their being among `points`."""
     listed = {p.symbol.__hash__() for p in points}

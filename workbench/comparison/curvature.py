@@ -12,7 +12,7 @@ import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Problem
-from workbench.problem.lanczos import largest_eigenvalue
+from workbench.problem.spectrum import largest_eigenvalue
 
 SADDLE = -1e-4  # of the largest eigenvalue: below, a stationary point counts as a saddle
 STEP = 1e-5  # of a whitened unknown, for differences of gradients: their errors are about 1e-10

@@ -12,7 +12,7 @@ from workbench.comparison.feasible import feasible
 from workbench.comparison.graphs import MeteredFunction
 from workbench.comparison.log import KINDS, Log
 from workbench.problem import Problem
-from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import Costs, Evaluation, Places, Slopes, interpreted
 from workbench.problem.rounding import half_squared
 from workbench.problem.storage import Matrix

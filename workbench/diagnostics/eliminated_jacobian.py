@@ -19,7 +19,7 @@ from workbench.diagnostics.parts import Parts
 from workbench.diagnostics.row_spaces import row_space
 from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization
-from workbench.problem.lanczos import largest_eigenpairs, largest_eigenvalue
+from workbench.problem.spectrum import largest_eigenpairs, largest_eigenvalue
 from workbench.problem.storage import scaled, unblocked
 
 ACCURATE = 1e-6  # relative error of the squares of singular values, by Lanczos' method

@@ -23,7 +23,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle, widened
 from workbench.diagnostics.parts import Parts
-from workbench.problem.nonzeros import rows_of_nonzeros
+from workbench.problem.sparsity import rows_of_nonzeros
 
 NOTHING = 1e-9  # in vectors of length 1: smaller entries are rounding errors
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all

@@ -15,8 +15,8 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.problem import Linearization
-from workbench.problem.block_matrix import BlockMatrix
-from workbench.problem.nonzeros import rows_of_nonzeros
+from workbench.problem.banded import BlockMatrix
+from workbench.problem.sparsity import rows_of_nonzeros
 from workbench.residuals import Residual
 
 

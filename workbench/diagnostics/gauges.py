@@ -42,7 +42,7 @@ from workbench.diagnostics.trade_offs import few_numbers, trade_offs
 from workbench.diagnostics.tried_gauges import homogeneous_gauges, size_gauges
 from workbench.diagnostics.undoing import Found, Unseen, places, undone
 from workbench.problem import Problem
-from workbench.problem.nonzeros import tied_columns
+from workbench.problem.sparsity import tied_columns
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.problem import Linearization
-from workbench.problem.nonzeros import tied_columns
+from workbench.problem.sparsity import tied_columns
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 

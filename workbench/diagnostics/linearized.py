@@ -12,7 +12,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
 from workbench.errors import NotFinite
 from workbench.problem import Linearization, Problem
-from workbench.problem.nonzeros import columns_of_nonzeros
+from workbench.problem.sparsity import columns_of_nonzeros
 from workbench.problem.steps import EPS
 from workbench.problem.storage import by_nonzeros
 

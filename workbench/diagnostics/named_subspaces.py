@@ -17,7 +17,7 @@ from scipy.sparse import coo_array, csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Tree
-from workbench.problem.nonzeros import tied_columns
+from workbench.problem.sparsity import tied_columns
 
 MANY = 400  # entries up to which a subspace is searched as a whole
 

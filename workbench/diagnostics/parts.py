@@ -16,7 +16,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.frame_rows import in_columns, largest_singular_value, triangle
 from workbench.problem import Linearization
-from workbench.problem.nonzeros import tied_columns
+from workbench.problem.sparsity import tied_columns
 from workbench.problem.storage import by_nonzeros
 
 CHEAPER = 0.1  # of the work of a dense factorisation: above, taking apart is not worth it

@@ -23,7 +23,7 @@ from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
 from workbench.diagnostics.words import diagnosis_of
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
 from workbench.problem import Linearization, Problem
-from workbench.problem.nonzeros import columns_of_nonzeros
+from workbench.problem.sparsity import columns_of_nonzeros
 
 
 @dataclass(frozen=True, eq=False)

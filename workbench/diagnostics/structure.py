@@ -20,7 +20,7 @@ from workbench.blocks import Layout, Tree
 from workbench.blocks.functions import Buffered
 from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Linearization, Problem
-from workbench.problem.nonzeros import columns_of_nonzeros
+from workbench.problem.sparsity import columns_of_nonzeros
 from workbench.problem.storage import distance
 
 

@@ -15,7 +15,7 @@ from workbench.fitting.mesh_start import placed
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.meshes import read_registered, same_faces
 from workbench.problem import Problem
-from workbench.problem.bounds import Bounds
+from workbench.problem.naming import Bounds
 from workbench.residuals import Residual, vertices
 from workbench.residuals.kernels import Kernel, quadratic
 

@@ -1,22 +1,125 @@
-"""The normal equations of a sequence: a band with a border, and Cholesky's factor of them.
+"""The normal equations of a sequence: a band with a border, their order, and Cholesky's factor."""
 
-In the order of the frames, unknowns meet only their neighbours; those that all frames share come
-last, as a border. With A = [D B; B' C], first the band D is factorized, D = L L', by LAPACK's
-dpbtrf, and then the Schur complement C - B' D^-1 B, which is small and dense. With N unknowns in
-a band of half-width w that takes N w^2 operations.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 from scipy.sparse import block_array, csc_array, diags_array
 
-from workbench.arrays import Array
-from workbench.problem.band_order import BandOrder
-from workbench.problem.nonzeros import columns_of_nonzeros
+from workbench.arrays import Array, Index
+from workbench.problem.sparsity import columns_of_nonzeros, sums
+
+
+@dataclass(frozen=True, eq=False)
+class BandOrder:
+    """Which unknowns make the band, and in which order, and which make the border.
+
+    Attributes:
+        inner: (N,) the places of the unknowns in the band among all unknowns, frame after frame.
+        border: (b,) the places of the shared unknowns among all unknowns.
+        reach: the half-width of the band, how far from the diagonal its entries may stand.
+        edges: (T + 1,) where the unknowns of each frame begin among those of the band.
+    """
+
+    inner: Index
+    border: Index
+    reach: int
+    edges: Index
+
+    @property
+    def size(self) -> int:
+        """n = N + b, the number of unknowns."""
+        return len(self.inner) + len(self.border)
+
+    @cached_property
+    def position(self) -> Index:
+        """(n,) where each unknown stands among the inner ones; -1 in the border."""
+        found = np.full(self.size, -1)
+        found[self.inner] = np.arange(len(self.inner))
+        return found
+
+    @cached_property
+    def in_border(self) -> Index:
+        """(n,) where each unknown stands in the border; -1 in the band."""
+        found = np.full(self.size, -1)
+        found[self.border] = np.arange(len(self.border))
+        return found
+
+    def of_frames(self, columns: Index) -> "BandPlaces":
+        """The places of matrices of the unknowns `columns` (T, n) of T frames."""
+        key = id(columns)
+        if key not in self._known:
+            self._known[key] = BandPlaces.of(self, columns)
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[int, "BandPlaces"]:
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class BandPlaces:
+    """Where the entries of matrices (n, n) of similar frames stand in a banded matrix.
+
+    Attributes:
+        columns: (T, n) the unknowns of each frame; kept so that its identity is not reused.
+        inner: which of the n unknowns of a frame are in the band, in the order of the band.
+        border: which of the n unknowns of a frame are in the border.
+        positions: (T, k) where the k unknowns in the band stand in it.
+        below: for each of the k unknowns, how far below its diagonal entry the others stand.
+        shared: where the unknowns in the border stand in it.
+    """
+
+    columns: Index
+    inner: Index | slice
+    border: Index
+    positions: Index
+    below: tuple[Index | slice, ...]
+    shared: Index
+
+    @staticmethod
+    def of(order: BandOrder, columns: Index) -> "BandPlaces":
+        """The places for the unknowns `columns` (T, n) of T frames."""
+        at = order.position[columns]
+        inner, border = np.flatnonzero(at[0] >= 0), np.flatnonzero(at[0] < 0)
+        inner = inner[np.argsort(at[0, inner])]
+        positions = at[:, inner]
+        apart = (positions[:, j:] - positions[:, [j]] for j in range(len(inner)))
+        below = tuple(run_of(d[0]) if (d == d[0]).all() else d for d in apart)
+        shared = order.in_border[columns[0, border]]
+        return BandPlaces(columns, run_of(inner), border, positions, below, shared)
+
+    def put(self, band: Array, between: Array, corner: Array, some: slice, products: Array) -> None:
+        """Put the symmetric matrices (T, n, n) of some of the frames into their places.
+
+        `band`, `between` and `corner` are those of a `BandedMatrix`. Frames share places only in
+        the corner, where their entries are added.
+        """
+        by_columns, positions = band.T, self.positions[some]
+        own = products[:, self.inner][:, :, self.inner]
+        for j, below in enumerate(self.below):
+            if isinstance(below, slice):
+                by_columns[positions[:, j], below] = own[:, j, j:]
+            else:
+                rows = below[some] if below.ndim > 1 else below
+                by_columns[positions[:, j, None], rows] = own[:, j, j:]
+        if self.border.size:
+            across = products[:, self.inner][:, :, self.border]
+            between[positions[:, :, None], self.shared] = across
+            added = products[:, self.border[:, None], self.border].sum(axis=0)
+            corner[np.ix_(self.shared, self.shared)] += added
+
+
+def run_of(places: Index) -> "slice | Index":
+    """The places as a slice if they are consecutive, which makes copying faster."""
+    if len(places) and np.array_equal(places, places[0] + np.arange(len(places))):
+        return slice(int(places[0]), int(places[-1]) + 1)
+    return places
+
 
 SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the digits are lost
 
@@ -175,3 +278,162 @@ def _triangular(L: Array, right: Array, transposed: str) -> Array:
     wide = right if right.ndim == 2 else right[:, None]
     found, _ = lapack.dtbtrs(L, wide, uplo="L", trans=transposed)
     return np.asarray(found).reshape(right.shape)
+
+
+AT_ONCE = 64  # frames whose products are kept at a time
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPlaces:
+    """The places of the blocks of T similar frames.
+
+    Attributes:
+        rows: (T, m) the rows of each block.
+        columns: (T, n) the columns of each block.
+    """
+
+    rows: Index
+    columns: Index
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """A matrix (m, n): dense blocks (T, m_t, n_t), and the `rest`, which is zero in their places.
+
+    Attributes:
+        rest: (m, n) all entries that stand in no block.
+        blocks: dense blocks (T, m_t, n_t), one array for each group of frames.
+        places: for each of these arrays the rows and columns of its blocks.
+        order: in which order the columns make a band of the normal equations.
+    """
+
+    rest: csc_array
+    blocks: tuple[Array, ...]
+    places: tuple[BlockPlaces, ...]
+    order: BandOrder
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The numbers of rows and columns, (m, n)."""
+        m, n = self.rest.shape
+        return int(m), int(n)
+
+    __array_ufunc__ = None  # so that NumPy leaves products to this class
+
+    def __matmul__(self, x: Array) -> Array:
+        """Times a vector (n,) or an array (n, k): (m,) or (m, k)."""
+        found = np.asarray(self.rest @ x)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            some = x[at.columns]
+            found[at.rows] = block @ some if x.ndim > 1 else (block @ some[:, :, None])[:, :, 0]
+        return found
+
+    @property
+    def T(self) -> "Transposed":
+        """The transposed matrix, for products with vectors."""
+        return Transposed(self)
+
+    def pulled(self, r: Array) -> Array:
+        """The matrix, transposed, times a vector (m,): (n,)."""
+        found = np.asarray(r @ self.rest)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            part = (r[at.rows][:, None, :] @ block)[:, 0, :]
+            np.add.at(found, at.columns, part)
+        return found
+
+    @property
+    def entries(self) -> Array:
+        """All stored numbers, flat."""
+        return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
+
+    def column_squares(self) -> Array:
+        """The sum of the squares of every column, (n,)."""
+        found = sums(columns_of_nonzeros(self.rest), self.rest.data**2, self.shape[1])
+        for block, at in zip(self.blocks, self.places, strict=True):
+            np.add.at(found, at.columns, np.einsum("tij,tij->tj", block, block))
+        return found
+
+    def scaled(self, factors: Array) -> "BlockMatrix":
+        """Every column times its factor, (n,)."""
+        data = self.rest.data * np.repeat(factors, np.diff(self.rest.indptr))
+        rest = csc_array((data, self.rest.indices, self.rest.indptr), shape=self.shape)
+        blocks = (
+            block * factors[at.columns][:, None, :]
+            for block, at in zip(self.blocks, self.places, strict=True)
+        )
+        return BlockMatrix(rest, tuple(blocks), self.places, self.order)
+
+    @property
+    def dense(self) -> Array:
+        """The matrix as an array, stored column by column."""
+        found = np.asarray(self.rest.toarray(order="F"))
+        for block, at in zip(self.blocks, self.places, strict=True):
+            found[at.rows[:, :, None], at.columns[:, None, :]] = block
+        return found
+
+    @cached_property
+    def sparse(self) -> csc_array:
+        """The matrix by its nonzeros."""
+        data, columns = [self.rest.data], [columns_of_nonzeros(self.rest)]
+        rows = [self.rest.indices.astype(np.int64)]
+        for block, at in zip(self.blocks, self.places, strict=True):
+            data.append(block.ravel())
+            rows.append(np.broadcast_to(at.rows[:, :, None], block.shape).ravel())
+            columns.append(np.broadcast_to(at.columns[:, None, :], block.shape).ravel())
+        at_both = (np.concatenate(rows), np.concatenate(columns))
+        return csc_array((np.concatenate(data), at_both), shape=self.shape)
+
+    def normal(self) -> BandedMatrix:
+        """The matrix, transposed, times itself, (n, n)."""
+        found = BandedMatrix.zeros(self.order)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            place = self.order.of_frames(at.columns)
+            for first in range(0, len(block), AT_ONCE):
+                some = slice(first, first + AT_ONCE)
+                J = block[some]
+                place.put(found.band, found.between, found.corner, some, J.transpose(0, 2, 1) @ J)
+        if self.rest.nnz:  # last, because `put` replaces entries and this adds to them
+            found.add_sparse(csc_array(self.rest.T @ self.rest))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Transposed:
+    """A transposed block matrix."""
+
+    of: BlockMatrix
+
+    def __matmul__(self, r: Array) -> Array:
+        """The product with a vector (m,): (n,)."""
+        return self.of.pulled(r)
+
+
+def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "SparsePlaces":
+    """The places in a sparse matrix of several parts of single entries, (rows, columns) each."""
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(r.ravel() for r, _ in parts)])
+    columns = np.concatenate([np.zeros(0, dtype=np.int64), *(c.ravel() for _, c in parts)])
+    order = np.lexsort((rows, columns))
+    starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
+    return SparsePlaces(order, rows[order].astype(np.int32), starts.astype(np.int32), shape)
+
+
+@dataclass(frozen=True, eq=False)
+class SparsePlaces:
+    """The places of a sparse matrix whose numbers come part by part.
+
+    Attributes:
+        order: (nnz,) which of the numbers of all parts stands in each place.
+        rows: (nnz,) the row of each place, column by column.
+        starts: (n + 1,) where each column begins among the places.
+        shape: the numbers of rows and columns, (m, n).
+    """
+
+    order: Index
+    rows: NDArray[np.int32]
+    starts: NDArray[np.int32]
+    shape: tuple[int, int]
+
+    def matrix(self, parts: Sequence[Array]) -> csc_array:
+        """The sparse matrix with these numbers."""
+        data = np.concatenate([np.zeros(0), *(part.ravel() for part in parts)])[self.order]
+        return csc_array((data, self.rows, self.starts), shape=self.shape)

@@ -10,7 +10,9 @@ dp/dx is an array, or sparse for those blocks for which the source says so (`Spa
 of other sources are part of the graph, so that this way serves all problems.
 """
 
+import weakref
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as cs
@@ -20,15 +22,27 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.functions import Buffered, without_calls
-from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of, tangent_over_zeros
+from workbench.blocks.layout import Values
+from workbench.blocks.points import (
+    distinct,
+    jacobian_of,
+    nonzeros_of,
+    pattern_of,
+    tangent_over_zeros,
+)
 from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
-from workbench.problem.naming import distinct
-from workbench.problem.nonzeros import columns_of_nonzeros
-from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, gaps, merged
-from workbench.problem.rooms import Rooms
 from workbench.problem.rounding import Support, half_squared
+from workbench.problem.sparsity import (
+    Assembly,
+    Moving,
+    Part,
+    Pattern,
+    Scattered,
+    columns_of_nonzeros,
+    gaps,
+    merged,
+)
 from workbench.problem.storage import Stored, check_fits, is_sparse
-from workbench.problem.visited import Visited
 from workbench.residuals import Residual
 
 _NOTHING = Part(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
@@ -278,3 +292,107 @@ def _part(
     if of_points is None:
         return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)
+
+
+Key = tuple[bytes, bytes]  # of a place: its free numbers and the fixed ones
+
+
+class Visited:
+    """The points of several sources, kept for whoever asks again at one of the last two places.
+
+    A solver evaluates a trial, and then asks how large rounding errors are where it came from: the
+    points there need not be computed again. What helps to differentiate them is kept at the last
+    place alone, because it may be as large as a Jacobian.
+    """
+
+    def __init__(self, sources: Sequence[NumericPoints], free: Layout, fixed: Layout) -> None:
+        self._sources, self._free, self._fixed = tuple(sources), free, fixed
+        self._last: tuple[Key, list[PointsAt]] = ((b"", b""), [])
+        self._before: tuple[Key, list[Array]] = self._last[0], []
+        self._last_fixed: tuple[bytes | None, Values] = (None, {})
+
+    def at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
+        """Each source's points at the free numbers x and the fixed ones."""
+        if not self._sources:
+            return ()
+        last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
+        if key == last[0]:
+            return last[1]
+        around = self._around(key[1], fixed)
+        values = around | self._free.unpack(x, around)
+        found = [source.evaluate(values) for source in self._sources]
+        self._before, self._last = (last[0], [here.points for here in last[1]]), (key, found)
+        return found
+
+    def points(self, x: Array, fixed: Array) -> list[Array]:
+        """The points alone, (N, 3) of each source."""
+        before = self._before
+        if self._sources and (x.tobytes(), fixed.tobytes()) == before[0]:
+            return before[1]
+        return [here.points for here in self.at(x, fixed)]
+
+    def _around(self, key: bytes, fixed: Array) -> Values:
+        """The values of fixed blocks, read-only; they are often the same as the last time."""
+        last = self._last_fixed
+        if key != last[0]:
+            values = self._fixed.unpack(fixed)
+            for value in values.values():
+                value.flags.writeable = False
+            self._last_fixed = last = key, values
+        return last[1]
+
+
+WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get
+KEPT = 2  # rooms that wait to be used again: a solver compares two linearizations
+LINE = 64  # bytes of a cache line
+
+
+@dataclass(frozen=True, eq=False)
+class Rooms:
+    """Rooms for arrays of one size after the other.
+
+    An operating system clears new memory page by page, which for a large Jacobian takes as long as
+    computing it. An array's room is free when the array and all views of it are gone. Whoever gets
+    a room again finds in it what was written there before: hence others can only read it. Arrays of
+    less than a megabyte have no room, and are new each time.
+    """
+
+    _free: list[Array] = field(default_factory=list)
+    _taken: dict[int, weakref.ref[Array]] = field(default_factory=dict)  # by the room
+
+    def array(self, rows: int, columns: int) -> tuple[Array, Array]:
+        """An array (rows, columns) to write to, and the same for everybody else to read.
+
+        It holds zeros, or what the last array of this size held. It is free to be used again when
+        the second one is gone.
+        """
+        size = 8 * rows * columns
+        if size < WORTH_KEEPING:
+            found = np.zeros((rows, columns))
+            return found, found
+        try:
+            room = self._free.pop()  # at once, whatever other threads do
+        except IndexError:
+            room = _zeros(rows * columns)
+        if room.nbytes != size:
+            room = _zeros(rows * columns)
+        # all views hold it, as its base is no array, and none can be made writeable
+        whole = np.frombuffer(memoryview(room.data).toreadonly())
+        # it calls back while it is held; `weakref.finalize` takes three times as long
+        self._taken[id(room)] = weakref.ref(whole, lambda _: self._back(room))
+        return room.reshape(rows, columns), whole.reshape(rows, columns)
+
+    def _back(self, room: Array) -> None:
+        del self._taken[id(room)]
+        if len(self._free) < KEPT:
+            self._free.append(room)
+
+
+def _zeros(count: int) -> Array:
+    """Zeros that begin where a cache line does, as then fewer writes touch two lines.
+
+    For large ones, NumPy asks the system for large pages.
+    """
+    whole = np.zeros(count + LINE // 8)
+    first = -whole.ctypes.data % LINE // 8
+    return whole[first : first + count]

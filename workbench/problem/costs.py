@@ -20,11 +20,11 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints, Points, in_blocks
 from workbench.blocks.functions import Batched, Mapped, scalar
 from workbench.blocks.layout import all_values
+from workbench.blocks.points import distinct
 from workbench.blocks.simd import ConstantProduct, simd_function
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
 from workbench.problem.graph import Graph, split
-from workbench.problem.naming import distinct
 from workbench.residuals import Residual
 
 T = TypeVar("T")

@@ -1,21 +1,27 @@
-"""The parts and the names that a problem is given, checked against the blocks that it reads."""
+"""What a problem is given, checked: names of blocks, bounds and units."""
 
+import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeVar
 
 import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Layout, Points
-from workbench.blocks.checks import several
+from workbench.blocks.checks import reals, several
 from workbench.blocks.layout import block_of, places_named
 from workbench.errors import (
     BadBlock,
+    BadBounds,
     BadConstraint,
     BadResidual,
     DuplicateResidual,
+    ShapeMismatch,
     TwoSymbolsOneName,
     UnknownName,
     UnreadBlock,
@@ -119,6 +125,183 @@ def blocks_behind(
     return blocks
 
 
-def distinct(points: Iterable[Points]) -> tuple[Points, ...]:
-    """The points without repetition."""
-    return tuple({p.symbol.__hash__(): p for p in points}.values())
+Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
+
+
+def flat_bounds(bounds: Bounds, free: Layout, known: Layout) -> tuple[Array, Array]:
+    """Lower and upper, (n,) each, infinite where there is none.
+
+    `known` are all blocks. Bounds are of a whole block, also where it is free in part, or of named
+    entries, whose bounds count more than those of the block. Raises BadBounds for what is fixed, no
+    pair, or limits that no number lies between; ShapeMismatch or NotNumbers for a limit that does
+    not fit.
+    """
+    lower, upper = np.full(free.size, -np.inf), np.full(free.size, np.inf)
+    for name in sorted(bounds, key=lambda name: name not in known.names):  # blocks first
+        block = _bounded(name, known)
+        places = [free.place(block.name, entry) for entry in block.places]
+        if block.size and all(place is None for place in places):
+            what = "block" if name in known.names else "entry"
+            raise BadBounds(f"{what} {name!r} has bounds but is fixed; free it or drop them")
+        for side, flat in enumerate((lower, upper)):
+            limit = _limit(name, bounds[name], side, block)
+            for place, value in zip(places, limit, strict=True):
+                if place is not None:
+                    flat[place] = value
+    wrong = ~(lower <= upper)  # also where one is NaN
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise BadBounds(
+            f"{free.label(i)} has the lower bound {lower[i]:g} and the upper bound "
+            f"{upper[i]:g}; no number lies between"
+        )
+    return lower, upper
+
+
+def of_free(bounds: Bounds, free: Layout, known: Layout) -> dict[str, tuple[ArrayLike, ArrayLike]]:
+    """The bounds of which some entry is free."""
+    return {
+        name: pair
+        for name, pair in bounds.items()
+        if (block := _bounded(name, known)).name in free.names
+        and (not block.size or any(free.place(block.name, e) is not None for e in block.places))
+    }
+
+
+def _bounded(name: str, known: Layout) -> Block:
+    """The block of this name, or the part of one. Raises UnknownName."""
+    if name in known.names:
+        return known[name]
+    places = places_named(known, name, "block")
+    block, _ = known.block_of(places[0])
+    return Block.part(block, [place - known.slices[block.name].start for place in places])
+
+
+def _limit(name: str, pair: object, side: int, block: Block) -> Array:
+    """The lower or the upper limit of a pair, flat."""
+    if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2:
+        raise BadBounds(f"bounds of {name!r} are a pair (lower, upper), not {pair!r}")
+    limit = reals(f"a bound of {name!r}", pair[side])
+    try:
+        return np.broadcast_to(limit, block.shape).ravel()
+    except ValueError:
+        raise ShapeMismatch(f"bounds of {name}", expected=block.shape, got=limit.shape) from None
+
+
+NONE = "1"  # the unit of a block of which nobody said one
+FACTOR = re.compile(r"([^\W\d_]+|[%°])(?:\^?(-?\d+))?")  # of a unit that is put together of others
+METRES = "m"
+MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
+SUMS = (cs.OP_ADD, cs.OP_SUB)
+SAME = (  # operations that move numbers and do not change them
+    cs.OP_NEG,
+    cs.OP_RESHAPE,
+    cs.OP_TRANSPOSE,
+    cs.OP_GETNONZEROS,
+    cs.OP_HORZCAT,
+    cs.OP_VERTCAT,
+    cs.OP_HORZREPMAT,
+)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The unit of an expression, and the name of a block or of points that it comes from."""
+
+    unit: str
+    name: str
+
+
+def check_units(
+    parts: Iterable[Residual | Constraint], blocks: Mapping[str, Block], points: Iterable[Points]
+) -> None:
+    """Raise BadResidual if a residual or a constraint adds or subtracts different units.
+
+    Both units must be known: those of blocks whose unit is "1" are not, nor those of products.
+    """
+    known = {b.symbol.__hash__(): Measured(b.unit, b.name) for b in blocks.values()}
+    known |= {
+        p.symbol.__hash__(): Measured(METRES, p.name) for p in points if p.symbol.shape[0] == 3
+    }
+    known = {key: one for key, one in known.items() if one.unit != NONE}
+    if len({one.unit for one in known.values()}) < 2:
+        return
+    for part in parts:
+        if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
+            Units(known, f"{type(part).__name__.lower()} {part.name!r}").of(part.expression)
+
+
+def different(first: str, second: str) -> bool:
+    """Whether no number of one unit is a number of the other, as m and mm, or m/s and mm/s.
+
+    Powers must be the same in both but for the name of one unit above the line. Nothing is said of
+    m/s and m, since a factor of 1 s may have been left out, nor of N m and J.
+    """
+    if first == second:
+        return False
+    parts = [powers(unit) for unit in (first, second)]
+    if None in parts:
+        return False
+    here, there = (dict(part or {}) for part in parts)
+    for name in here.keys() & there.keys():
+        if here[name] == there[name]:
+            del here[name], there[name]
+    mine, others = list(here.values()), list(there.values())
+    return mine == others and len(mine) == 1 and mine[0] > 0
+
+
+def powers(unit: str) -> dict[str, int] | None:
+    """The powers of the units in `kg m/s^2` or `rad²`; None for a text of another form."""
+    found: dict[str, int] = {}
+    above, *below = unit.replace("²", "^2").replace("³", "^3").split("/")
+    for sign, text in ((1, above), *((-1, one) for one in below)):
+        for factor in re.split(r"[\s*·]+", text.strip()):
+            whole = FACTOR.fullmatch(factor)
+            if whole:
+                found[whole[1]] = found.get(whole[1], 0) + sign * int(whole[2] or 1)
+            elif factor != "1":
+                return None
+    return found
+
+
+@dataclass
+class Units:
+    """The units of the parts of one expression, each found once.
+
+    Attributes:
+        known: the units of symbols, by their hash.
+        what: what the expression is, for the error.
+        found: the parts that were looked at, by their hash.
+    """
+
+    known: Mapping[int, Measured]
+    what: str
+    found: dict[int, Measured | None] = field(default_factory=dict)
+
+    def of(self, part: cs.MX, depth: int = 0) -> Measured | None:
+        """The unit of a part, or None where it is not known. Raises BadResidual."""
+        key = part.__hash__()
+        if key not in self.found:
+            self.found[key] = None  # also of all that is not looked at any more
+            if len(self.found) <= MOST and depth < DEEPEST:
+                self.found[key] = self._of(part, depth)
+        return self.found[key]
+
+    def _of(self, part: cs.MX, depth: int) -> Measured | None:
+        if part.is_symbolic():
+            return self.known.get(part.__hash__())
+        units = [self.of(part.dep(i), depth + 1) for i in range(part.n_dep())]
+        if part.op() in SUMS:
+            first, second = units
+            if first and second and different(first.unit, second.unit):
+                raise BadResidual(self._said(first, second))
+            return None if first and second and first.unit != second.unit else first or second
+        alike = len({one.unit if one else None for one in units}) == 1
+        return units[0] if part.op() in SAME and alike else None
+
+    def _said(self, first: Measured, second: Measured) -> str:
+        return (
+            f"{self.what} adds or subtracts {first.name!r}, in {first.unit}, and {second.name!r}, "
+            f"in {second.unit}; give both in one unit, or convert one where it is read, as in "
+            "observed.symbol / 1000 from mm to m. Where two spellings mean one unit, take one"
+        )

@@ -1,13 +1,178 @@
-"""How far a point is from stationary, without units: one measure for all solvers."""
+"""How far a point is from stationary, also within linear limits."""
 
+from collections.abc import Iterator
+from itertools import pairwise
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array
-from workbench.problem.least_distance import Limits, nearest
+from workbench.problem import storage
 from workbench.problem.linearization import Linearization
 from workbench.problem.rounding import Rounding, Support
+from workbench.problem.storage import Stored, absolute, dense, row_norms
+
+Index = NDArray[np.signedinteger]
+ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
+
+
+class Limits(NamedTuple):
+    """left <= d <= right and down <= A d <= up.
+
+    Attributes:
+        left: (n,) lower bounds.
+        right: (n,) upper bounds.
+        A: (k, n) the gradients of the linear limits.
+        down: (k,) their lower limits.
+        up: (k,) their upper limits.
+    """
+
+    left: Array
+    right: Array
+    A: Stored
+    down: Array
+    up: Array
+
+
+def nearest(pull: Array, limits: Limits) -> Array:
+    """The d (n,) nearest to the pull that meets all limits; infinite where none does.
+
+    Small problems are solved at once, large ones part by part: see `at_once` and `by_parts`.
+    """
+    k, n = limits.A.shape
+    lengths = row_norms(limits.A)
+    flat = lengths == 0
+    if (flat & ((limits.down > 0) | (limits.up < 0))).any():
+        return np.full_like(pull, np.inf)
+    lengths = np.where(flat, 1.0, lengths)
+    down, up = limits.down / lengths, limits.up / lengths
+    if n * (n + k) <= storage.DENSE_FROM:
+        rows = dense(limits.A) / lengths[:, None]
+        return at_once(pull, Limits(limits.left, limits.right, rows, down, up))
+    A = csc_array(diags_array(1 / lengths) @ csc_array(limits.A))
+    return by_parts(pull, Limits(limits.left, limits.right, A, down, up))
+
+
+def at_once(pull: Array, limits: Limits) -> Array:
+    """`nearest` for an array A whose rows have length 1, by nonnegative least squares.
+
+    These give the multipliers (Lawson and Hanson, Solving least squares problems, 1974, chapter
+    23). Infinite where no d meets the limits.
+    """
+    left, right, A, down, up = limits
+    bounded = np.isfinite(left) | np.isfinite(right)
+    rows = np.concatenate([np.eye(len(pull))[bounded], dense(A)])
+    lows, highs = np.concatenate([left[bounded], down]), np.concatenate([right[bounded], up])
+    # G z >= h for z = d - pull, in units of the farthest that d may have to go
+    reach = float(np.linalg.norm(pull)) + float(
+        np.max(np.concatenate([lows, -highs, [0.0]]), initial=0.0)
+    )
+    if reach == 0:
+        return np.zeros_like(pull)
+    at = rows @ pull
+    G = np.concatenate([rows, -rows])
+    h = np.concatenate([lows - at, at - highs]) / reach
+    near = h > -4.0 * np.sqrt(len(pull))  # a limit farther away than any d stops nothing
+    G, h = G[near], h[near]
+    if (h <= 0).all():
+        return pull
+    E = np.concatenate([G.T, h[None]])
+    u, distance = scipy.optimize.nnls(E, np.append(np.zeros(len(pull)), 1.0))
+    if distance < 1e-10:
+        return np.full_like(pull, np.inf)
+    active = u > 0
+    z = np.linalg.lstsq(G[active], h[active], rcond=None)[0]  # the same, to all digits
+    return np.asarray(pull + reach * z)
+
+
+def by_parts(pull: Array, limits: Limits) -> Array:
+    """`nearest` for many unknowns and a sparse A whose rows have length 1.
+
+    First d is the pull, clipped to the bounds. Then the rows that it violates are imposed, the
+    problem is solved again, and so on, until no row is violated. This ends, because each row is
+    imposed at most once. The last d is the answer: if the nearest point under some of the limits
+    meets the others, it is the nearest point under all of them. Rows that share no unknown are
+    solved separately, and unknowns that no imposed row reads keep their pull. A single part with
+    thousands of imposed rows takes long, because it is solved by arrays.
+    """
+    left, right, A, down, up = limits
+    by_rows, sizes = csr_array(A), absolute(A)
+    d = np.clip(pull, left, right)
+    imposed = np.zeros(A.shape[0], dtype=bool)
+    while True:
+        at, room = by_rows @ d, ROUNDING * (sizes @ (abs(d) + abs(pull)))
+        violated = ((at < down - room) | (at > up + room)) & ~imposed
+        if not violated.any():
+            return np.asarray(d)
+        imposed |= violated
+        for part in _parts(by_rows, np.flatnonzero(imposed)):
+            if not violated[part.rows].any():
+                continue  # it was solved before
+            rows, columns = part.rows, part.columns
+            box = left[columns], right[columns]
+            found = _one(pull[columns], Limits(*box, part.entries(), down[rows], up[rows]))
+            if not np.isfinite(found).all():
+                return np.full_like(pull, np.inf)
+            d[columns] = found
+
+
+def _one(pull: Array, limits: Limits) -> Array:
+    """The answer for one part; without bounds, a single row is met by moving along it."""
+    left, right, A, down, up = limits
+    if len(down) > 1 or np.isfinite(left).any() or np.isfinite(right).any():
+        return at_once(pull, limits)
+    row = dense(A)[0]
+    at = float(row @ pull)
+    return np.asarray(pull + row * (min(max(at, down[0]), up[0]) - at))
+
+
+class _Part(NamedTuple):
+    """Some rows, the columns that they read, and their entries, row by row.
+
+    Attributes:
+        rows: the numbers of the rows.
+        columns: the numbers of the columns that the rows read.
+        data: the entries, row by row.
+        at_row: the row of each entry, counted among `rows`.
+        at_column: the column of each entry, counted among `columns`.
+    """
+
+    rows: Index
+    columns: Index
+    data: Array
+    at_row: Index
+    at_column: Index
+
+    def entries(self) -> Array:
+        """The entries as an array (rows, columns)."""
+        found = np.zeros((len(self.rows), len(self.columns)))
+        found[self.at_row, self.at_column] = self.data
+        return found
+
+
+def _parts(A: csr_array, chosen: Index) -> Iterator[_Part]:
+    """The chosen rows in groups that share no column."""
+    some, k = csr_array(A[chosen]), len(chosen)
+    some.eliminate_zeros()  # which would tie rows together
+    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
+    meets = csr_array((np.ones(some.nnz), (of_row, k + some.indices)), shape=(k + A.shape[1],) * 2)
+    _, group = connected_components(meets, directed=False)
+    order = np.argsort(group[:k], kind="stable")
+    edges = [0, *(np.flatnonzero(np.diff(group[:k][order])) + 1).tolist(), k]
+    some = csr_array(some[order])  # the rows of a group stand together now
+    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
+    for first, last in pairwise(edges):
+        stored = slice(int(some.indptr[first]), int(some.indptr[last]))
+        columns, places = np.unique(some.indices[stored], return_inverse=True)
+        yield _Part(
+            chosen[order[first:last]], columns, some.data[stored], of_row[stored] - first, places
+        )
+
 
 Box = tuple[Array, Array]
 IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that does no harm

@@ -13,12 +13,12 @@ from workbench.blocks import Block, Layout, Points, Tree, Values, in_blocks
 from workbench.blocks.block import Symbolic
 from workbench.blocks.checks import mapping, texts
 from workbench.blocks.layout import all_values
+from workbench.blocks.points import distinct
 from workbench.errors import check_known
 from workbench.problem import naming
-from workbench.problem.bounds import Bounds, flat_bounds, of_free
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
-from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import (
     Batch,
     Costs,
@@ -29,13 +29,13 @@ from workbench.problem.costs import (
     interpreted,
     slopes,
 )
-from workbench.problem.frame_chain import FrameChain
+from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
+from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
 from workbench.problem.storage import Stored
-from workbench.problem.units import check_units
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
@@ -155,7 +155,7 @@ class Problem(Symbolic):
     @cached_property
     def points(self) -> tuple[Points, ...]:
         """The points that the residuals read, each once."""
-        return naming.distinct(p for r in self.residuals for p in r.points)
+        return distinct(p for r in self.residuals for p in r.points)
 
     @cached_property
     def has_graph(self) -> bool:
@@ -286,7 +286,7 @@ class Problem(Symbolic):
     def known(self) -> dict[str, Block]:
         """Every block that is read, by name, with the unit and labels that are known of it."""
         of_residuals = (b for r in self.residuals for b in r.blocks)
-        points = naming.distinct((*self.points, *(p for c in self.constraints for p in c.points)))
+        points = distinct((*self.points, *(p for c in self.constraints for p in c.points)))
         of_points = (b for p in points for b in p.source.blocks)
         described = (*of_points, *of_residuals, *self._named)  # the last one counts
         limited = [constraint.expression for constraint in self.constraints]
@@ -307,3 +307,26 @@ class Problem(Symbolic):
     def _batch(self) -> Batch:
         graph = self._graph if self.has_graph else None
         return Batch.of(self._whitened, self.points, *self._layouts, graph, self.domain)
+
+
+Stage = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights
+
+
+def in_stage(
+    problem: "Problem", names: tuple[str, ...] | None, weights: Mapping[str, float]
+) -> "Problem":
+    """The problem of a stage: `names` are free, or what is free now; `weights` says how many times
+    as often the rows of named residuals count. Made once, and kept for the next fit.
+
+    Raises what `Problem.freeing` raises, and UnknownName for a residual.
+    """
+    problem.rows_named(weights)
+    of = {name: float(weight) for name, weight in weights.items() if weight != 1}
+    key: Stage = names, tuple(sorted(of.items()))
+    if names is None and not of:
+        return problem
+    if key not in problem.stages:
+        residuals = [r.weighed(of[r.name]) if r.name in of else r for r in problem.residuals]
+        free = problem.free.spelled() if names is None else names
+        problem.stages[key] = problem.variant(residuals, free)
+    return problem.stages[key]

@@ -19,9 +19,8 @@ from scipy.sparse import block_array, csc_array, csr_array, vstack
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import TooLarge
-from workbench.problem.banded import BandedMatrix
-from workbench.problem.block_matrix import BlockMatrix
-from workbench.problem.nonzeros import columns_of_nonzeros, sums
+from workbench.problem.banded import BandedMatrix, BlockMatrix
+from workbench.problem.sparsity import columns_of_nonzeros, sums
 
 Stored: TypeAlias = Array | csc_array  # with all of its zeros, or by its nonzeros
 Matrix: TypeAlias = Stored | BlockMatrix

@@ -16,7 +16,7 @@ from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.errors import TooLarge, joined
 from workbench.problem import Linearization, Problem
-from workbench.problem.block_matrix import BlockMatrix
+from workbench.problem.banded import BlockMatrix
 from workbench.sampling.descent import rows_between
 from workbench.sampling.subspace import Subspace
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array
 
 from workbench.arrays import Array
-from workbench.problem.sparse_cholesky import factorized
+from workbench.problem.steps import factorized
 from workbench.problem.storage import Stored
 
 LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for

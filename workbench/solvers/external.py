@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array
-from workbench.problem.nonzeros import entries_at
+from workbench.problem.sparsity import entries_at
 from workbench.problem.storage import Stored, dense
 from workbench.solvers.run import Run
 

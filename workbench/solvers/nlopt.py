@@ -9,7 +9,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.errors import check_known
 from workbench.problem import Problem
-from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.constraints import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.limits import Stop
 from workbench.solvers.nlopt_algorithms import ALGORITHMS

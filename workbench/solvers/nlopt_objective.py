@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization
-from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.constraints import ConstraintSet
 from workbench.problem.rounding import all_finite
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.ending import BOUGHT

@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, eye_array
 
 from workbench.arrays import Array
 from workbench.problem import Linearization, Problem
-from workbench.problem.pattern import Pattern
+from workbench.problem.sparsity import Pattern
 from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
 from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.convexity import raised, reflected

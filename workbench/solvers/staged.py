@@ -13,7 +13,7 @@ from workbench.blocks.layout import entries
 from workbench.errors import BadArgument
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
-from workbench.problem.stages import in_stage
+from workbench.problem.problem import in_stage
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.attempts import beyond_saddle
 from workbench.solvers.iterate import Evaluations, Iterate

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Array, Mask
-from workbench.problem.covariance import inverse_times
+from workbench.problem.linearization import inverse_times
 from workbench.problem.rounding import fall, half_squared
 from workbench.problem.steps import SLIGHT
 from workbench.solvers.end_point import EndPoint

@@ -30,7 +30,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.problem.block_matrix import BlockMatrix
+from workbench.problem.banded import BlockMatrix
 from workbench.registration.free_vertices import VERTICES
 from workbench.residuals import Residual, quadratic
 from workbench.residuals.kernels import Kernel, OfNorms
