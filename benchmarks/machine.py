@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.installation import DISTRIBUTION, version_of
+from workbench.environment import DISTRIBUTION, version_of
 
 PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx", "libigl")
 

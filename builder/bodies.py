@@ -27,8 +27,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.unposing import unpose
 from workbench.errors import BadFile
-from workbench.reading.archive import open_arrays
-from workbench.reading.expected import doubles, read_expected, texts
+from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
 from workbench.synthetic.ground_truth import CARD, read_ground_truth
 from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
 from workbench.synthetic.population import SEARCH_RADIUS, Sources

@@ -23,8 +23,8 @@ from rich.markup import escape
 from workbench.cli.streams import explain
 from workbench.course.notebooks import notebook, tool, write_notebook
 from workbench.course.outline import Lecture, course
+from workbench.environment import DISTRIBUTION
 from workbench.errors import BadFile, WorkbenchError
-from workbench.installation import DISTRIBUTION
 
 NEEDED = ("jupyterlite_core", "jupyterlite_pyodide_kernel")
 LAST = 8  # the lectures that are tried with what a browser has: the first eight

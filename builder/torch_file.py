@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array
 from workbench.errors import BadFile, cut
-from workbench.reading.damage import DAMAGE
+from workbench.reading.arrays import DAMAGE
 
 DAMAGED: tuple[type[Exception], ...] = (*DAMAGE, pickle.UnpicklingError)
 

@@ -12,7 +12,7 @@ import sys
 import threading
 from typing import Any, NoReturn
 
-from workbench import browser
+from workbench import environment
 
 LACKING = (
     *("emcee", "arviz", "corner", "rtree"),
@@ -32,7 +32,7 @@ def pytest_configure() -> None:
     """Take everything away before tests are collected, and with them the workbench is imported."""
     for name in LACKING:
         sys.modules[name] = None  # type: ignore[assignment]  # so that importing it fails
-    browser.PLATFORMS = (sys.platform,)
+    environment.PLATFORMS = (sys.platform,)
     threading.Thread.start = _no_thread  # type: ignore[method-assign]
     subprocess.Popen.__init__ = _no_process  # type: ignore[method-assign]
     for name in ("fork", "forkpty", "posix_spawn", "sched_getaffinity"):

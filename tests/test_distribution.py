@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.installation import DISTRIBUTION, VERSION, pip_install, version_of
+from workbench.environment import DISTRIBUTION, VERSION, pip_install, version_of
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

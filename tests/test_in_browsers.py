@@ -15,15 +15,15 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import workbench as wb
-from workbench import browser
+from workbench import environment
 from workbench.cli.app import app
 from workbench.comparison import workers
 from workbench.course.grades import CheckState
 from workbench.course.outline import lecture
 from workbench.course.student_process import grade
-from workbench.installation import SAMPLING, MissingLibrary
+from workbench.environment import SAMPLING, MissingLibrary
 from workbench.plots import plot_corner
-from workbench.processes.fork_server import NoProcesses
+from workbench.processes import NoProcesses
 from workbench.training.registrations import over_halves
 
 pytestmark = pytest.mark.browser
@@ -48,7 +48,7 @@ def shorter(w):
 
 @pytest.fixture
 def in_a_browser(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(browser, "PLATFORMS", (sys.platform,))
+    monkeypatch.setattr(environment, "PLATFORMS", (sys.platform,))
 
 
 @pytest.fixture

@@ -16,8 +16,8 @@ from workbench import residuals
 
 ROOT = Path(workbench.__file__).parent
 LAYERS = (  # from the ground up: a package imports from its own layer and from those below
-    "arrays blocks browser compiling errors geometry homes installation interrupts processes "
-    "reading threads writing",
+    "arrays blocks compiling environment errors geometry interrupts processes reading threads "
+    "writing",
     "bodies motions problem residuals",
     "diagnostics priors sampling solvers",
     "conversion fitting registration synthetic training",
@@ -31,7 +31,6 @@ LOADING = {"np.load", "np.lib.format.read_array", "np.lib.format.open_memmap", "
 LOADING |= {"pickle.loads", "eval", "exec", "yaml.load"}
 OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lecture or an answer
     "workbench.experiments.own_file",
-    "workbench.processes.fork_server",
     "workbench.comparison.worker",
     "workbench.comparison.workers",
     "workbench.comparison.named_solvers",

@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.environment import home
 from workbench.errors import BadFile, WorkbenchError
-from workbench.homes import home
 from workbench.writing import write_file
 
 LOG = logging.getLogger(__name__)

@@ -32,8 +32,7 @@ from workbench.comparison.statistics import rate
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.priors.mocap import held_out_poses, read_mocap
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.reading.archive import shipped
-from workbench.reading.expected import read_expected, reals
+from workbench.reading.arrays import read_expected, reals, shipped
 from workbench.residuals import apart, gaps, landmarks, spheres
 from workbench.solvers import DEFAULT, Ipopt, Solver, Sqp
 

@@ -25,7 +25,7 @@ from benchmarks import machine
 from benchmarks.keeping import keep
 from benchmarks.posterior import page
 from benchmarks.posterior.fitted import BLOCKS
-from workbench.installation import DISTRIBUTION
+from workbench.environment import DISTRIBUTION
 
 DIGITS = 6  # in the files
 PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "emcee", "nutpie", "arviz")

@@ -281,7 +281,7 @@ def test_claims_of_size_allocate_nothing(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(BadFile, match=r"claims .* numbers, but is shorter"):
         load_body(tmp_path / "claim.npz")
     np.savez_compressed(tmp_path / "bomb.npz", zeros=np.zeros(10**6))
-    monkeypatch.setattr("workbench.reading.archive.MOST_BYTES", 10**6)
+    monkeypatch.setattr("workbench.reading.arrays.MOST_BYTES", 10**6)
     with pytest.raises(BadFile, match="unpacks to"):
         load_body(tmp_path / "bomb.npz")
 

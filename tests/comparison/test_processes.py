@@ -3,14 +3,11 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import pytest
 
@@ -18,23 +15,10 @@ import workbench as wb
 from tests.comparison import problems
 from tests.comparison.problems import LINE, SLIDE, Forever
 from workbench import GaussNewton, LevenbergMarquardt
-from workbench.comparison import Budget, Comparison, TargetOutcome, compare, workers
+from workbench.comparison import Budget, Comparison, TargetOutcome, compare
 from workbench.comparison.tidy import deterministic, rows, write_csv
-from workbench.processes.fork_server import FORKING, Forked, ForkServer
 
 pytestmark = pytest.mark.thorough
-
-
-SLEEPER = (sys.executable, "-c", "import time; time.sleep(30)")
-
-
-@pytest.mark.skipif(not FORKING, reason="nothing can be forked here")
-def test_process_is_killed_before_it_leads_a_group() -> None:
-    """Between the fork and its setsid: whoever then waited for it waited for ever."""
-    ours, theirs = socket.socketpair()
-    with ours, theirs, subprocess.Popen(SLEEPER) as child:
-        parent = SimpleNamespace(wait=lambda pid: child.wait(timeout=20))
-        assert Forked(cast(ForkServer, parent), child.pid, ours).end() == -signal.SIGKILL
 
 
 SHORT = Budget(max_seconds=2.0, max_evaluations=300, grace=0.5)
@@ -77,10 +61,7 @@ def test_killed_comparison_goes_on_to_the_same_table(tmp_path: Path) -> None:
     assert json.loads((folder / "comparison.json").read_text())["kind"] == "comparison"
 
 
-def test_processes_start_without_forking(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(workers, "FORKING", False)
+def test_solver_that_dies_ends_its_run_alone() -> None:
     found = compare(
         replace(SLIDE, arguments={"start": 0}), {"dies": problems.Dies()} | GOOD, budget=SHORT
     )
@@ -99,7 +80,7 @@ def test_killed_comparison_leaves_no_process() -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     parent = subprocess.Popen([sys.executable, "-c", command], env=environment)
     below: set[int] = set()
-    while len(below) < 2:  # the one that forks, and its child
+    while not below:
         assert parent.poll() is None
         time.sleep(0.02)
         below = descendants(parent.pid)

@@ -276,7 +276,6 @@ def test_workers_ignore_interrupts_from_their_start() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there, the worker is another process")
 def test_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
     told = tmp_path / "told"
     (tmp_path / "line.py").write_text(LINE)
@@ -300,11 +299,11 @@ def test_grading_process_ends_with_its_parent(tmp_path: Path) -> None:
 
 PARENT = """
 import os, subprocess, sys, time
-from workbench.processes import orphans
+from workbench import processes
 child = subprocess.Popen(
-    [sys.executable, "-c", "from workbench.processes import orphans; import os, time; "
-     "orphans.{begin}; print(os.getpid(), flush=True); time.sleep(300)"],
-    env=os.environ | orphans.environment(),
+    [sys.executable, "-c", "from workbench import processes; import os, time; "
+     "processes.{begin}; print(os.getpid(), flush=True); time.sleep(300)"],
+    env=os.environ | {{processes.PARENT: str(os.getpid())}},
 )
 child.wait()
 """

@@ -16,7 +16,7 @@ from workbench.course.outline import lecture
 from workbench.course.plain import Malformed
 from workbench.course.student_process import grade
 from workbench.course.words import legible
-from workbench.processes.channel import Channel
+from workbench.processes import Channel
 
 ROTATIONS = lecture(2)
 EARNED = 2  # by the honest answer below, where the process lives long enough to give it

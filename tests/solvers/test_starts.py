@@ -26,7 +26,7 @@ from workbench import (
     Values,
 )
 from workbench.errors import BadArgument, UnknownName
-from workbench.processes.forked import FORKING, ProcessDied, forked
+from workbench.processes import FORKING, ProcessDied, forked
 from workbench.solvers import Iterate, Solution, within_bounds
 from workbench.solvers.minima import all_seen, further_minima
 

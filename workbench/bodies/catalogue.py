@@ -15,8 +15,8 @@ from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_bo
 from workbench.bodies.mirrored import mirrored
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.environment import expanded
 from workbench.errors import BadBody, BadFile, listed
-from workbench.homes import expanded
 
 Embedded = Literal[  # of these, type checkers know that they are skinned
     "default",

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from workbench.cli.later import Commands, Later
-from workbench.installation import DISTRIBUTION, VERSION
+from workbench.environment import DISTRIBUTION, VERSION
 
 NAMES = (
     "run",

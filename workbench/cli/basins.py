@@ -14,11 +14,11 @@ from rich.progress import Progress
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.output import folder_to_write, print_page, rich_table, say
 from workbench.cli.run import Out
+from workbench.environment import expanded
 from workbench.errors import BadArgument, check_known
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.homes import expanded
 from workbench.plots import (
     Figure,
     caption_basin_grid,

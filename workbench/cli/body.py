@@ -10,7 +10,7 @@ from rich.markup import escape
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.output import folder_to_write, print_page, say
 from workbench.cli.run import Out
-from workbench.homes import expanded
+from workbench.environment import expanded
 from workbench.reports import card_text, write_card
 
 

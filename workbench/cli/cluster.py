@@ -9,8 +9,8 @@ from joblib import parallel_config
 from rich.console import Console
 
 from workbench.cli.output import at_least_one, warn_without_effect
+from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
-from workbench.installation import pip_install
 from workbench.training.executor import Executor, Processes, by_backend
 
 Workers = Annotated[

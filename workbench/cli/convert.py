@@ -19,9 +19,9 @@ from workbench.conversion import conversion_errors, correspond, motion_from_poin
 from workbench.conversion.converting import Converted
 from workbench.conversion.points_in_space import SIGMA
 from workbench.conversion.tracking import Progress
+from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.fitting.marker_files import holds_markers, read_markers
-from workbench.homes import expanded
 from workbench.motions import Motion, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
 

@@ -12,8 +12,8 @@ from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import at_least_one, print_page, say
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
+from workbench.environment import expanded
 from workbench.errors import BadArgument
-from workbench.homes import expanded
 from workbench.registration.coregistration import Coregistration, CoregistrationPlan
 from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.coregistration.plan import EDGES

@@ -18,8 +18,8 @@ from workbench.cli.motion_output import (
     write_motion,
 )
 from workbench.cli.output import say, say_notes, warn_without_effect
+from workbench.environment import expanded
 from workbench.errors import BadArgument
-from workbench.homes import expanded
 from workbench.motions import read_motion
 
 CODE = ".c"

@@ -21,6 +21,7 @@ from workbench.cli.marker_fits import Worn, fit_markers
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Compare, Out, carry_out, solver_named
 from workbench.cli.video import fit_video
+from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
 from workbench.fitting.clip_files import read_clip
@@ -34,7 +35,6 @@ from workbench.fitting.marker_sets import OUT
 from workbench.fitting.meshes import own_mesh
 from workbench.fitting.setup import Setup
 from workbench.geometry.meshes import READERS, REGISTERED
-from workbench.homes import expanded
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 
 PIXELS = 4.0  # standard deviation of a keypoint of a clip

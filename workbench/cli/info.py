@@ -16,7 +16,7 @@ from workbench.bodies.forward.kernels import kernels
 from workbench.bodies.triangles import TriangleBody
 from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
-from workbench.installation import DISTRIBUTION, version_of
+from workbench.environment import DISTRIBUTION, version_of
 from workbench.threads import blas_libraries, thread_count
 
 PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")

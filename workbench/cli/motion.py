@@ -14,6 +14,7 @@ from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
 from workbench.cli.output import Up, print_page, say, say_notes, warn_without_effect
+from workbench.environment import expanded
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.marker_files import (
     MarkerRecording,
@@ -21,7 +22,6 @@ from workbench.fitting.marker_files import (
     read_markers,
     write_markers,
 )
-from workbench.homes import expanded
 from workbench.motions import Motion, bones_of, load_tissue, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
 from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue

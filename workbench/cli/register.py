@@ -26,10 +26,10 @@ from workbench.cli.output import (
     warn_without_effect,
 )
 from workbench.cli.run import Out
+from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, listed, some_of
 from workbench.fitting.scan_contents import READERS
 from workbench.fitting.scan_units import UNITS
-from workbench.homes import expanded
 from workbench.registration import (
     FailedScan,
     Progress,

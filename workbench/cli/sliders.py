@@ -8,7 +8,7 @@ from rich.console import Console
 
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.output import make_folder, print_page
-from workbench.homes import expanded
+from workbench.environment import expanded
 from workbench.reports.fits import pose_and_betas, settings_of
 from workbench.reports.sliders import write_sliders
 

@@ -4,7 +4,7 @@ from contextlib import AbstractContextManager, nullcontext
 
 from rich.console import Console
 
-from workbench.browser import in_browser
+from workbench.environment import in_browser
 
 
 def waiting(text: str) -> AbstractContextManager[object]:

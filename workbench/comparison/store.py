@@ -9,8 +9,7 @@ import numpy as np
 
 from workbench.comparison.record import Stored
 from workbench.errors import BadFile
-from workbench.reading.archive import open_arrays
-from workbench.reading.expected import doubles_or_nan, read_expected, texts
+from workbench.reading.arrays import doubles_or_nan, open_arrays, read_expected, texts
 from workbench.reading.facts import facts_in, json_in
 from workbench.writing import write_arrays, write_file
 

@@ -4,6 +4,7 @@ What a solver or a problem prints is discarded. An alarm of the system ends a pr
 hangs after the process that started it has gone.
 """
 
+import os
 import pickle
 import signal
 import sys
@@ -17,9 +18,7 @@ from workbench.comparison.jobs import AnalyseEnds, Announce, Answer, Describe, F
 from workbench.comparison.running import run_solver
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.fitting.setup import Setup
-from workbench.processes.channel import Channel
-from workbench.processes.fork_server import serve_forks
-from workbench.processes.orphans import end_with_parent
+from workbench.processes import PARENT, Channel, end_with
 from workbench.threads import limited_threads
 
 KEPT = 4  # problems that stay built
@@ -45,13 +44,9 @@ class Builder:
 
 def main() -> None:
     """Answer jobs as a process of its own."""
-    end_with_parent()
+    # by a thread, not by `end_with_parent`: the thread that started this process may end before it
+    end_with(int(os.environ.pop(PARENT)))
     serve(Channel.inherited(int(sys.argv[-1])))
-
-
-def forking() -> None:
-    """Fork processes that answer jobs."""
-    serve_forks(int(sys.argv[-1]), serve)
 
 
 def serve(channel: Channel) -> None:

@@ -5,7 +5,6 @@ import os
 import pickle
 import tempfile
 import threading
-from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,26 +13,18 @@ from workbench.comparison.jobs import Answer, Failed, Job, Lost, Solve
 from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
 from workbench.comparison.record import Ending, Record
-from workbench.processes.channel import Channel
-from workbench.processes.fork_server import (
-    FORKING,
-    Forked,
-    ForkServer,
-    Started,
-    absolute_paths,
-    signal_name,
-)
+from workbench.processes import Channel, Started, absolute_paths, signal_name
 from workbench.threads import thread_count
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-MODULE = "from workbench.comparison.worker import "
+MAIN = "from workbench.comparison.worker import main; main()"
 STARTING = 120.0  # s, for Python to start and import the workbench
 
 
 class Worker:
     """One process that answers jobs; it lives until it is killed or its channel is closed."""
 
-    def __init__(self, process: Started | Forked) -> None:
+    def __init__(self, process: Started) -> None:
         self._process, self._channel = process, Channel(process.connection)
 
     def ask(self, job: Job) -> Answer | Failed | Lost:
@@ -70,13 +61,12 @@ class Pool:
         self._idle: dict[str, list[Worker]] = {}
         self.unrehearsed: set[str] = set()  # solvers that do not survive a rehearsal
         self._busy: set[Worker] = set()
-        self._server: ForkServer | None = None
 
     def ask(self, job: Job) -> Answer | Failed | Lost:
         """Ask an idle worker, or a new one."""
         with self._lock:
             idle = self._idle.setdefault(job.own, [])
-            worker = idle.pop() if idle else Worker(self._process())
+            worker = idle.pop() if idle else Worker(Started(["-c", MAIN], _environment()))
             self._busy.add(worker)
         answer: Answer | Failed | Lost | None = None
         try:
@@ -91,28 +81,13 @@ class Pool:
                 if well:
                     self._idle.setdefault(job.own, []).append(worker)
 
-    def _process(self) -> Started | Forked:
-        if not FORKING:
-            return Started(["-c", MODULE + "main; main()"], _environment())
-        with suppress(OSError):  # it may be gone: another one takes its place
-            if self._server is not None:
-                return self._server.new()
-        self._server = ForkServer(["-c", MODULE + "forking; forking()"], _environment())
-        return self._server.new()
-
     def close(self) -> None:
-        """End every worker, busy or not; the process that forks workers remains."""
+        """End every worker, busy or not."""
         with self._lock:
             every = [*self._busy, *(w for idle in self._idle.values() for w in idle)]
             self._idle.clear()
         for worker in every:
             worker.kill()
-
-    def end(self) -> None:
-        """End every worker and the process that forks them."""
-        self.close()
-        if self._server is not None:
-            self._server.close()
 
 
 def _environment() -> dict[str, str]:
@@ -124,7 +99,7 @@ def _environment() -> dict[str, str]:
 def pool() -> Pool:
     """The pool of this process. Threads share it, and a Dask worker keeps it between tasks."""
     made = Pool()
-    atexit.register(made.end)
+    atexit.register(made.close)
     return made
 
 

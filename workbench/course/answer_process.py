@@ -22,8 +22,7 @@ from workbench.course.channel import receive_question, send_answer
 from workbench.course.plain import sealed
 from workbench.course.withheld_files import withhold
 from workbench.course.words import Described
-from workbench.processes.channel import Channel
-from workbench.processes.orphans import end_with_parent
+from workbench.processes import Channel, end_with_parent
 
 MEMORY = 6 * 2**30  # bytes that a student's code may take, where the system can limit them
 KEPT = 400  # characters of what was printed

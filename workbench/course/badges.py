@@ -8,8 +8,8 @@ import re
 from typing import Any
 
 from workbench.course.notebooks import tool
+from workbench.environment import DISTRIBUTION
 from workbench.errors import BadArgument
-from workbench.installation import DISTRIBUTION
 
 
 def add_links(made: Any, repository: str, at: str, name: str) -> Any:

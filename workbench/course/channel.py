@@ -13,7 +13,7 @@ from typing import Any
 import cloudpickle
 
 from workbench.course.plain import Malformed
-from workbench.processes.channel import Channel, TooLong
+from workbench.processes import Channel, TooLong
 
 LARGEST = 4 * 2**20  # bytes of an answer: half a million numbers
 

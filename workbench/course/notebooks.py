@@ -11,8 +11,8 @@ from typing import Any
 from workbench.course.drawing import FOLDED, apart, only_imports
 from workbench.course.outline import Lecture
 from workbench.course.student_process import environment
+from workbench.environment import pip_install
 from workbench.errors import BadFile
-from workbench.installation import pip_install
 from workbench.writing import write_file
 
 SECONDS = 120.0  # s, for a cell

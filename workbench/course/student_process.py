@@ -8,7 +8,6 @@ from types import MappingProxyType, ModuleType, TracebackType
 from typing import Any, Self, TypeVar
 
 import workbench
-from workbench.browser import in_browser
 from workbench.course.answers import without_warnings
 from workbench.course.channel import receive_answer, send_question
 from workbench.course.grades import CheckResult, Grade, not_done
@@ -17,9 +16,9 @@ from workbench.course.outline import Lecture
 from workbench.course.plain import Malformed
 from workbench.course.same_process import grade_here
 from workbench.course.words import legible
+from workbench.environment import in_browser
 from workbench.errors import BadArgument, BadFile
-from workbench.processes.channel import Channel
-from workbench.processes.fork_server import Started, signal_name
+from workbench.processes import Channel, Started, signal_name
 
 STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
 SECONDS = 10.0  # s, for all answers to an exercise, and for loading the file

@@ -14,8 +14,7 @@ from workbench.fitting.keypoint_problem import landmark_set
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
-from workbench.reading.archive import shipped
-from workbench.reading.expected import Expected, any_reals, read_expected, reals, texts
+from workbench.reading.arrays import Expected, any_reals, read_expected, reals, shipped, texts
 
 NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
     "Nose": "nose",

@@ -12,8 +12,7 @@ from workbench.fitting.compared_solvers import LARGE
 from workbench.fitting.mesh_start import placed
 from workbench.fitting.meshes import mesh_fit
 from workbench.fitting.setup import Setup
-from workbench.reading.archive import shipped
-from workbench.reading.expected import read_expected, reals
+from workbench.reading.arrays import read_expected, reals, shipped
 from workbench.solvers import solve
 
 

@@ -9,8 +9,7 @@ from workbench.errors import BadCamera, BadFile, cut, shown
 from workbench.fitting.reading import numbers_in, size_in
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.reading.facts import json_in
-from workbench.reading.toml import toml_in
+from workbench.reading.facts import json_in, toml_in
 
 Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `unread` of each camera
 

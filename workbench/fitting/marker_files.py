@@ -17,9 +17,7 @@ from workbench.motions.c3d_files import read_c3d
 from workbench.motions.guesses import check_given, unit_of, up_of
 from workbench.motions.trajectories import Trajectories, checked_places
 from workbench.motions.trc_files import read_trc, write_trc
-from workbench.reading.archive import opened
-from workbench.reading.damage import taken_for
-from workbench.reading.expected import any_reals, optional, read_expected, texts
+from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
 from workbench.writing import write_arrays
 
 FASTEST = 1e6  # frames a second

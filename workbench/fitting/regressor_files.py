@@ -9,8 +9,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.fitting.pose_regressor import PoseRegressor
-from workbench.reading.archive import opened
-from workbench.reading.expected import read_expected, reals, texts, wholes
+from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 from workbench.writing import write_arrays
 
 FOLDER = files("workbench") / "data" / "poses"

@@ -8,11 +8,11 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.forward.kinematics import ancestors
+from workbench.environment import pip_install
 from workbench.errors import BadArgument, NotSupported
 from workbench.fitting.observations import COCO
 from workbench.fitting.pose_regressor import PoseRegressor, normalised
 from workbench.fitting.synthetic_views import People, draw_facings, draw_people, draw_views
-from workbench.installation import pip_install
 from workbench.priors.poses import PoseGaussian, PoseMixture
 
 HIDDEN = (256, 256)

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile, some
-from workbench.reading.archive import Archive
-from workbench.reading.npy import Header, widened
+from workbench.reading.arrays import Archive, Header, widened
 
 POINTS = ("points", "vertices", "xyz", "positions", "scan")
 NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")

@@ -17,9 +17,7 @@ from workbench.geometry.meshes import parsed_mesh
 from workbench.geometry.pcd import parse_pcd
 from workbench.geometry.ply import parse_ply_and_normals
 from workbench.geometry.xyz import parse_xyz
-from workbench.reading.archive import opened
-from workbench.reading.damage import taken_for
-from workbench.reading.npy import mapped_array, widened
+from workbench.reading.arrays import mapped_array, opened, taken_for, widened
 
 MOST_BYTES = 2**31  # of a file that is read as a whole
 UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names

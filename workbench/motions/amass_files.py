@@ -22,11 +22,12 @@ from workbench.motions.bones import Bones
 from workbench.motions.gaps import without_gaps
 from workbench.motions.guesses import check_given
 from workbench.motions.motion import Motion
-from workbench.reading.archive import Archive, opened
-from workbench.reading.expected import (
+from workbench.reading.arrays import (
+    Archive,
     Expected,
     Kind,
     any_reals,
+    opened,
     optional,
     read_expected,
     reals,

@@ -16,7 +16,7 @@ from workbench.motions.bones import Bones, bones_of
 from workbench.motions.bvh_text import BvhText, parse_bvh
 from workbench.motions.guesses import FRAMES, UNITS, check_given, unit_of, up_of
 from workbench.motions.motion import Motion
-from workbench.reading.damage import taken_for
+from workbench.reading.arrays import taken_for
 from workbench.reading.facts import bounded
 from workbench.writing import replacing
 

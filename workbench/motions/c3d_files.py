@@ -22,7 +22,7 @@ from workbench.motions.trajectories import (
     different_labels,
     unit_named,
 )
-from workbench.reading.damage import damage, taken_for
+from workbench.reading.arrays import damage, taken_for
 from workbench.reading.facts import bounded
 
 MOST_BYTES = 2**29

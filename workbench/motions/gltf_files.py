@@ -21,7 +21,7 @@ from workbench.motions.gltf_skeleton import Nodes, Skin, skin_of
 from workbench.motions.gltf_tracks import Track, tracks_of
 from workbench.motions.guesses import BODY, UNITS, check_given, reach, unit_of, up_of
 from workbench.motions.motion import Motion
-from workbench.reading.damage import damage, taken_for
+from workbench.reading.arrays import damage, taken_for
 from workbench.reading.facts import bounded
 
 MOST_BYTES = 2**30

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
-from workbench.homes import expanded
 from workbench.motions.soft_tissue import SoftTissue
-from workbench.reading.archive import opened
-from workbench.reading.expected import read_expected, reals, texts, wholes
+from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 from workbench.writing import write_arrays
 
 EMBEDDED = ("default",)

@@ -14,7 +14,7 @@ from workbench.motions.trajectories import (
     different_labels,
     unit_named,
 )
-from workbench.reading.damage import damage, taken_for
+from workbench.reading.arrays import damage, taken_for
 from workbench.reading.facts import bounded
 from workbench.writing import write_file
 

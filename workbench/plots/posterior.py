@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.arrays import Array, Index
-from workbench.installation import library
+from workbench.environment import optional_library
 from workbench.plots.body import Look, front, side
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
@@ -73,7 +73,7 @@ def _corner() -> Any:
     """corner.py; it imports ArviZ, which announces its next version at every import."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
-        return library("corner", "a figure of each pair of entries of a posterior").corner
+        return optional_library("corner", "a figure of each pair of entries of a posterior").corner
 
 
 def plot_traces(

@@ -13,8 +13,15 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadFile, listed
-from workbench.reading.archive import opened
-from workbench.reading.expected import check_numbers, read_expected, reals, texts, truths, wholes
+from workbench.reading.arrays import (
+    check_numbers,
+    opened,
+    read_expected,
+    reals,
+    texts,
+    truths,
+    wholes,
+)
 
 HELD_OUT_EVERY = 5
 ELBOWS = ("left_elbow", "right_elbow")

@@ -16,8 +16,7 @@ import scipy.linalg
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
-from workbench.reading.archive import AGAIN, opened
-from workbench.reading.expected import read_expected, reals, texts, wholes
+from workbench.reading.arrays import AGAIN, opened, read_expected, reals, texts, wholes
 
 FOLDER = files("workbench") / "data" / "poses"
 GAUSSIAN_FILE, MIXTURE_FILE = "cmu_gaussian.npz", "cmu_mixture.npz"

@@ -8,8 +8,7 @@ import numpy as np
 from workbench.errors import BadFile
 from workbench.motions import Motion
 from workbench.priors.mocap import RECORDED, elbows_bend_forwards
-from workbench.reading.archive import opened
-from workbench.reading.expected import check_numbers, read_expected, reals
+from workbench.reading.arrays import check_numbers, opened, read_expected, reals
 
 MOVING = {**RECORDED, "trans": reals("F", 3), "fps": reals()}
 LEAST = 2  # frames of a motion

@@ -15,8 +15,7 @@ from scipy.special import gammaln
 from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.priors.poses import EXPECTED, squared_distances
-from workbench.reading.archive import AGAIN, opened
-from workbench.reading.expected import read_expected, reals
+from workbench.reading.arrays import AGAIN, opened, read_expected, reals
 
 STUDENT_FILE = "cmu_student.npz"
 STUDENT = EXPECTED | {"mean": reals("D"), "scale": reals("D", "D"), "dof": reals()}

@@ -1,9 +1,11 @@
-"""Facts in JSON; each is read as the kind of value that it must be.
+"""Facts in JSON and TOML; each is read as the kind of value that it must be.
 
-Functions here raise BadFile with the reason alone, as those of `workbench.reading.npy` do.
+Functions here raise BadFile with the reason alone, as those of `workbench.reading.arrays` do.
 """
 
 import json
+import re
+import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -14,7 +16,15 @@ from typing import Any, NoReturn, TypeVar
 from numpy.typing import NDArray
 
 from workbench.errors import BadFile, cut, listed, shown
-from workbench.reading.damage import refuse_what_is_no_file
+from workbench.reading.arrays import refuse_what_is_no_file
+
+MOST_TOML_BYTES = 2**20  # a hundred calibrated cameras take a twentieth of that
+MOST_PARTS = 20  # of a dotted key: Python's parser looks at each part once for every part after it
+DOTTED = re.compile(  # so many parts in one key, bare or quoted; numbers have one dot
+    rf"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+    rf"""(?:[ \t]*+\.[ \t]*+(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')){{{MOST_PARTS}}}"""
+)
+
 
 T = TypeVar("T")
 MOST_BYTES = 2**30  # of a JSON file; the keypoints of COCO take a quarter of that
@@ -30,6 +40,20 @@ def json_in(path: str | Path) -> Any:
         return parsed(bounded(path))
     except (OSError, BadFile) as error:
         raise BadFile(f"{path} cannot be read as JSON: {cut(error)}") from error
+
+
+def toml_in(path: Path) -> dict[str, Any]:
+    """The contents of a TOML file. Raises BadFile with a sentence that names the file."""
+    try:
+        text = bounded(path, MOST_TOML_BYTES).decode(
+            "utf-8-sig"
+        )  # editors on Windows begin with a mark
+        if found := DOTTED.search(text):
+            line = text.count("\n", 0, found.start()) + 1
+            raise BadFile(f"a key in line {line} has more than {MOST_PARTS} parts")
+        return tomllib.loads(text)
+    except (OSError, ValueError, RecursionError, BadFile) as error:  # too deep, or no UTF-8
+        raise BadFile(f"{path} cannot be read as TOML: {cut(error)}") from error
 
 
 def bounded(path: str | Path, most: int = MOST_BYTES) -> bytes:

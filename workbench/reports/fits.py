@@ -8,8 +8,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile
-from workbench.reading.archive import opened
-from workbench.reading.expected import read_expected, reals
+from workbench.reading.arrays import opened, read_expected, reals
 
 FILES = ("values.npz", "registration.npz", "motion.npz")  # of a run, a registration, a clip
 POSES = "poses"  # what the pose of a motion is called

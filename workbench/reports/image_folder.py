@@ -16,8 +16,7 @@ from workbench.fitting.file_jobs import FailedFile, FileJob
 from workbench.fitting.image_jobs import FittedImage, ImageWork
 from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
-from workbench.reading.archive import opened
-from workbench.reading.expected import read_expected, reals
+from workbench.reading.arrays import opened, read_expected, reals
 from workbench.reports.entries import Entry, csv_text, kept_entry
 from workbench.reports.folder import SUMMARY, own_folder, summary_text
 from workbench.reports.page import as_json, page

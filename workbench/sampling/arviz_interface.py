@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.installation import library
+from workbench.environment import optional_library
 
 PURPOSE = "smoothing importance weights, or InferenceData of a posterior,"
 HOMES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
@@ -32,10 +32,10 @@ def arviz() -> ModuleType:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
         try:
-            return library("arviz", PURPOSE)
+            return optional_library("arviz", PURPOSE)
         except (OSError, RuntimeError):  # also where nobody knows of a home
             with _another_home():
-                return library("arviz", PURPOSE)
+                return optional_library("arviz", PURPOSE)
 
 
 @contextmanager

@@ -2,9 +2,9 @@
 
 from types import ModuleType
 
-from workbench.installation import library
+from workbench.environment import optional_library
 
 
 def emcee() -> ModuleType:
     """The module emcee. Raises MissingLibrary where it is not installed."""
-    return library("emcee", "drawing a posterior by ensembles of walkers")
+    return optional_library("emcee", "drawing a posterior by ensembles of walkers")

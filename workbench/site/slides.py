@@ -24,8 +24,8 @@ from workbench.course.cells import carried_out
 from workbench.course.notebooks import tool
 from workbench.course.outline import Lecture
 from workbench.course.picture import Source
+from workbench.environment import pip_install
 from workbench.errors import BadFile
-from workbench.installation import pip_install
 from workbench.site.building import OTHERS
 from workbench.writing import write_file
 

@@ -12,8 +12,7 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.errors import BadFile
 from workbench.problem import Problem
-from workbench.reading.archive import opened
-from workbench.reading.expected import doubles, nothing_else, read_expected, texts
+from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
 from workbench.reading.facts import (
     Facts,
     amount,

@@ -13,7 +13,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument, check_known, listed
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
-from workbench.processes.forked import forked
+from workbench.processes import forked
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.attempts import beyond_saddle
 from workbench.solvers.iterate import Evaluations, Iterate

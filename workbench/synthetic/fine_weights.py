@@ -11,8 +11,7 @@ from scipy.sparse import csr_array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.errors import BadFile
-from workbench.reading.archive import shipped
-from workbench.reading.expected import check_numbers, read_expected, wholes
+from workbench.reading.arrays import check_numbers, read_expected, shipped, wholes
 from workbench.synthetic.rig import N_FINE, at_most_four, coarse
 from workbench.synthetic.skeleton import N_JOINTS, PARENTS
 from workbench.synthetic.teacher import Teacher

@@ -6,8 +6,7 @@ from typing import Any
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
-from workbench.reading.archive import opened
-from workbench.reading.expected import check_numbers, read_expected, reals, wholes
+from workbench.reading.arrays import check_numbers, opened, read_expected, reals, wholes
 from workbench.writing import write_arrays
 
 FILE = "truth.npz"

@@ -14,8 +14,7 @@ from scipy.sparse import csr_array
 
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
 from workbench.errors import BadFile, listed, shown
-from workbench.reading.archive import opened
-from workbench.reading.expected import doubles, nothing_else, optional, read_expected, texts
+from workbench.reading.arrays import doubles, nothing_else, opened, optional, read_expected, texts
 from workbench.reading.facts import amount, facts, facts_in, number
 from workbench.training.estimate import Estimate
 from workbench.training.progress import LogEntry

@@ -11,7 +11,7 @@ from typing import Protocol, TypeVar
 from joblib import Parallel, delayed
 
 from workbench.errors import BadArgument
-from workbench.processes.orphans import end_with
+from workbench.processes import end_with
 from workbench.threads import limited_threads
 from workbench.training.progress import SILENT, Report
 

@@ -27,11 +27,17 @@ from workbench.arrays import Array, Index
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
 from workbench.geometry.meshes import READERS, SOUPS, read_registered, same_faces
 from workbench.geometry.solids import volume
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import taken_for
-from workbench.reading.expected import any_reals, optional, read_expected, wholes
+from workbench.reading.arrays import (
+    any_reals,
+    mapped_array,
+    open_arrays,
+    optional,
+    read_expected,
+    taken_for,
+    wholes,
+    widened,
+)
 from workbench.reading.facts import bounded
-from workbench.reading.npy import mapped_array, widened
 from workbench.training.registrations import FARTHEST, Batch
 
 TABLE = "registrations.csv"

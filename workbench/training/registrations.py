@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.browser import in_browser
+from workbench.environment import in_browser
 from workbench.errors import BadArgument
 
 Item = TypeVar("Item")

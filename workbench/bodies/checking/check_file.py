@@ -20,8 +20,8 @@ from workbench.bodies.files.entries import Contents
 from workbench.bodies.files.extras import REQUIRED
 from workbench.bodies.files.smpl_layout import INSTEAD, body_from
 from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
+from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, cut, some
-from workbench.homes import expanded
 
 CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)
 LEAST = 3  # arrays of SMPL's that a file must have to count as a body's

@@ -16,8 +16,16 @@ from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadFile
-from workbench.reading.archive import AGAIN, opened
-from workbench.reading.expected import Kind, check_numbers, read_expected, reals, texts, wholes
+from workbench.reading.arrays import (
+    AGAIN,
+    Kind,
+    check_numbers,
+    opened,
+    read_expected,
+    reals,
+    texts,
+    wholes,
+)
 from workbench.reading.facts import facts_in
 
 REPAIR = f"{AGAIN}, or build the body again"

@@ -11,8 +11,7 @@ from workbench.bodies.files.embedded import REPAIR, STEPS, embedded
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.reading.archive import opened
-from workbench.reading.expected import check_numbers, read_expected, reals, texts, wholes
+from workbench.reading.arrays import check_numbers, opened, read_expected, reals, texts, wholes
 from workbench.reading.facts import facts_in
 
 EXPECTED = {

@@ -7,8 +7,7 @@ from workbench.bodies.sewn_hands import with_hands
 from workbench.bodies.sewn_mesh import Sewing
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadFile
-from workbench.reading.archive import opened
-from workbench.reading.expected import read_expected, reals, texts, wholes
+from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 
 EXPECTED = {"bodies": texts("G"), "vertices": wholes("H"), "held": reals("G", 16, 3)}
 SEWN = {"full-hands": "full", "full-hands-female": "full-female", "full-hands-male": "full-male"}

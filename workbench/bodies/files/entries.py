@@ -10,8 +10,7 @@ from scipy.sparse import coo_array, csc_array, csr_array
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile, shown
-from workbench.reading.expected import LARGEST
-from workbench.reading.npy import check_letters, widened
+from workbench.reading.arrays import LARGEST, check_letters, widened
 
 SPARSE_PARTS = ("data", "indices", "indptr", "shape")
 LONGEST_NAME = 200  # characters of a joint's, a landmark's or a body's name, which messages show

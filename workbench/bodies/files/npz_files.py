@@ -4,8 +4,7 @@ from pathlib import Path
 
 from workbench.bodies.files.entries import Contents, Unread
 from workbench.errors import BadFile, cut
-from workbench.reading.archive import open_arrays
-from workbench.reading.damage import LONGEST_REASON
+from workbench.reading.arrays import LONGEST_REASON, open_arrays
 
 OBJECTS = (
     "an array of Python objects, which are not read: unpacking them runs code of the file's "
@@ -19,7 +18,7 @@ def read_npz(path: Path) -> Contents:
     """The arrays of an .npz file by key; arrays of objects and other files in it are `Unread`.
 
     Raises BadFile if it is cut off or damaged, holds no arrays or two of one name, or if they
-    take more memory than those of a file of its size should (`workbench.reading.archive`).
+    take more memory than those of a file of its size should (`workbench.reading.arrays`).
     """
     try:
         with open_arrays(path) as archive:

@@ -19,7 +19,7 @@ from workbench.bodies.files.entries import Contents, Unread, from_places, from_p
 from workbench.bodies.files.pickle_records import NUMPY, SPARSE, Made, Name
 from workbench.bodies.files.pickles import DAMAGE, read_pickle
 from workbench.errors import BadFile, UnsafePickle, cut, shown
-from workbench.reading.npy import check_letters
+from workbench.reading.arrays import check_letters
 
 MOST_ROWS = 10**7  # of a sparse matrix, whose shape takes no bytes in the file
 DEEPEST = 16  # chumpy values inside chumpy values; files have two

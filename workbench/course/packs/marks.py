@@ -14,8 +14,8 @@ from workbench.course.packs.keeping import CHANGED, MARKED, kept
 from workbench.course.packs.keys import ClassKey
 from workbench.course.packs.marking import ExerciseMark, Limits, mark_sheet
 from workbench.course.packs.remarks import alike, remarks_of
+from workbench.environment import VERSION
 from workbench.errors import BadFile
-from workbench.installation import VERSION
 from workbench.writing import replacing, write_file
 
 NOT_YET = "not marked yet: the same command goes on"

@@ -11,8 +11,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadFile
 from workbench.fitting.scan import BadScan, Scan
-from workbench.reading.archive import opened
-from workbench.reading.expected import optional, read_expected, reals
+from workbench.reading.arrays import opened, optional, read_expected, reals
 from workbench.registration.coregistration.coregistering import Fitted
 from workbench.training.folder import TABLE, Row, read_table
 

@@ -11,8 +11,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.errors import BadFile
-from workbench.reading.archive import opened
-from workbench.reading.expected import doubles, nothing_else, read_expected, texts
+from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
 from workbench.reading.facts import facts_in
 from workbench.registration.coregistration.scan_block import Scans
 from workbench.training.checkpoint import FACTS, REMOVE, log_entry

@@ -15,13 +15,18 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.bodies.catalogue import load_skinned
+from workbench.environment import expanded
 from workbench.errors import BadFile, listed, some
 from workbench.geometry.meshes import REGISTERED, read_registered
-from workbench.homes import expanded
-from workbench.reading.archive import opened
-from workbench.reading.damage import taken_for
-from workbench.reading.expected import any_reals, optional, read_expected, wholes
-from workbench.reading.npy import mapped_array
+from workbench.reading.arrays import (
+    any_reals,
+    mapped_array,
+    opened,
+    optional,
+    read_expected,
+    taken_for,
+    wholes,
+)
 from workbench.training.folder import (
     SUFFIXES,
     TABLE,

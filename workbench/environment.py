@@ -1,15 +1,21 @@
-"""The distribution that this package is installed from: its name, its version and its extras.
+"""The environment that the workbench runs in: its distribution, a browser or not, the user's home.
 
 On the package index the name `workbench` belongs to another project, which has nothing to do with
 this one. The distribution is therefore called `smpl-workbench`; the package that is imported and
 the command that is typed are called `workbench`.
+
+In a browser (Pyodide) there are no other processes, no threads and few compiled packages: emcee,
+ArviZ and corner are imported where they are needed (`optional_library`). Whatever would start
+threads or processes asks `in_browser` first; what cannot do without raises NoProcesses.
 """
 
+import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import ModuleType
 
-from workbench.errors import WorkbenchError
+from workbench.errors import BadFile, WorkbenchError
 
 DISTRIBUTION = "smpl-workbench"
 VERSION = "0.1.0"  # pyproject.toml reads it from here, so that a checkout knows it uninstalled
@@ -27,7 +33,7 @@ class MissingLibrary(WorkbenchError):
     """A library that this part of the workbench needs cannot be imported."""
 
 
-def library(name: str, purpose: str) -> ModuleType:
+def optional_library(name: str, purpose: str) -> ModuleType:
     """One of the libraries of `SAMPLING`, imported when it is needed.
 
     `purpose` begins the sentence of the error: "drawing a posterior". Raises MissingLibrary.
@@ -64,3 +70,26 @@ def pip_install(extra: str) -> str:
         f"pip install '{DISTRIBUTION}[{extra}]', or in the folder of a checkout "
         f"pip install '.[{extra}]'"
     )
+
+
+PLATFORMS = ("emscripten", "wasi")  # what `sys.platform` is there; the first is Pyodide's
+
+
+def in_browser() -> bool:
+    """Whether this is Python in WebAssembly, where no process and no thread can be started."""
+    return sys.platform in PLATFORMS
+
+
+def home() -> Path:
+    """The home folder of the user. Raises BadFile if neither HOME nor the system names it."""
+    return expanded("~")
+
+
+def expanded(path: str | Path) -> Path:
+    """A path whose `~` or `~name` is replaced by a folder. Raises BadFile if there is none."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise BadFile(
+            f"no home folder is known for {path}; give a whole path, or set the variable HOME"
+        ) from error
