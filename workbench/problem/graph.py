@@ -13,7 +13,6 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array
 
-from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, Points, in_blocks
 from workbench.problem.partial import by_free_entries
 from workbench.problem.storage import Stored, is_sparse
@@ -22,7 +21,6 @@ from workbench.problem.storage import Stored, is_sparse
 # columns than rows backwards: all but the first entry come out zero
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
 SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
-FEW = 64  # rows, of which CasADi finds in one sweep which entries they read
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,45 +120,13 @@ def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     few sums with normally distributed weights estimates this size, without the single derivatives
     (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
     """
-    squares = [_squares(r, a, arguments) for a in arguments if a.numel()]
+    squares = [_squares(r, a) for a in arguments if a.numel()]
     return cs.densify(cs.sqrt(sum(squares)) if squares else cs.MX(*r.shape))
 
 
-def _squares(r: cs.MX, argument: cs.MX, symbols: Sequence[cs.MX]) -> cs.MX:
+def _squares(r: cs.MX, argument: cs.MX) -> cs.MX:
     """The sum over `SUMS` sums of their terms with one argument, squared, for each row, (m, 1)."""
     rows, columns = argument.shape
     weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))  # always the same
-    once = cs.jtimes(r, argument, cs.DM.ones(rows, columns))
-    if r.numel() and not cs.depends_on(once, cs.veccat(*symbols)):
-        few = np.linspace(0, r.numel() - 1, FEW, dtype=int).tolist()
-        places = _single(r[few], argument) and _single(r, argument)  # dense rows take long
-        if places is not None:
-            factor = cs.Function("factor", [*symbols], [cs.densify(once)])  # at any place
-            numbers = factor.call([cs.DM.zeros(a.shape) for a in symbols])[0]
-            lengths = np.sqrt((weights.reshape(rows, SUMS, columns) ** 2).sum(axis=1))
-            return _of_single_terms(numbers, argument, places, lengths.ravel(order="F"))
     weighed = cs.DM(weights) * cs.repmat(argument, 1, SUMS)
     return cs.sum2(cs.jtimes(r, argument, weighed) ** 2)
-
-
-def _single(r: cs.MX, argument: cs.MX) -> cs.Sparsity | None:
-    """Where the rows read the argument, if none of them reads more than one entry."""
-    places = cs.jacobian_sparsity(r, argument)
-    return places if len(set(places.row())) == places.nnz() else None
-
-
-def _of_single_terms(factor: cs.DM, argument: cs.MX, places: cs.Sparsity, weights: Array) -> cs.MX:
-    """The squared terms of rows that read one entry of the argument each, times a constant factor.
-
-    So a vertex is read, and the observed one beside it. All sums of such a row have a single term,
-    which is multiplied by the length of its `weights` (of each entry) and squared once.
-    """
-    row, entry = np.array(places.row(), dtype=int), np.array(places.get_col(), dtype=int)
-    order = np.argsort(row)
-    row, entry = row[order], entry[order]
-    by = np.asarray(factor).ravel()[row] * weights[entry]
-    numbers = cs.vec(argument)
-    if not np.array_equal(entry, np.arange(argument.numel())):
-        numbers = cs.vec(numbers[entry.tolist()])  # of a single number they stand in a row
-    read = cs.Sparsity.triplet(factor.numel(), 1, row.tolist(), [0] * len(row))
-    return cs.MX(read, (cs.DM(by) * numbers) ** 2)

@@ -189,7 +189,7 @@ def _limit(name: str, pair: object, side: int, block: Block) -> Array:
 
 
 NONE = "1"  # the unit of a block of which nobody said one
-FACTOR = re.compile(r"([^\W\d_]+|[%°])(?:\^?(-?\d+))?")  # of a unit that is put together of others
+SINGLE = re.compile(r"[^\W\d_]+|[%°]")  # a unit that is not put together of others
 METRES = "m"
 MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
 SUMS = (cs.OP_ADD, cs.OP_SUB)
@@ -232,36 +232,12 @@ def check_units(
 
 
 def different(first: str, second: str) -> bool:
-    """Whether no number of one unit is a number of the other, as m and mm, or m/s and mm/s.
+    """Whether both are single units of another name, as m and mm.
 
-    Powers must be the same in both but for the name of one unit above the line. Nothing is said of
-    m/s and m, since a factor of 1 s may have been left out, nor of N m and J.
+    Of units that are put together of others nothing is said: N m and J are the same, and m/s less m
+    may have left out a factor of 1 s.
     """
-    if first == second:
-        return False
-    parts = [powers(unit) for unit in (first, second)]
-    if None in parts:
-        return False
-    here, there = (dict(part or {}) for part in parts)
-    for name in here.keys() & there.keys():
-        if here[name] == there[name]:
-            del here[name], there[name]
-    mine, others = list(here.values()), list(there.values())
-    return mine == others and len(mine) == 1 and mine[0] > 0
-
-
-def powers(unit: str) -> dict[str, int] | None:
-    """The powers of the units in `kg m/s^2` or `rad²`; None for a text of another form."""
-    found: dict[str, int] = {}
-    above, *below = unit.replace("²", "^2").replace("³", "^3").split("/")
-    for sign, text in ((1, above), *((-1, one) for one in below)):
-        for factor in re.split(r"[\s*·]+", text.strip()):
-            whole = FACTOR.fullmatch(factor)
-            if whole:
-                found[whole[1]] = found.get(whole[1], 0) + sign * int(whole[2] or 1)
-            elif factor != "1":
-                return None
-    return found
+    return first != second and all(SINGLE.fullmatch(unit) for unit in (first, second))
 
 
 @dataclass
