@@ -36,28 +36,29 @@ def test_rounding_depends_on_the_place() -> None:
     assert near.norm < 100 * EPS
 
 
-def test_sizes_of_terms_are_estimated_by_weighed_sums() -> None:
+def test_sizes_of_terms_are_those_that_cancel() -> None:
     """Of rows that read one number each, in any order, of rows that read several, and of none."""
     x, h = Block("x", (4,)).symbol, Block("h", (3,)).symbol
-    linear = cs.vertcat(3 * x[2], -2 * x[0] + h[1], cs.MX(5.0), 4 * x[3] - 0.5 * h[2])
-    for rows in (linear, cs.vertcat(linear, x[0] - x[1]), cs.vertcat(linear, x[0] * h[0])):
-        problem = Problem((Residual("r", rows, 1.0),), "x")
-        at, fixed = np.array([1.0, -2.0, 3.0, 0.5]), np.array([2.0, 7.0, -1.0])
-        J = cs.Function("J", [x, h], [cs.jacobian(rows, x), cs.jacobian(rows, h)])
-        squares = np.zeros(rows.numel())
-        for by, numbers in zip(J(at, fixed), (at, fixed), strict=True):
-            weights = np.random.default_rng(0).standard_normal((len(numbers), SUMS))
-            squares += ((np.array(by) @ (weights * numbers[:, None])) ** 2).sum(axis=1)
-        found = problem._chain.made_of(at, problem.split({"x": at, "h": fixed})[1])
-        np.testing.assert_allclose(found, np.sqrt(squares), rtol=1e-14)
+    rows = cs.vertcat(3 * x[2], -2 * x[0] + h[1], cs.MX(5.0), x[0] + h[0], x[1] * h[0])
+    problem = Problem((Residual("r", rows, 1.0),), "x")
+    at, fixed = np.array([1.0, -2.0, 3.0, 0.5]), np.array([-1.0, 7.0, -1.0])
+    J = cs.Function("J", [x, h], [cs.jacobian(rows, x), cs.jacobian(rows, h)])
+    parts = zip(J(at, fixed), (at, fixed), strict=True)
+    sizes = np.sqrt(sum(((np.array(by) * numbers) ** 2).sum(axis=1) for by, numbers in parts))
+    found = problem._chain.made_of(at, problem.split({"x": at, "h": fixed})[1])
+    assert found[2] == sizes[2] == 0.0
+    ratios = np.delete(found, 2) / np.delete(sizes, 2)
+    assert (ratios > 0.3).all()
+    assert (ratios < 3.0).all()
 
 
 def test_sizes_of_terms_neither_overflow_nor_vanish() -> None:
     for factor, at in ((1e155, 1.0), (1e-200, 1e200), (1e200, 0.0)):
         x = Block("x").symbol
         size = cs.Function("size", [x], [size_of_terms(factor * x, [x])])(at)
-        length = np.linalg.norm(np.random.default_rng(0).standard_normal(SUMS))
-        assert float(size) == pytest.approx(factor * at * length)
+        weights = np.random.default_rng(0).standard_normal(SUMS)
+        mean = abs(weights).sum() / np.sqrt(SUMS)
+        assert float(size) == pytest.approx(factor * at * mean)
 
 
 def test_large_row_does_not_excuse_another() -> None:

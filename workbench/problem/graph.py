@@ -116,17 +116,14 @@ def split(
 def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
-    Terms that cancel each other in the residual must not cancel here. The mean of the squares of a
-    few sums with normally distributed weights estimates this size, without the single derivatives
-    (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
+    Terms that cancel each other in the residual must not cancel here. The mean size of a few sums
+    with normally distributed weights estimates it without the single derivatives (Hutchinson, A
+    stochastic estimator of the trace of the influence matrix, 1990).
     """
-    squares = [_squares(r, a) for a in arguments if a.numel()]
-    return cs.densify(cs.sqrt(sum(squares)) if squares else cs.MX(*r.shape))
-
-
-def _squares(r: cs.MX, argument: cs.MX) -> cs.MX:
-    """The sum over `SUMS` sums of their terms with one argument, squared, for each row, (m, 1)."""
-    rows, columns = argument.shape
-    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))  # always the same
-    weighed = cs.DM(weights) * cs.repmat(argument, 1, SUMS)
-    return cs.sum2(cs.jtimes(r, argument, weighed) ** 2)
+    rng = np.random.default_rng(0)  # always the same weights
+    sums = cs.MX(r.shape[0], SUMS)
+    for a in arguments:
+        if a.numel():
+            weights = rng.standard_normal((a.shape[0], SUMS * a.shape[1]))
+            sums += cs.jtimes(r, a, cs.DM(weights) * cs.repmat(a, 1, SUMS))
+    return cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(SUMS))
