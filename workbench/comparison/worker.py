@@ -4,7 +4,6 @@ What a solver or a problem prints is discarded. An alarm of the system ends a pr
 hangs after the process that started it has gone.
 """
 
-import os
 import pickle
 import signal
 import sys
@@ -18,7 +17,7 @@ from workbench.comparison.jobs import AnalyseEnds, Announce, Answer, Describe, F
 from workbench.comparison.running import run_solver
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.fitting.setup import Setup
-from workbench.processes import PARENT, Channel, end_with
+from workbench.processes import Channel, end_with_parent
 from workbench.threads import limited_threads
 
 KEPT = 4  # problems that stay built
@@ -44,8 +43,7 @@ class Builder:
 
 def main() -> None:
     """Answer jobs as a process of its own."""
-    # by a thread, not by `end_with_parent`: the thread that started this process may end before it
-    end_with(int(os.environ.pop(PARENT)))
+    end_with_parent()
     serve(Channel.inherited(int(sys.argv[-1])))
 
 

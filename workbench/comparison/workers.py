@@ -5,6 +5,7 @@ import os
 import pickle
 import tempfile
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -61,12 +62,13 @@ class Pool:
         self._idle: dict[str, list[Worker]] = {}
         self.unrehearsed: set[str] = set()  # solvers that do not survive a rehearsal
         self._busy: set[Worker] = set()
+        self._starting = ThreadPoolExecutor(1)  # a process ends with the thread that started it
 
     def ask(self, job: Job) -> Answer | Failed | Lost:
         """Ask an idle worker, or a new one."""
         with self._lock:
             idle = self._idle.setdefault(job.own, [])
-            worker = idle.pop() if idle else Worker(Started(["-c", MAIN], _environment()))
+            worker = idle.pop() if idle else self._started()
             self._busy.add(worker)
         answer: Answer | Failed | Lost | None = None
         try:
@@ -80,6 +82,9 @@ class Pool:
                 self._busy.discard(worker)
                 if well:
                     self._idle.setdefault(job.own, []).append(worker)
+
+    def _started(self) -> Worker:
+        return Worker(self._starting.submit(Started, ["-c", MAIN], _environment()).result())
 
     def close(self) -> None:
         """End every worker, busy or not."""
