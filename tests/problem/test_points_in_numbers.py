@@ -13,7 +13,7 @@ from tests.problem.test_chain import assert_same, pose_at
 from tests.tiers import few
 from workbench import residuals
 from workbench.blocks import NumericPoints
-from workbench.blocks.points import FrameByFrame, points_of_each
+from workbench.blocks.points import LoopedPoints
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.bodies.forward.posed_each import PosedEach
 from workbench.problem import Constraint
@@ -130,8 +130,8 @@ def test_landmarks_of_many_match_each(body: SkinnedBody, kind: str) -> None:
 @EACH_KIND
 def test_derivatives_of_many_match_each(body: SkinnedBody, kind: str) -> None:
     numeric, each, values = landmarks_of_several(body, kind)
-    one_by_one = FrameByFrame([numeric.evaluate(one) for one in each])
-    many = points_of_each(numeric, values, len(each))
+    one_by_one = LoopedPoints([numeric.evaluate(one) for one in each])
+    many = numeric.evaluate_each(values, len(each))
     assert isinstance(many, PosedEach)
     np.testing.assert_allclose(many.points, one_by_one.points, atol=1e-13)
     for some in (slice(0, 5), slice(2, 4)):

@@ -13,7 +13,7 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import residuals
-from workbench.blocks import Block, NumericPoints, Tree
+from workbench.blocks import Block, NumericPoints, PointsAt, Tree
 from workbench.blocks.functions import sparse_constant
 from workbench.problem import storage
 
@@ -57,7 +57,7 @@ class Web:
 
 
 @dataclass(frozen=True, eq=False)
-class WebNumbers:
+class WebNumbers(NumericPoints):
     of: Web
 
     @property
@@ -70,13 +70,9 @@ class WebNumbers:
     def evaluate(self, values: wb.Values) -> "WebAt":
         return WebAt(self.of, values[self.of.a.name], values[self.of.b.name])
 
-    def evaluate_batch(self, values: wb.Values) -> np.ndarray:
-        pairs = zip(*(values[name] for name in self.reads), strict=True)
-        return np.array([WebAt(self.of, a, b).points for a, b in pairs])
-
 
 @dataclass(frozen=True, eq=False)
-class WebAt:
+class WebAt(PointsAt):
     of: Web
     a: np.ndarray
     b: np.ndarray

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import casadi as cs
 import numpy as np
@@ -12,13 +11,10 @@ from scipy.sparse import csc_array, vstack
 from workbench.arrays import Array, Index
 from workbench.blocks.block import Block
 from workbench.blocks.points import (
-    ChosenAnew,
     NumericPoints,
     Points,
     PointsAt,
     PointSource,
-    jacobian_of,
-    pattern_of,
 )
 from workbench.blocks.tree import Tree
 from workbench.errors import BadArgument, check_known
@@ -181,7 +177,7 @@ class Joined:
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedNumbers:
+class JoinedNumbers(NumericPoints):
     """The arithmetic of several sources, one after another; see NumericPoints."""
 
     parts: tuple[NumericPoints, ...]
@@ -207,7 +203,7 @@ class JoinedNumbers:
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedAt:
+class JoinedAt(PointsAt):
     """Joined points at one set of values; see PointsAt."""
 
     parts: tuple[PointsAt, ...]
@@ -328,19 +324,17 @@ class FramedPoints:
 
     def frozen(self, values: Mapping[str, Array]) -> PointSource:
         """The points with what the source chooses anew held in each frame; see ChosenAnew."""
-        if not hasattr(self.source, "frozen"):
+        frozen = getattr(self.source, "frozen", None)
+        if frozen is None:
             return self
-        held = (
-            cast(ChosenAnew, self.source).frozen(self.frames.values_in(t, values))
-            for t in self.some
-        )
+        held = (frozen(self.frames.values_in(t, values)) for t in self.some)
         frames = zip(self.some, held, strict=True)
         each = [FramedPoints(one, self.frames, (t,), self.numbers) for t, one in frames]
         return Joined(tuple(each), np.arange(self.count))
 
 
 @dataclass(frozen=True, eq=False)
-class NumericFrames:
+class NumericFrames(NumericPoints):
     """The arithmetic of the points of a body in many frames; see NumericPoints.
 
     Attributes:
@@ -363,11 +357,11 @@ class NumericFrames:
         return {name: block.framed for name, block in self.blocks.items()}
 
     def pattern(self, name: str) -> csc_array | None:
-        """Where the derivative by a block can be nonzero, None if it is dense; see SparsePoints.
+        """Where the derivative by a block can be nonzero, None if it is dense.
 
         The points of each frame depend on their own part of a framed block.
         """
-        block, own = self.blocks[name], pattern_of(self.source, name)
+        block, own = self.blocks[name], self.source.pattern(name)
         if not block.framed:
             return None if own is None else csc_array(vstack([own] * len(self.some)))
         T = block.shape[0]
@@ -407,7 +401,7 @@ class NumericFrames:
 
 
 @dataclass(frozen=True, eq=False)
-class FramesAt:
+class FramesAt(PointsAt):
     """The points of all frames at one set of values; see PointsAt.
 
     Attributes:
@@ -425,10 +419,8 @@ class FramesAt:
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative by a block that has a pattern, (d N len(some), size)."""
-        block, sparse = self.of.blocks[name], pattern_of(self.of.source, name) is not None
-        each = [
-            jacobian_of(here, name) if sparse else self._dense(here, name) for here in self.frames
-        ]
+        block, sparse = self.of.blocks[name], self.of.source.pattern(name) is not None
+        each = [here.jacobian(name) if sparse else self._dense(here, name) for here in self.frames]
         if not block.framed:
             return csc_array(vstack(each))
         return on_the_diagonal(each, self.of.some, block.shape[0])

@@ -6,16 +6,17 @@ expression in the place of the placeholder. A source may have arithmetic alone (
 None): then there is no whole graph, and all that uses the chain rule works.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn, Protocol, cast
+from typing import NoReturn, Protocol
 
 import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks.block import Block, Symbolic
 from workbench.blocks.functions import Buffered
 from workbench.blocks.tree import Tree
@@ -24,7 +25,7 @@ from workbench.errors import BadArgument, BadResidual, NotSupported, TwoSymbolsO
 PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph is printed
 
 
-class PointsAt(Protocol):
+class PointsAt(ABC):
     """Points at one set of values; each method can use intermediate results of earlier calls.
 
     What is said of three coordinates holds as well for d numbers of each point, such as its
@@ -32,41 +33,78 @@ class PointsAt(Protocol):
     """
 
     @property
+    @abstractmethod
     def points(self) -> Array:
         """The points, (N, 3), in metres."""
 
+    @abstractmethod
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
 
         Each column is multiplied by `scale` (3 N,), where there is one.
         """
 
+    def tangent_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """The same where `into` holds zeros wherever the derivative is always zero."""
+        self.tangent(into, scale)
+
+    def jacobian(self, name: str) -> csc_array:
+        """The derivative by a block with a `pattern` or a number of `nonzeros`, (3 N, size).
+
+        Each entry is stored once. None is outside of the pattern, and zeros inside of it may be
+        left out.
+        """
+        raise NotImplementedError(f"the derivative by {name} is dense")
+
+    @abstractmethod
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradient of sum(pull * points), pull (3 N,), by each block that is read; flat."""
 
 
-class NumericPoints(Protocol):
-    """Points by arithmetic on arrays, faster than any graph.
-
-    Points whose derivative by some of their blocks is sparse can also say where it is zero: see
-    `SparsePoints`.
-    """
+class NumericPoints(ABC):
+    """Points by arithmetic on arrays, faster than any graph."""
 
     @property
+    @abstractmethod
     def reads(self) -> tuple[str, ...]:
         """The names of the blocks that the points depend on."""
 
+    @abstractmethod
     def evaluate(self, values: Mapping[str, Array]) -> PointsAt:
         """The points where the blocks that are read have these values."""
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """(M, N, 3) m for M values of each block that is read, (M, *shape)."""
+        """(M, N, 3) m for M values of each block, (M, *shape)."""
+        M = len(next(iter(values.values())))  # of any block: the points may read none
+        each = ({name: values[name][i] for name in self.reads} for i in range(M))
+        return np.stack([self.evaluate(one).points for one in each])
 
+    def evaluate_each(self, values: Mapping[str, Array], count: int) -> "PointsOfEach":
+        """The points at M = `count` values of each block, (M, *shape), with their derivatives."""
+        each = ({name: value[i] for name, value in values.items()} for i in range(count))
+        return LoopedPoints([self.evaluate(some) for some in each])
 
-def tangent_over_zeros(here: Any) -> Callable[..., None]:
-    """Their method of this name, which leaves out what is always zero; or `tangent`."""
-    found: Callable[..., None] = getattr(here, "tangent_over_zeros", here.tangent)
-    return found
+    def pattern(self, name: str) -> csc_array | None:
+        """Where the points' derivative by a block can be nonzero at any values, (3 N, size).
+
+        The numbers that are stored in it have no meaning; each entry is stored once. None for a
+        block by which the derivative is dense. By a block that has a pattern, the points at one set
+        of values are asked for `jacobian`, and never for `tangent`.
+        """
+        return None
+
+    def nonzeros(self, name: str) -> int | None:
+        """How many nonzeros the derivative by a block has at most, where their places change.
+
+        By a block of which it returns a number, the points are asked for `jacobian`, whose nonzeros
+        may be anywhere, and there is no `pattern`. None where they keep their places, or the
+        derivative is dense.
+        """
+        return None
+
+    def only(self, wanted: Mapping[str, Index]) -> "NumericPoints | None":
+        """These points with derivatives by some entries alone; None if it saves nothing."""
+        return None
 
 
 class PointSource(Protocol):
@@ -143,9 +181,8 @@ class Points(Symbolic):
 
         Contacts with a scan are such a choice; see `ChosenAnew`.
         """
-        if not hasattr(self.source, "frozen"):
-            return self
-        return Points(self.symbol, cast(ChosenAnew, self.source).frozen(values))
+        frozen = getattr(self.source, "frozen", None)
+        return self if frozen is None else Points(self.symbol, frozen(values))
 
     @property
     def name(self) -> str:
@@ -250,57 +287,6 @@ class ChosenAnew(Protocol):
         """The source with the choice held as it is at these values."""
 
 
-class SparsePoints(Protocol):
-    """What NumericPoints may provide in addition: where a derivative can be nonzero."""
-
-    def nonzeros(self, name: str) -> int | None:
-        """How many nonzeros the derivative by a block has at most, where their places change.
-
-        This method may be missing. By a block of which it returns a number, the points are asked
-        for `jacobian`, whose nonzeros may be anywhere, and there is no `pattern`.
-        """
-
-    def pattern(self, name: str) -> csc_array | None:
-        """Where the points' derivative by a block can be nonzero at any values, (3 N, size).
-
-        The numbers that are stored in it have no meaning; each entry is stored once. None for a
-        block by which the derivative is dense. By a block that has a pattern, the points at one set
-        of values are asked for `jacobian`, and never for `tangent`.
-        """
-
-
-class SparsePointsAt(Protocol):
-    """What PointsAt of SparsePoints provide in addition."""
-
-    def jacobian(self, name: str) -> csc_array:
-        """The points' derivative by a block that has a pattern, (3 N, size), each entry once.
-
-        It has no nonzeros outside of the pattern, and may leave out zeros inside of it.
-        """
-
-
-def pattern_of(source: NumericPoints, name: str) -> csc_array | None:
-    """Where the points' derivative by a block can be nonzero; None if it is dense."""
-    if not hasattr(source, "pattern"):
-        return None
-    return cast(SparsePoints, source).pattern(name)
-
-
-def nonzeros_of(source: NumericPoints, name: str) -> int | None:
-    """How many nonzeros the derivative by a block has at most, if their places change.
-
-    None for a block by which they keep their places, or by which the derivative is dense.
-    """
-    if not hasattr(source, "nonzeros"):
-        return None
-    return cast(SparsePoints, source).nonzeros(name)
-
-
-def jacobian_of(here: PointsAt, name: str) -> csc_array:
-    """The sparse derivative by a block with a pattern or a number of nonzeros, (3 N, size)."""
-    return cast(SparsePointsAt, here).jacobian(name)
-
-
 LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
 
 
@@ -348,10 +334,10 @@ def _repeated(operation: int, a: cs.MX, b: cs.MX) -> cs.MX:
 
 
 @dataclass(frozen=True, eq=False)
-class ExpressedPoints:
+class ExpressedPoints(NumericPoints):
     """A source of points (3, N) that are an expression, such as the symbol of a block (N, 3).
 
-    See PointSource, NumericPoints and SparsePoints: it is all of these.
+    It is a PointSource too.
 
     Attributes:
         expression: the points in the symbols of the blocks, (3, N) in metres.
@@ -387,13 +373,7 @@ class ExpressedPoints:
     def evaluate(self, values: Mapping[str, Array]) -> "ExpressedPointsAt":
         """The points where the blocks have these values."""
         arguments = [np.asarray(values[name], dtype=float) for name in self.reads]
-        return ExpressedPointsAt(self, arguments, self._points(*arguments)[0].reshape(-1, 3))
-
-    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """The points (M, N, 3) m for M values of each block."""
-        M = len(next(iter(values.values())))  # of any block: the points may read none
-        each = ({name: values[name][i] for name in self.reads} for i in range(M))
-        return np.stack([self.evaluate(one).points for one in each])
+        return ExpressedPointsAt(self, arguments)
 
     @cached_property
     def _symbols(self) -> list[cs.MX]:
@@ -416,18 +396,21 @@ class ExpressedPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class ExpressedPointsAt:
-    """The points at one set of values; see PointsAt and SparsePointsAt.
+class ExpressedPointsAt(PointsAt):
+    """The points at one set of values.
 
     Attributes:
         of: the source.
         arguments: the values of its blocks.
-        points: the points, (N, 3) m.
     """
 
     of: ExpressedPoints
     arguments: list[Array]
-    points: Array
+
+    @cached_property
+    def points(self) -> Array:
+        """The points, (N, 3) m."""
+        return self.of._points(*self.arguments)[0].reshape(-1, 3)
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative by a block, (3 N, size)."""
@@ -461,7 +444,7 @@ class PointsOfEach(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FrameByFrame:
+class LoopedPoints:
     """Points that are computed for one set of values after the other; see PointsOfEach."""
 
     places: list[PointsAt]
@@ -484,16 +467,3 @@ class FrameByFrame:
 def stacked(found: list[dict[str, Array]]) -> dict[str, Array]:
     """Gradients (M, size) by each block, from M of them."""
     return {name: np.array([one[name] for one in found]) for name in (found[0] if found else {})}
-
-
-def points_of_each(source: NumericPoints, values: Mapping[str, Array], count: int) -> PointsOfEach:
-    """The points at M = `count` sets of values, of every block that is read (M, *shape).
-
-    A source may have a method `evaluate_each` for that, where it finds several in fewer calls.
-    """
-    together = getattr(source, "evaluate_each", None)
-    if together is not None:
-        found: PointsOfEach = together(values, count)
-        return found
-    each = ({name: value[i] for name, value in values.items()} for i in range(count))
-    return FrameByFrame([source.evaluate(some) for some in each])

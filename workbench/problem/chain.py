@@ -6,7 +6,7 @@ residuals, and
 
     dr/dx = r_x + sum over sources of r_p dp/dx.
 
-dp/dx is an array, or sparse for those blocks for which the source says so (`SparsePoints`). Points
+dp/dx is an array, or sparse for those blocks for which the source says so (its `pattern`). Points
 of other sources are part of the graph, so that this way serves all problems.
 """
 
@@ -25,10 +25,6 @@ from workbench.blocks.functions import Buffered, without_calls
 from workbench.blocks.layout import Values
 from workbench.blocks.points import (
     distinct,
-    jacobian_of,
-    nonzeros_of,
-    pattern_of,
-    tangent_over_zeros,
 )
 from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
 from workbench.problem.rounding import Support, half_squared
@@ -171,7 +167,7 @@ class Chain:
             dense: list[tuple[int, str, Part]] = []
             for number, name, part in self._parts_of[i]:
                 if not isinstance(part, Part):
-                    product = pattern.times(entries, jacobian_of(here, name))
+                    product = pattern.times(entries, here.jacobian(name))
                     if isinstance(part, Moving):
                         moved.append(part.within(product, assembly.shape[1]))
                     else:
@@ -212,13 +208,13 @@ class Chain:
                 if isinstance(part, Part):
                     dense[name] = part.columns
                     continue
-                product = pattern.times(entries, jacobian_of(here, name)).tocoo()
+                product = pattern.times(entries, here.jacobian(name)).tocoo()
                 columns[part.columns.start + product.col, product.row] += product.data
             if not dense:
                 continue
             if rows is not None:
                 own = {name: columns[at, rows] for name, at in dense.items()}
-                tangent_over_zeros(here)(own, entries)
+                here.tangent_over_zeros(own, entries)
                 continue
             parts = {n: np.empty((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
             here.tangent(parts, None)
@@ -285,10 +281,10 @@ def _part(
     pattern: Pattern, source: NumericPoints, name: str, columns: slice
 ) -> Part | Scattered | Moving:
     """The part of J in the columns of a block, through the points of a source."""
-    rows, nonzeros = np.unique(pattern.rows), nonzeros_of(source, name)
+    rows, nonzeros = np.unique(pattern.rows), source.nonzeros(name)
     if nonzeros is not None:
         return Moving(rows, columns, nonzeros)
-    of_points = pattern_of(source, name)
+    of_points = source.pattern(name)
     if of_points is None:
         return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)

@@ -12,7 +12,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Points, in_blocks
 from workbench.blocks.functions import Buffered, without_calls
 from workbench.blocks.layout import all_values
-from workbench.blocks.points import distinct, nonzeros_of, pattern_of
+from workbench.blocks.points import distinct
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.graph import Graph, split
@@ -286,7 +286,7 @@ def has_arithmetic(points: Sequence[Points]) -> bool:
     """Whether some points come from arithmetic, and each derivative of these is an array."""
     sources = [p.source.numeric for p in points if p.source.numeric is not None]
     return bool(sources) and not any(
-        nonzeros_of(source, name) is not None or pattern_of(source, name) is not None
+        source.nonzeros(name) is not None or source.pattern(name) is not None
         for source in sources
         for name in source.reads
     )

@@ -12,7 +12,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Points
 from workbench.blocks.functions import TOGETHER, Buffered, Mapped
 from workbench.blocks.layout import all_values
-from workbench.blocks.points import PointsOfEach, distinct, pattern_of, points_of_each
+from workbench.blocks.points import PointsOfEach, distinct
 from workbench.problem.banded import (
     BandOrder,
     BlockMatrix,
@@ -169,7 +169,7 @@ class FrameGroup:
             for name, value in values.items()
             if any(name in source.reads for source in self.chain.sources)
         }
-        return [points_of_each(source, own, F) for source in self.chain.sources]
+        return [source.evaluate_each(own, F) for source in self.chain.sources]
 
     def gradient(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array]:
         """The residuals (F, m), and the gradients (F, n) of the frames' costs."""
@@ -499,7 +499,7 @@ def _grouped(
         if whole not in chains:
             chain = frame.chain(at)
             if chain.sparse or any(
-                pattern_of(s, name) is not None for s in chain.sources for name in s.reads
+                s.pattern(name) is not None for s in chain.sources for name in s.reads
             ):
                 return [], list(residuals)
             chains[whole] = chain, []

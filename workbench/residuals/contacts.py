@@ -23,7 +23,6 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, NumericPoints, PointsAt, PointSource, Tree
 from workbench.blocks.functions import sparse_constant
-from workbench.blocks.points import jacobian_of, pattern_of
 from workbench.errors import BadResidual
 
 
@@ -53,7 +52,7 @@ Search = Callable[[Array], ContactNumbers]  # from the vertices (N, 3) m of a su
 
 
 @dataclass(frozen=True, eq=False)
-class MovingContacts:
+class MovingContacts(NumericPoints):
     """A source of d numbers for each of M points in contact with a surface; see PointSource.
 
     Attributes:
@@ -110,7 +109,7 @@ class MovingContacts:
 
     def nonzeros(self, name: str) -> int | None:
         """How many nonzeros the derivative by a block can have; None if it is dense."""
-        pattern = pattern_of(self.arithmetic, name)
+        pattern = self.arithmetic.pattern(name)
         if pattern is None:
             return None
         of_a_vertex = -(-pattern.nnz // max(1, pattern.shape[0] // 3))
@@ -129,7 +128,7 @@ CORNERS = 3  # of a triangle: the vertices that one contact depends on
 
 
 @dataclass(frozen=True, eq=False)
-class HeldContacts:
+class HeldContacts(NumericPoints):
     """A source of q_0 + W V, d numbers of M points whose contacts are held; see PointSource.
 
     Attributes:
@@ -193,7 +192,7 @@ class HeldContacts:
 
     def pattern(self, name: str) -> csc_array | None:
         """Where the derivative by a block can be nonzero; None if it is dense."""
-        pattern = pattern_of(self.arithmetic, name)
+        pattern = self.arithmetic.pattern(name)
         if pattern is None:
             return None
         ones = csc_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), pattern.shape)
@@ -207,8 +206,8 @@ class HeldContacts:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactsAt:
-    """The numbers of contacts at one set of values; see PointsAt and SparsePointsAt.
+class ContactsAt(PointsAt):
+    """The numbers of contacts at one set of values; see PointsAt.
 
     Attributes:
         here: the surface's vertices.
@@ -239,7 +238,7 @@ class ContactsAt:
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative (M d, size) by a block, for which that of the vertices must be sparse."""
-        found = csc_array(self.slopes @ jacobian_of(self.here, name))
+        found = csc_array(self.slopes @ self.here.jacobian(name))
         found.sort_indices()
         return found
 

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, eye_array, kron
 
 from workbench.arrays import Array, Index
+from workbench.blocks.points import NumericPoints, PointsAt
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.freed_patterns import pattern_by
 from workbench.bodies.forward.motion import Kinematics, Motion
@@ -29,10 +30,8 @@ BLOCKS = "pose", "betas", "trans"
 
 
 @dataclass(frozen=True, eq=False)
-class FreedSurface:
+class FreedSurface(NumericPoints):
     """Vertices of an SMPL body, some of whose arrays are blocks of a problem.
-
-    See NumericPoints and SparsePoints.
 
     Attributes:
         body: the body, whose other arrays are used.
@@ -66,18 +65,12 @@ class FreedSurface:
         pose, betas, trans = (found.pop(name) for name in BLOCKS)
         return FreedSurfaceAt(self, found, pose, betas, trans)
 
-    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """The vertices (M, n, 3) m of M sets of values, one after the other."""
-        count = len(values[self.names["pose"]])
-        each = ({name: values[name][i] for name in self.reads} for i in range(count))
-        return np.array([self.evaluate(one).points for one in each])
-
 
 @dataclass(frozen=True, eq=False)
-class FreedSurfaceAt:
+class FreedSurfaceAt(PointsAt):
     """The vertices at one set of arrays, pose (K, 3) rad, betas (B,) and trans (3,) m.
 
-    See PointsAt and SparsePointsAt. `arrays` stand in for the body's own.
+    `arrays` stand in for the body's own.
     """
 
     of: FreedSurface

@@ -15,7 +15,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks.points import FrameByFrame, PointsOfEach, tangent_over_zeros
+from workbench.blocks.points import LoopedPoints, NumericPoints, PointsAt, PointsOfEach
 from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced, Translating
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
@@ -68,10 +68,10 @@ class BodyPoints(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Named:
+class Named(NumericPoints):
     """Points on a body whose arguments are affine maps of a problem's blocks.
 
-    See NumericPoints. `wanted` has the entries by which derivatives are taken of those blocks that
+    `wanted` has the entries by which derivatives are taken of those blocks that
     are free in part; of all others they are taken by every entry.
     """
 
@@ -112,7 +112,7 @@ class Named:
                 return together
         each = [{name: values[name][i] for name in self.reads} for i in range(count)]
         arguments = [np.array([one.value(some) for some in each]) for one in self.maps]
-        return FrameByFrame([NamedAt(self, here) for here in self.points.evaluate_each(*arguments)])
+        return LoopedPoints([NamedAt(self, here) for here in self.points.evaluate_each(*arguments)])
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points of M sets of values, (M, N, 3) m."""
@@ -126,8 +126,8 @@ class Named:
 
 
 @dataclass(frozen=True, eq=False)
-class NamedAt:
-    """The points at one set of values; see PointsAt."""
+class NamedAt(PointsAt):
+    """The points at one set of values."""
 
     of: Named
     here: BodyPointsAt
@@ -143,7 +143,7 @@ class NamedAt:
 
     def tangent_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
-        self._write(tangent_over_zeros(self.here), into, scale)
+        self._write(getattr(self.here, "tangent_over_zeros", self.here.tangent), into, scale)
 
     def _write(self, by: Writer, into: Mapping[str, Array], scale: Array | None) -> None:
         if self.of.plain is not None:
@@ -267,7 +267,7 @@ class PosedPointsAt:
     def tangent_over_zeros(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
         slopes = self.posed.slopes
-        tangent_over_zeros(self.here)(slopes, into, scale)
+        getattr(self.here, "tangent_over_zeros", self.here.tangent)(slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
