@@ -98,24 +98,25 @@ def compare(
             "command continues from there"
         )
 
-    with interrupts_say(left), executing(console, workers, dask), told:
-        found = comparison.compare(
-            experiments,
-            solver or USUAL,
-            seeds=seeds,
-            budget=budget,
-            workers=workers,
-            folder=out,
-            progress=told,
-        )
-    console.print(solver_table(_table(found)))
-    for text in (prices_sentence(), *advice(found)):
-        say(console, escape(text))
-    console.print(solver_table(_times(found)))
-    say(console, KEY)
-    say(console, MEASURED)
-    console.print("[dim]writing the page[/]")
-    print_page(console, "report", write_comparison(found, out))
+    with interrupts_say(left):
+        with executing(console, workers, dask), told:
+            found = comparison.compare(
+                experiments,
+                solver or USUAL,
+                seeds=seeds,
+                budget=budget,
+                workers=workers,
+                folder=out,
+                progress=told,
+            )
+        console.print(solver_table(_table(found)))
+        for text in (prices_sentence(), *advice(found)):
+            say(console, escape(text))
+        console.print(solver_table(_times(found)))
+        say(console, KEY)
+        say(console, MEASURED)
+        console.print("[dim]writing the page[/]")
+        print_page(console, "report", write_comparison(found, out))
 
 
 def _table(found: comparison.Comparison) -> Table:

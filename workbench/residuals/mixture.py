@@ -78,9 +78,7 @@ def log_sum_mixture(
     some = KL > SMALLEST
     root = cs.if_else(some, cs.sqrt(2 * cs.if_else(some, KL, 1)), 0)
     rows = cs.vec(white * cs.repmat(cs.exp(0.5 * log_gamma).T, white.shape[0], 1))
-    return Residual(
-        name, cs.vertcat(rows, root), 1.0, components=_each_alone(name, white)
-    )
+    return Residual(name, cs.vertcat(rows, root), 1.0, components=_each_alone(name, white))
 
 
 def _each_alone(name: str, white: cs.MX) -> tuple[Residual, ...]:

@@ -126,8 +126,8 @@ class Posterior:
     def judgement(self) -> tuple[Usability, str]:
         """The verdict, and its reason: the first problem that was found, or the checks passed.
 
-        The checks: is there a posterior at all; have the chains mixed; do the draws miss a mode; does Laplace's Gaussian fit;
-        are intervals narrow because numbers are held fixed?
+        The checks: is there a posterior at all; have the chains mixed; do the draws miss a mode;
+        does Laplace's Gaussian fit; are intervals narrow because numbers are held fixed?
         """
         of = self if self.whole is None else self.whole
         if of.improper:

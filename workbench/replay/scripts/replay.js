@@ -1,7 +1,7 @@
 // A replay: bodies along the runs of several solvers, moved along directions, drawn from a
 // posterior, or shown one after the other. It is computed here from the numbers that Python wrote.
 
-// Okabe and Ito's colours, one a solver, as in the figures
+// Okabe and Ito's colours; SOLVER_COLOURS, from plots/palette.py, has that of each known solver
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
 const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
 const HANDLE = [0.05, 0.45, 0.7];
@@ -332,7 +332,7 @@ class Replay {
     const top = make("div", root);
     const modes = [["the solvers' way", "runs", this.runs.length],
                    ["directions hardly seen", "directions", this.directions.length],
-                   ["draws from the posterior", "draws", this.draws.count],
+                   [this.draws.name, "draws", this.draws.count],
                    ...this.series.map(({ name, count }, i) => [name, `series${i}`, count])].filter(([, , some]) => some);
     if (modes.length > 1) choice(row(top, "show"), modes, this.mode, mode => {
       this.stop();
@@ -362,7 +362,9 @@ class Replay {
     this.chips = solvers;
     this.add = run => { // a run, with a button that shows or hides it
       const i = this.chips.querySelectorAll("button").length;
-      Object.assign(run, { on: true, colour: COLOURS[i % COLOURS.length] });
+      const taken = new Set(this.runs.map(one => one.colour ?? SOLVER_COLOURS[one.name]));
+      const colour = SOLVER_COLOURS[run.name] ?? COLOURS.find(one => !taken.has(one)) ?? COLOURS[i % COLOURS.length];
+      Object.assign(run, { on: true, colour });
       const chip = button(solvers, run.name, () => {
         if (this.lens) this.focus = i;
         else run.on = !run.on;
