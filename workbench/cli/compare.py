@@ -37,7 +37,9 @@ Names = Annotated[
 Limits = comparison.Budget()
 KEY = (
     "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, in a valley without end, "
-    "or with lost unknowns; false claims: called converged where the point is not stationary."
+    "or with lost unknowns; false claims: called converged where the point is not stationary. "
+    "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
+    "failed, of half of the problems or more."
 )
 TOLD = {  # what the columns of the table count, beside ends at the lowest cost
     "elsewhere": (TargetOutcome.OTHER_BASIN,),

@@ -19,7 +19,7 @@ from workbench.geometry.meshes import write_mesh
 from workbench.plots import sheets
 from workbench.replay import recorded_run
 from workbench.reports import tables
-from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
+from workbench.reports.figures import Shown, drawn, of_solvers, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
@@ -99,7 +99,9 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         capsules=capsule_figure(outcome),
-        convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
+        convergence=of_solvers(
+            drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared)
+        ),
         solvers=tables.solvers_table(outcome),
         minima=minima_figure(solution),
         hypotheses=tables.hypotheses_table(solution),

@@ -21,6 +21,15 @@ const CLOCKS = {
 const rgb = colour => [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16) / 255);
 const pale = colour => colour.map(x => 0.3 + 0.7 * x);
 
+function coloursOf(names) { // of solvers as in the figures; others get colours that are free
+  const taken = new Set(names.map(name => SOLVER_COLOURS[name]));
+  return names.map((name, i) => {
+    const own = SOLVER_COLOURS[name] ?? COLOURS.find(one => !taken.has(one)) ?? COLOURS[i % COLOURS.length];
+    taken.add(own);
+    return own;
+  });
+}
+
 function short(x) { // four digits at most
   if (x === null || x === undefined) return "–";
   const size = Math.abs(x);
@@ -362,9 +371,7 @@ class Replay {
     this.chips = solvers;
     this.add = run => { // a run, with a button that shows or hides it
       const i = this.chips.querySelectorAll("button").length;
-      const taken = new Set(this.runs.map(one => one.colour ?? SOLVER_COLOURS[one.name]));
-      const colour = SOLVER_COLOURS[run.name] ?? COLOURS.find(one => !taken.has(one)) ?? COLOURS[i % COLOURS.length];
-      Object.assign(run, { on: true, colour });
+      Object.assign(run, { on: true, colour: coloursOf(this.runs.map(one => one.name))[i] });
       const chip = button(solvers, run.name, () => {
         if (this.lens) this.focus = i;
         else run.on = !run.on;
@@ -419,7 +426,7 @@ class Replay {
     };
     series.states = series.frames || series.count > FEW || series.count < 2 ? [] : make(series.columns.length > 1 ? "from" : series.name, series.labels, i => { series.at = i; });
     series.chips = series.columns.length < 2 ? [] : make("bodies", series.columns, i => { series.on[i] = !series.on[i]; });
-    series.chips.forEach((chip, i) => chip.style.setProperty("--colour", i ? COLOURS[(i - 1) % COLOURS.length] : "var(--soft)"));
+    series.chips.forEach((chip, i) => chip.style.setProperty("--colour", i ? series.colours[i - 1] : "var(--soft)"));
     return rows;
   }
 
