@@ -75,6 +75,8 @@ def test_a_solver_has_one_colour_everywhere() -> None:
         name: every[name] for name in ("ipopt", "scipy-lm", "trust-region")
     }
     assert len({style.color for style in some.values()}) == len(some)
+    assert solver_styles(["staged ipopt"])["staged ipopt"] == every["ipopt"]
+    assert len({style.color for style in solver_styles(["staged ipopt", "ipopt"]).values()}) == 2
     _, (ax,) = sheet(4, 4)
     plot_convergence({"ipopt": solution([2.0, 1.0]), "gauss-newton": solution([2.0, 1.5])}, ax=ax)
     assert ax.get_lines()[0].get_color() == every["ipopt"].color

@@ -59,15 +59,19 @@ PLACES = {name: k for k, name in enumerate(dict.fromkeys((*MANY, *SOLVERS)))}
 def solver_styles(names: Iterable[str]) -> dict[str, SolverStyle]:
     """The style of each solver: always the same for one of `SOLVERS`.
 
-    Others, such as a user's own, get the first places that are free beside them, in colours that
-    are not taken where there are any.
+    One in stages or from several starts, `staged ipopt`, has that of the solver at the end of its
+    name, unless this is there too. Others, such as a user's own, get the first places that are free
+    beside them, in colours that are not taken where there are any.
     """
     names, n = tuple(names), len(OF_SOLVERS)
-    taken = {PLACES[name] for name in names if name in PLACES}
-    colours = {k % n for k in taken}
-    free = sorted({*range(n * len(DASHES))} - taken, key=lambda k: (k % n in colours, k))
-    others = cycle(free)
-    return {name: _style(PLACES[name] if name in PLACES else next(others)) for name in names}
+    own = {name: PLACES[name] for name in names if name in PLACES}
+    for name in names:
+        last = PLACES.get(name.split(" ")[-1])
+        if name not in own and last is not None and last not in own.values():
+            own[name] = last
+    taken, colours = set(own.values()), {k % n for k in own.values()}
+    free = cycle(sorted({*range(n * len(DASHES))} - taken, key=lambda k: (k % n in colours, k)))
+    return {name: _style(own[name] if name in own else next(free)) for name in names}
 
 
 def _style(k: int) -> SolverStyle:

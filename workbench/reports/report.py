@@ -13,6 +13,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.bodies.posed_capsules import posed_capsules
 from workbench.diagnostics import Diagnosis
+from workbench.errors import joined
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
@@ -61,7 +62,7 @@ def diagnosis_text(outcome: Outcome) -> str:
     """The diagnosis with and without the priors, as text."""
     text = f"{outcome.diagnosis}\n"
     if outcome.data_alone is not None:
-        heading = f"The data alone, without {' and '.join(outcome.setup.priors)}"
+        heading = f"The data alone, without {joined(outcome.setup.priors)}"
         text += f"\n{heading}\n{'-' * len(heading)}\n{outcome.data_alone}\n"
     return text
 
@@ -132,7 +133,7 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
     if found is None:
         return None
     return {
-        "priors": " and ".join(outcome.setup.priors),
+        "priors": joined(outcome.setup.priors),
         "diagnosis": found,
         "spectrum": spectrum(found),
         "directions": tables.directions_table(found),

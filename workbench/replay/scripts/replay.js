@@ -22,12 +22,14 @@ const rgb = colour => [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16) / 
 const pale = colour => colour.map(x => 0.3 + 0.7 * x);
 
 function coloursOf(names) { // of solvers as in the figures; others get colours that are free
-  const taken = new Set(names.map(name => SOLVER_COLOURS[name]));
-  return names.map((name, i) => {
-    const own = SOLVER_COLOURS[name] ?? COLOURS.find(one => !taken.has(one)) ?? COLOURS[i % COLOURS.length];
-    taken.add(own);
-    return own;
+  const own = names.map(name => SOLVER_COLOURS[name]);
+  const give = choose => names.forEach((name, i) => { own[i] ??= choose(name, i); });
+  give(name => {
+    const last = SOLVER_COLOURS[name.split(" ").at(-1)]; // of a solver in stages, or from several starts
+    return own.includes(last) ? undefined : last;
   });
+  give((_, i) => COLOURS.find(one => !own.includes(one)) ?? COLOURS[i % COLOURS.length]);
+  return own;
 }
 
 function short(x) { // four digits at most
