@@ -37,7 +37,9 @@ Names = Annotated[
 Limits = comparison.Budget()
 KEY = (
     "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, in a valley without end, "
-    "or with lost unknowns; false claims: called converged where the point is not stationary."
+    "or with lost unknowns; false claims: called converged where the point is not stationary. "
+    "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
+    "failed, of half of the problems or more."
 )
 TOLD = {  # what the columns of the table count, beside ends at the lowest cost
     "elsewhere": (TargetOutcome.OTHER_BASIN,),
@@ -98,24 +100,25 @@ def compare(
             "command continues from there"
         )
 
-    with interrupts_say(left), executing(console, workers, dask), told:
-        found = comparison.compare(
-            experiments,
-            solver or USUAL,
-            seeds=seeds,
-            budget=budget,
-            workers=workers,
-            folder=out,
-            progress=told,
-        )
-    console.print(solver_table(_table(found)))
-    for text in (prices_sentence(), *advice(found)):
-        say(console, escape(text))
-    console.print(solver_table(_times(found)))
-    say(console, KEY)
-    say(console, MEASURED)
-    console.print("[dim]writing the page[/]")
-    print_page(console, "report", write_comparison(found, out))
+    with interrupts_say(left):
+        with executing(console, workers, dask), told:
+            found = comparison.compare(
+                experiments,
+                solver or USUAL,
+                seeds=seeds,
+                budget=budget,
+                workers=workers,
+                folder=out,
+                progress=told,
+            )
+        console.print(solver_table(_table(found)))
+        for text in (prices_sentence(), *advice(found)):
+            say(console, escape(text))
+        console.print(solver_table(_times(found)))
+        say(console, KEY)
+        say(console, MEASURED)
+        console.print("[dim]writing the page[/]")
+        print_page(console, "report", write_comparison(found, out))
 
 
 def _table(found: comparison.Comparison) -> Table:

@@ -85,9 +85,10 @@ def coregister(
             "continues from there"
         )
 
-    with interrupts_say(told), executing(console, workers, dask) as executor:
-        state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
-    learned = problem.learned(state, betas)
-    page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
+    with interrupts_say(told):
+        with executing(console, workers, dask) as executor:
+            state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
+        learned = problem.learned(state, betas)
+        page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
     print_page(console, "body", place / "body.npz")
     print_page(console, "report", page)

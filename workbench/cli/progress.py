@@ -139,7 +139,7 @@ def _comparison(outcome: Outcome) -> Table:
     table.add_column("solver", no_wrap=True)
     for column in ("cost", "over best", "steps", "calls", "s"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("status", no_wrap=True)
+    table.add_column("status")
     for name, s in outcome.compared.items():
         table.add_row(
             name,
