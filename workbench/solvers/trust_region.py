@@ -60,14 +60,14 @@ class TrustRegion:
     inside.
 
     A long first step may lead past the nearest minimum. So, with at most 20 unknowns, up to three
-    further attempts are made where a lower minimum is likely elsewhere: the end is LOST or a
-    VALLEY, or it was approached slowly (`solvers.doubt`). The second has a tenth of the first
-    radius. The third has that too, and measures steps by the columns of the Jacobian, as Moré does:
-    their length is |D p|, and D the largest lengths of the columns so far. The fourth does the
-    same with the first radius itself. An attempt that has used half of its iterations or
-    evaluations, and creeps, is put aside for the next ones (`solvers.attempts`). An attempt that
-    is not lower after a quarter of the evaluations of the first (but at least 50) is given up. The
-    solution is the lowest end with its own trace, and the evaluations of all attempts.
+    further attempts are made where a lower minimum is likely elsewhere: the end is INSENSITIVE
+    or has NO_FINITE_MINIMUM, or it was approached slowly (`solvers.doubt`). The second has a
+    tenth of the first radius. The third has that too, and measures steps by the columns of the
+    Jacobian, as Moré does: their length is |D p|, and D the largest lengths of the columns so far.
+    The fourth does the same with the first radius itself. An attempt that has used half of its
+    iterations or evaluations, and creeps, is put aside for the next ones (`solvers.attempts`). An
+    attempt that is not lower after a quarter of the evaluations of the first (but at least 50) is
+    given up. The solution is the lowest end with its own trace and the evaluations of all attempts.
 
     Raises BadArgument for a first radius that is not positive and finite, and for less than one
     attempt or more than four.
