@@ -16,8 +16,7 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.solvers.doubt import is_creeping, is_doubtful
 from workbench.solvers.iterate import Iterate
-from workbench.solvers.limits import Stop, stop_asked
-from workbench.solvers.meter import limited
+from workbench.solvers.limits import Stop, limited, stop_asked
 from workbench.solvers.run import INTERRUPTED, Run
 from workbench.solvers.solution import Callback, Solution, Solver, Status
 

@@ -23,7 +23,7 @@ def before_blind(run: Ended, gone: Mask, found: Ending) -> Ending:
     first = iterate_since(lambda k: bool(blind.at(k).any()), last)
     named = np.flatnonzero(gone)[:NAMED]
     since = tuple(iterate_since(partial(blind.one_at, int(i)), last) for i in named)
-    names = _with_iterates(run.problem.free.labels_of(np.flatnonzero(gone)), since)
+    names = _with_iterates(tuple(run.problem.free.labels_of(np.flatnonzero(gone))), since)
     returned = _returned(run, first)
     message = Status.INSENSITIVE.value.replace("some unknowns", names, 1)
     if returned is not None:

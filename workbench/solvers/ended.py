@@ -10,9 +10,8 @@ from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.best import Best
 from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.solvers.limits import Options
+from workbench.solvers.limits import Limits, Meter
 from workbench.solvers.linearization_cache import LinearizationCache
-from workbench.solvers.meter import Meter
 from workbench.solvers.one_pass import OnePass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
@@ -39,7 +38,7 @@ class Ended(Protocol):
     """
 
     problem: Problem
-    limits: Options
+    limits: Limits
     x: Array
     fixed: Array
     best: Best
