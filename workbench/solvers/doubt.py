@@ -10,10 +10,9 @@ shorter first step from the same start often leads to a lower one.
 from collections.abc import Sequence
 
 from workbench.problem import Problem
-from workbench.solvers.iterate import Iterate
 from workbench.solvers.no_minimum import LOOSE
 from workbench.solvers.saddle import FEW
-from workbench.solvers.solution import Solution, Status
+from workbench.solvers.solution import Iterate, Solution, Status
 
 NEAR, MANY = 1.1, 10  # times the cost of the end; so many iterates below that are a slow approach
 STATIONARY = 1e-6  # the `Problem.optimality` of iterates that are not counted any more

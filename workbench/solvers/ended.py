@@ -9,13 +9,12 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.best import Best
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.limits import Limits, Meter
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.one_pass import OnePass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
-from workbench.solvers.solution import Status
+from workbench.solvers.solution import Evaluations, Iterate, Status
 
 NAMED = 6  # unknowns in a message; there may be thousands
 

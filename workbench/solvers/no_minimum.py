@@ -10,10 +10,9 @@ from workbench.errors import some_of
 from workbench.problem import Linearization
 from workbench.solvers.end_point import EndPoint
 from workbench.solvers.ended import NAMED, Ended, Ending
-from workbench.solvers.iterate import Evaluations
 from workbench.solvers.limits import Stop
 from workbench.solvers.saddle import Saddle, most_gradients, saddle
-from workbench.solvers.solution import Status
+from workbench.solvers.solution import Evaluations, Status
 from workbench.solvers.valley import valley
 
 LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum

@@ -15,7 +15,7 @@ from workbench.problem.covariance import inverse_times
 from workbench.problem.rounding import fall, half_squared
 from workbench.problem.steps import SLIGHT
 from workbench.solvers.end_point import EndPoint
-from workbench.solvers.iterate import Iterate
+from workbench.solvers.solution import Iterate
 
 ITERATES = 5  # at least: fewer show no tendency
 GROWN = 0.02  # of an unknown's size, in the last quarter of a run
