@@ -30,7 +30,7 @@ class Boxes(IntEnum):
 
 # How far a first step may lead, in the words of the table
 IN_A_RADIUS = "in a radius"  # that follows from how far the start is from zero
-DAMPED = "damped"  # towards the gradient and shorter, by Levenberg and Marquardt's damping
+DAMPED = "damped"  # towards the gradient and shorter, by Levenberg-Marquardt damping
 WHOLE = "whole"  # wherever the model has its minimum; it may leap to where nothing is known
 OWN = "its own"  # the library decides
 

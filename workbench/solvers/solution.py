@@ -257,13 +257,13 @@ class Solution:
                 expected |= {LOWER + name: doubles(*shape) for name, shape in shapes.items()}
             nothing_else(archive, (*expected, FACTS))
             arrays = read_expected(archive, expected)
-            found = _solution(facts, rows, arrays, tuple(shapes))
+            solution = _solution(facts, rows, arrays, tuple(shapes))
         several_minima = (
             Hypothesis({name: arrays[HYPOTHESES + name][i] for name in shapes}, *one)
             for i, one in enumerate(minima)
         )
         beside = {name: arrays[LOWER + name] for name in shapes} if lower else None
-        return replace(found, hypotheses=tuple(several_minima), lower=beside)
+        return replace(solution, hypotheses=tuple(several_minima), lower=beside)
 
 
 def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
@@ -300,9 +300,9 @@ def _several(facts: Facts, of: Callable[[object, str], T], *names: str) -> tuple
     return tuple(item for name in known for item in facts.several(name, of))
 
 
-def _row(given: object, name: str) -> Row:
+def _row(value: object, name: str) -> Row:
     """All of one iterate but its values; older files do not have the linear algebra."""
-    entries = several(given, name, lambda entry, _: entry)
+    entries = several(value, name, lambda entry, _: entry)
     if len(entries) not in (6, 7):
         raise BadFile(f"{name} has {len(entries)} entries, but must have 6 or 7")
     cost, optimality, step, damping, counts, seconds, *by = entries
@@ -315,9 +315,9 @@ def _row(given: object, name: str) -> Row:
     )
 
 
-def _minimum(given: object, name: str) -> Row:
+def _minimum(value: object, name: str) -> Row:
     """All of one hypothesis but its values."""
-    entries = several(given, name, lambda entry, _: entry)
+    entries = several(value, name, lambda entry, _: entry)
     if len(entries) != 4:
         raise BadFile(f"{name} has {len(entries)} entries, but must have 4")
     cost, status, starts, violation = entries

@@ -149,8 +149,8 @@ class Starts:
             return beyond_saddle(first, self.solver, problem, starts[k], seen)
 
         alone = self.workers == 1
-        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
-            for k, end in found:
+        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as runs:
+            for k, end in runs:
                 ends[k] = end
                 if not alone:
                     any(map(told, end.trace))  # up to the first at which it asks to stop
@@ -191,12 +191,12 @@ def _hypotheses(
     least = NEGLIGIBLE * first if np.isfinite(first) else 0.0
     groups = [tuple(finite[i] for i in some) for some in clusters(problem, fixed, points, least)]
     groups += [(k,) for k in ends if k not in finite]
-    found = []
+    minima = []
     for members in groups:
         in_order = tuple(sorted(members, key=lambda k: _order(ends[k])))
         end = ends[in_order[0]]
-        found.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
-    return tuple(sorted(found, key=lambda one: _order(ends[one.starts[0]])))
+        minima.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
+    return tuple(sorted(minima, key=lambda one: _order(ends[one.starts[0]])))
 
 
 def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
