@@ -9,17 +9,11 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
-from workbench.blocks import Values
 from workbench.interrupts import Interrupts
-from workbench.problem import Problem
 from workbench.solvers.doubt import is_creeping, is_doubtful
-from workbench.solvers.iterate import Iterate
-from workbench.solvers.limits import Stop, stop_asked
-from workbench.solvers.meter import limited
+from workbench.solvers.limits import Stop, limited, stop_asked
 from workbench.solvers.run import INTERRUPTED, Run
-from workbench.solvers.solution import Callback, Solution, Solver, Status
+from workbench.solvers.solution import Callback, Iterate, Solution, Status
 
 LOWER = 1e-6  # of the cost: a smaller decrease is none
 PATIENCE = 0.25  # of the evaluations of the first attempt, until a further one must be lower
@@ -190,17 +184,3 @@ def tried(
         return second, INTERRUPTED
     stopped = second.status is Status.STOPPED and not in_vain
     return second, second.message if stopped else ""
-
-
-def beyond_saddle(
-    first: Solution, solver: Solver, problem: Problem, start: Values, callback: Callback
-) -> Solution:
-    """Go on from the lower point beside a saddle, if that is where the `first` attempt ended."""
-    if first.status is not Status.SADDLE or first.lower is None:
-        return first
-    beside = {**start, **first.lower}
-    second, why = tried(
-        first, lambda told: solver.solve(problem, beside, callback=told), callback, np.inf
-    )
-    found = joined(first, second)
-    return replace(found, status=Status.STOPPED, message=why) if why else found

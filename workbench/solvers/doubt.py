@@ -10,16 +10,15 @@ shorter first step from the same start often leads to a lower one.
 from collections.abc import Sequence
 
 from workbench.problem import Problem
-from workbench.solvers.iterate import Iterate
 from workbench.solvers.no_minimum import LOOSE
 from workbench.solvers.saddle import FEW
-from workbench.solvers.solution import Solution, Status
+from workbench.solvers.solution import Iterate, Solution, Status
 
 NEAR, MANY = 1.1, 10  # times the cost of the end; so many iterates below that are a slow approach
 STATIONARY = 1e-6  # the `Problem.optimality` of iterates that are not counted any more
 NEGLIGIBLE = 1e-12  # of the cost at the start: below, nothing is to be gained
 CREEPING = 2.0  # times the cost in the second half of the iterates, at most: that is no progress
-NO_MINIMUM = (Status.LOST, Status.VALLEY)
+NO_MINIMUM = (Status.INSENSITIVE, Status.NO_FINITE_MINIMUM)
 
 
 def may_be_repeated(problem: Problem, tolerance: float) -> bool:
@@ -46,7 +45,8 @@ def is_slow(trace: Sequence[Iterate], cost: float) -> bool:
 def is_doubtful(end: Solution) -> bool:
     """Whether a lower minimum is likely elsewhere.
 
-    Doubtful are LOST, VALLEY, and an end that is CONVERGED or STALLED after a slow approach.
+    Doubtful are INSENSITIVE, NO_FINITE_MINIMUM, and an end that is CONVERGED or STALLED after
+    a slow approach.
     """
     if end.status in NO_MINIMUM:
         return True

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from workbench.arrays import Array
 from workbench.problem import Linearization, Problem
 from workbench.problem.rounding import Rounding
-from workbench.solvers.iterate import Evaluations
+from workbench.solvers.solution import Evaluations
 
 WORTH = 10.0  # times the tolerance's share of the cost: a fall by less is none
 

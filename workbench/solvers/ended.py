@@ -9,14 +9,12 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.best import Best
-from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.solvers.limits import Options
+from workbench.solvers.limits import Limits, Meter
 from workbench.solvers.linearization_cache import LinearizationCache
-from workbench.solvers.meter import Meter
 from workbench.solvers.one_pass import OnePass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
-from workbench.solvers.solution import Status
+from workbench.solvers.solution import Evaluations, Iterate, Status
 
 NAMED = 6  # unknowns in a message; there may be thousands
 
@@ -39,7 +37,7 @@ class Ended(Protocol):
     """
 
     problem: Problem
-    limits: Options
+    limits: Limits
     x: Array
     fixed: Array
     best: Best
@@ -62,9 +60,7 @@ class Ending:
     status: Status
     message: str
     optimality: float = np.nan
-    lost: tuple[str, ...] = ()
-    unnoticed: tuple[str, ...] = ()
-    lost_since: tuple[int, ...] = ()
-    running: tuple[str, ...] = ()
+    insensitive: tuple[str, ...] = ()
+    diverging: tuple[str, ...] = ()
     lower: Values | None = None
     judging: Evaluations = field(default_factory=Evaluations)

@@ -2,7 +2,7 @@
 
 from workbench.problem import Problem, gram
 from workbench.problem.steps import automatic, cholesky, sparing
-from workbench.solvers.limits import Options
+from workbench.solvers.limits import Limits
 
 BY_NORMAL_EQUATIONS = (automatic, cholesky, sparing)
 LARGEST = 2**26  # bytes of a Jacobian, of which two are in memory at a time
@@ -40,7 +40,7 @@ class OnePass:
         self._last_at_once, self._since = False, 0
 
 
-def takes_one_pass(solver: Options, problem: Problem) -> bool:
+def takes_one_pass(solver: Limits, problem: Problem) -> bool:
     """Whether a run computes the normal equations with each Jacobian, and Jacobians of trials.
 
     So it does where its steps come from normal equations, and where compiled code computes these

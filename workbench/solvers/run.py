@@ -18,14 +18,12 @@ from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending, prefer_stationary
-from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.solvers.limits import GUARDED, Options, Stop, stop_asked, stop_of, unwarned
+from workbench.solvers.limits import GUARDED, Limits, Meter, Stop, stop_asked, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
-from workbench.solvers.meter import Meter
 from workbench.solvers.one_pass import HIGHER, OnePass, takes_one_pass
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
-from workbench.solvers.solution import Callback, Solution, Status
+from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
 
@@ -47,7 +45,7 @@ class Run:
     """
 
     def __init__(
-        self, name: str, solver: Options, problem: Problem, start: Values, callback: Callback
+        self, name: str, solver: Limits, problem: Problem, start: Values, callback: Callback
     ) -> None:
         refuse(name, solver.abilities, problem)
         self.name, self.limits, self.problem, self.callback = name, solver, problem, callback

@@ -1,7 +1,7 @@
 """The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from workbench.solvers.attempts import Attempts, Left
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
 from workbench.solvers.doubt import may_be_repeated
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Metric, Scaling, columns, identity
 from workbench.solvers.solution import Callback, Solution
@@ -36,7 +37,7 @@ WAYS: tuple[tuple[Scaling, float], ...] = (  # of attempts: the metric, and the 
 
 
 @dataclass(frozen=True)
-class TrustRegion:
+class TrustRegion(Limits):
     """The Levenberg-Marquardt method with a trust region, and the default of `solve`.
 
     Every step p minimises the linear model |J p + r| among the steps of at most a certain length,
@@ -60,14 +61,14 @@ class TrustRegion:
     inside.
 
     A long first step may lead past the nearest minimum. So, with at most 20 unknowns, up to three
-    further attempts are made where a lower minimum is likely elsewhere: the end is LOST or a
-    VALLEY, or it was approached slowly (`solvers.doubt`). The second has a tenth of the first
-    radius. The third has that too, and measures steps by the columns of the Jacobian, as Moré does:
-    their length is |D p|, and D the largest lengths of the columns so far. The fourth does the
-    same with the first radius itself. An attempt that has used half of its iterations or
-    evaluations, and creeps, is put aside for the next ones (`solvers.attempts`). An attempt that
-    is not lower after a quarter of the evaluations of the first (but at least 50) is given up. The
-    solution is the lowest end with its own trace, and the evaluations of all attempts.
+    further attempts are made where a lower minimum is likely elsewhere: the end is INSENSITIVE
+    or has NO_FINITE_MINIMUM, or it was approached slowly (`solvers.doubt`). The second has a
+    tenth of the first radius. The third has that too, and measures steps by the columns of the
+    Jacobian, as Moré does: their length is |D p|, and D the largest lengths of the columns so far.
+    The fourth does the same with the first radius itself. An attempt that has used half of its
+    iterations or evaluations, and creeps, is put aside for the next ones (`solvers.attempts`). An
+    attempt that is not lower after a quarter of the evaluations of the first (but at least 50) is
+    given up. The solution is the lowest end with its own trace and the evaluations of all attempts.
 
     Raises BadArgument for a first radius that is not positive and finite, and for less than one
     attempt or more than four.
@@ -77,22 +78,13 @@ class TrustRegion:
             start. Attempts that measure steps by columns multiply it by the root mean square of D.
         attempts: how often it starts at most, up to 4; 1 for no further attempt.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     first_radius: float | None = None
     attempts: int = len(WAYS)
     linear_algebra: LinearAlgebra = sparing
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         if self.first_radius is not None and not 0 < self.first_radius < np.inf:

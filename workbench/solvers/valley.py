@@ -1,4 +1,4 @@
-"""Whether a run went along a valley without end: the cost falls for ever as some unknowns grow.
+"""Whether a run has no finite minimum: the cost falls for ever as some unknowns grow.
 
 exp(-x) has no least square, nor has any model that fits the better, the larger one of its numbers.
 A run shows this if some unknowns grew to its last iterates, without slowing down as they do near a
@@ -15,7 +15,7 @@ from workbench.problem.linearization import inverse_times
 from workbench.problem.rounding import fall, half_squared
 from workbench.problem.steps import SLIGHT
 from workbench.solvers.end_point import EndPoint
-from workbench.solvers.iterate import Iterate
+from workbench.solvers.solution import Iterate
 
 ITERATES = 5  # at least: fewer show no tendency
 GROWN = 0.02  # of an unknown's size, in the last quarter of a run
