@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
-from workbench.blocks import Values
 from workbench.errors import NotSupported
 from workbench.problem import Problem
-from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.solution import Solver
 
 
 class Derivative(IntEnum):
@@ -65,15 +64,12 @@ class Abilities:
     note: str = ""
 
 
-class Listed(Protocol):
+class Listed(Solver, Protocol):
     """A solver of the catalogue, which says what it can do."""
 
     @property
     def abilities(self) -> Abilities:
         """What the solver needs and supports."""
-
-    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
-        """The best point found from `start`; see `Solver`."""
 
 
 def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
