@@ -42,7 +42,7 @@ class LinearLimits(NamedTuple):
 def projected(target: Array, limits: LinearLimits) -> Array:
     """The d (n,) nearest to the target that meets all limits; infinite where none does.
 
-    Small problems are solved at once, large ones part by part: see `projected_dense` and `projected_sparse`.
+    Small problems are solved at once, large ones part by part.
     """
     k, n = limits.A.shape
     lengths = row_norms(limits.A)
