@@ -52,7 +52,7 @@ def test_warm_up_ends_after_the_first_iterate(name: str) -> None:
 
 def test_warm_up_builds_what_a_solver_asks_for_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search for a saddle asks for gradients: no solve builds a function after the warm-up."""
-    setup, built = find("landmarks", {"body": "small"}).setup(), list[str]()
+    setup, built = find("landmarks").setup(), list[str]()
     warm_up(setup, [SOLVERS["trust-region"]])
     made = cs.Function.__init__
 

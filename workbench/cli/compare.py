@@ -138,7 +138,8 @@ def _table(found: comparison.Comparison) -> Table:
         shares = f"{met}/{len(runs)}", f"{reached}/{len(runs)}", _effort(found, solver)
         cells = *shares, *map(str, others), str(failed)
         rows.append((solver, *(cells if runs else ("–",) * len(head))))
-    return Table(("solver", *head), tuple(rows), tuple(range(1, len(head) + 1)))
+    broken = (name.replace(" ", "\n") for name in head)  # so that 80 letters hold all columns
+    return Table(("solver", *broken), tuple(rows), tuple(range(1, len(head) + 1)))
 
 
 def _effort(found: comparison.Comparison, solver: str) -> str:
