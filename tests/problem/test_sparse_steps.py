@@ -13,7 +13,7 @@ from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.problem.pattern import Assembly, Part, Pattern, merged
 from workbench.problem.sparse_cholesky import factorized
 from workbench.problem.steps import cholesky
-from workbench.solvers.box_step import box_step
+from workbench.solvers.trust_region import box_step
 
 
 def sparse_matrix(seed: int, m: int = 60, n: int = 25, crowded: int = 0) -> np.ndarray:

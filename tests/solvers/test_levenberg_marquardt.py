@@ -15,7 +15,7 @@ from workbench.errors import BadArgument
 from workbench.problem import steps
 from workbench.problem.steps import automatic
 from workbench.solvers import columns, identity
-from workbench.solvers.box_step import box_step
+from workbench.solvers.trust_region import box_step
 
 FAR = [{"x": np.array(x)} for x in ([-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0])]
 

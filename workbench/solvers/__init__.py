@@ -28,7 +28,6 @@ from workbench.solvers.newton import Newton
 from workbench.solvers.nlopt import Nlopt
 from workbench.solvers.oracle import exact_hessian, gauss_newton_hessian
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import columns, identity
 from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
     Callback,
@@ -41,7 +40,7 @@ from workbench.solvers.sqp import Sqp
 from workbench.solvers.staged import SolveStage, Staged
 from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
 from workbench.solvers.steepest_descent import SteepestDescent
-from workbench.solvers.trust_region import TrustRegion
+from workbench.solvers.trust_region import TrustRegion, columns, identity
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
 SOLVERS: Mapping[str, Listed] = {

@@ -10,9 +10,9 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
 from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_radius import FIRST, first_radius, trusted
+from workbench.solvers.trust_region import Scaling, identity
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,10 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
-from workbench.solvers.box_step import box_step
 from workbench.solvers.damping import FASTEST_FALL, eased
 from workbench.solvers.run import Known, Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, box_step, identity
 
 SHORTER = 0.75  # of a step: the longest further one with the same Jacobian
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number

@@ -15,7 +15,6 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.problem.stages import in_stage
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.attempts import beyond_saddle
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
@@ -25,6 +24,7 @@ from workbench.solvers.solution import (
     Solver,
     Status,
 )
+from workbench.solvers.starts import beyond_saddle
 
 GOES_ON = (
     Status.CONVERGED,

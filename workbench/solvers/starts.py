@@ -15,7 +15,6 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes.forked import forked
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.attempts import beyond_saddle
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.limits import Stop, stop_asked
@@ -172,6 +171,34 @@ class Starts:
             said = whole.message if best.message.startswith(why) else f"{why}; {whole.message}"
             return replace(whole, status=Status.STOPPED, message=said)
         return whole
+
+
+def beyond_saddle(
+    first: Solution, solver: Solver, problem: Problem, start: Values, callback: Callback
+) -> Solution:
+    """Go on from the lower point beside a saddle, if that is where the `first` run ended.
+
+    The trace is that of the run from there, with the evaluations and the time of both.
+    """
+    if first.status is not Status.SADDLE or first.lower is None:
+        return first
+
+    def after(iterate: Iterate) -> Iterate:
+        counts, seconds = first.evaluations + iterate.evaluations, first.seconds + iterate.seconds
+        return replace(iterate, evaluations=counts, seconds=seconds)
+
+    told = None if callback is None else lambda iterate: callback(after(iterate))
+    second = solver.solve(problem, {**start, **first.lower}, callback=told)
+    lower = second if second.cost < first.cost else first
+    return replace(
+        lower,
+        status=Status.STOPPED if second.status is Status.STOPPED else lower.status,
+        message=f"{second.message}; it began beside a saddle, at a cost of {first.cost:.6g}",
+        trace=tuple(map(after, second.trace)) if lower is second else first.trace,
+        evaluations=first.evaluations + second.evaluations,
+        seconds=first.seconds + second.seconds,
+        judging=first.judging + second.judging,
+    )
 
 
 def _order(end: Solution) -> tuple[bool, float]:

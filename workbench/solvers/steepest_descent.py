@@ -8,8 +8,8 @@ from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import cauchy_point
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, columns
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, columns
 
 
 @dataclass(frozen=True)
