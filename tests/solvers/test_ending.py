@@ -30,7 +30,7 @@ def test_a_far_start_does_not_lower_what_converged_means(name: str) -> None:
     if solution.converged:
         assert abs(float(solution.values["x"])) < 1e-6
     elif name == "ipopt-lbfgs":  # which leaps to where exp(x) is zero, to all digits
-        assert solution.status is Status.LOST
+        assert solution.status is Status.INSENSITIVE
     else:
         assert solution.status in (Status.MAX_EVALUATIONS, Status.STALLED)
 
@@ -111,9 +111,9 @@ def test_a_leap_into_a_desert_is_lost(solver: Solver) -> None:
     """The first step ends where the exponential is zero, at 4e7 times the least cost."""
     solution = solver.solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
     assert solution.cost > 1e9
-    assert solution.status is Status.LOST
-    assert solution.lost == ("b[0]", "b[1]", "b[2]")
-    assert "no longer changes with b[0], b[1], b[2] (from iterate 1 on)" in solution.message
+    assert solution.status is Status.INSENSITIVE
+    assert solution.insensitive == ("b[0]", "b[1]", "b[2]")
+    assert "does not change with b[0], b[1], b[2] (from iterate 1 on)" in solution.message
     assert not solution.converged
 
 
@@ -121,8 +121,8 @@ def test_one_lost_unknown_is_named_alone() -> None:
     x = Block("x", (2,)).symbol
     problem = of(x[0] - 1, 1 + cs.exp(x[1]))  # x[1] falls for ever, and e^x[1] is soon zero
     solution = SOLVERS["gauss-newton"].solve(problem, {"x": [0.0, 0.0]})
-    assert solution.status is Status.LOST
-    assert solution.lost == ("x[1]",)
+    assert solution.status is Status.INSENSITIVE
+    assert solution.insensitive == ("x[1]",)
 
 
 def test_an_inactive_penalty_is_not_lost() -> None:
@@ -131,14 +131,14 @@ def test_an_inactive_penalty_is_not_lost() -> None:
     problem = of(x[0] - 1, cs.fmax(0, x[1] - 1), 0.3)
     solution = SOLVERS["gauss-newton"].solve(problem, {"x": [0.0, 4.0]})
     assert solution.converged
-    assert solution.lost == ()
+    assert solution.insensitive == ()
 
 
 def test_a_far_start_loses_nothing() -> None:
     """From 50 the column falls from e^50 to 1: much smaller, and noticed all the same."""
     solution = solve(of(cs.exp(Block("x").symbol) - 1), {"x": 50.0})
     assert solution.converged
-    assert solution.lost == ()
+    assert solution.insensitive == ()
 
 
 def test_an_unread_unknown_is_listed() -> None:
@@ -146,7 +146,7 @@ def test_an_unread_unknown_is_listed() -> None:
     problem = of(x[0] - 1, x[0] + x[2] - 3)
     solution = solve(problem, {"x": [5.0, 7.0, 0.0]})
     assert solution.converged
-    assert solution.unnoticed == ("x[1]",)
+    assert solution.insensitive == ("x[1]",)
     assert solution.message.endswith("(no residual reads x[1])")
     decayed, start = decay()
     assert solve(decayed, start).message == Status.CONVERGED.value
@@ -160,30 +160,30 @@ def test_a_minimum_with_a_column_of_zeros_is_not_lost(name: str) -> None:
     x = Block("x").symbol
     for residual in (1 + x**2, cs.sqrt(x**2 + 1) - 0.5):
         solution = SOLVERS[name].solve(of(residual), {"x": 1.0})
-        assert solution.status is not Status.LOST
+        assert solution.status is not Status.INSENSITIVE
         assert abs(float(solution.values["x"])) < 1e-2
 
 
 def test_a_maximum_is_a_saddle() -> None:
     solution = solve(of(2 - Block("x").symbol ** 2), {"x": 0.0})
-    assert solution.unnoticed == ("x",)
+    assert solution.insensitive == ("x",)
     assert solution.status is Status.SADDLE
 
 
 def test_an_unknown_unnoticed_at_a_minimum_is_listed() -> None:
     solution = solve(of(2 + Block("x").symbol ** 2), {"x": 0.0})
-    assert solution.unnoticed == ("x",)
+    assert solution.insensitive == ("x",)
     assert solution.converged
     assert "no residual changes with x where its Jacobian was computed" in solution.message
 
 
 def test_what_was_lost_is_saved(tmp_path) -> None:
     solution = SOLVERS["dogleg-chumpy"].solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
-    assert solution.lost
+    assert solution.insensitive
     solution.save(tmp_path / "meyer.npz")
     again = Solution.load(tmp_path / "meyer.npz")
-    assert (again.status, again.lost, again.unnoticed) == (Status.LOST, solution.lost, ())
-    assert (again.lost_since, again.judging) == ((1, 1, 1), solution.judging)
+    assert (again.status, again.insensitive) == (solution.status, solution.insensitive)
+    assert again.judging == solution.judging
 
 
 # What the words promise.

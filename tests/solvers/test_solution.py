@@ -160,12 +160,12 @@ def test_saddles_and_valleys_are_saved(tmp_path: Path) -> None:
     x = Block("x").symbol
     saddle = solve(Problem((residuals.gaussian(x**2, mean=1.0),), ("x",)), {"x": 0.0})
     valley = solve(Problem((residuals.gaussian(1 / x),), ("x",)), {"x": 1.0})
-    for found, status in ((saddle, Status.SADDLE), (valley, Status.VALLEY)):
+    for found, status in ((saddle, Status.SADDLE), (valley, Status.NO_FINITE_MINIMUM)):
         assert found.status is status
         found.save(tmp_path / "run.npz")
         again = Solution.load(tmp_path / "run.npz")
         assert_same(again, found)
-        assert (again.running, again.judging) == (found.running, found.judging)
+        assert (again.diverging, again.judging) == (found.diverging, found.judging)
         if found.lower is None:
             assert again.lower is None
         else:
@@ -179,9 +179,18 @@ def test_files_from_before_ends_were_judged_are_read(tmp_path: Path) -> None:
     with np.load(tmp_path / "run.npz") as archive:
         arrays = dict(archive)
     facts = json.loads(str(arrays["solution"]))
-    for name in ("lost_since", "running", "judging"):
+    for name in ("insensitive", "diverging", "judging"):
         del facts[name]
-    np.savez(tmp_path / "old.npz", **{**arrays, "solution": np.array(json.dumps(facts))})
-    again = Solution.load(tmp_path / "old.npz")
+
+    def read_with(more: dict[str, object]) -> Solution:
+        changed = np.array(json.dumps(facts | more))
+        np.savez(tmp_path / "old.npz", **{**arrays, "solution": changed})
+        return Solution.load(tmp_path / "old.npz")
+
+    again = read_with({})
     assert_same(again, solution)
-    assert (again.lost_since, again.running, again.judging.total) == ((), (), 0)
+    assert (again.insensitive, again.diverging, again.judging.total) == ((), (), 0)
+    again = read_with({"status": "LOST", "lost": ["a"], "unnoticed": ["b"], "lost_since": [3]})
+    assert (again.status, again.insensitive) == (Status.INSENSITIVE, ("a", "b"))
+    again = read_with({"status": "VALLEY", "running": ["a"]})
+    assert (again.status, again.diverging) == (Status.NO_FINITE_MINIMUM, ("a",))

@@ -36,12 +36,16 @@ Names = Annotated[
 ]
 Limits = comparison.Budget()
 KEY = (
-    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, in a valley without end, "
-    "or with lost unknowns; false claims: called converged where the point is not stationary."
+    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, where it falls for "
+    "ever, or insensitive to unknowns; false claims: called converged where not stationary."
 )
 TOLD = {  # what the columns of the table count, beside ends at the lowest cost
     "elsewhere": (TargetOutcome.OTHER_BASIN,),
-    "no minimum": (TargetOutcome.SADDLE, TargetOutcome.VALLEY, TargetOutcome.LOST),
+    "no minimum": (
+        TargetOutcome.SADDLE,
+        TargetOutcome.NO_FINITE_MINIMUM,
+        TargetOutcome.INSENSITIVE,
+    ),
     "false claims": (TargetOutcome.FALSE_CLAIM,),
 }
 MEASURED = "Seconds were measured on this machine under whatever load it had; they rank no solver."

@@ -23,14 +23,14 @@ def before_blind(run: Ended, gone: Mask, found: Ending) -> Ending:
     first = iterate_since(lambda k: bool(blind.at(k).any()), last)
     named = np.flatnonzero(gone)[:NAMED]
     since = tuple(iterate_since(partial(blind.one_at, int(i)), last) for i in named)
-    names = _with_iterates(found.lost, since)
+    names = _with_iterates(run.problem.free.labels_of(np.flatnonzero(gone)), since)
     returned = _returned(run, first)
-    message = Status.LOST.value.replace("some unknowns", names, 1)
+    message = Status.INSENSITIVE.value.replace("some unknowns", names, 1)
     if returned is not None:
         k, optimality = returned
         message = message.replace("; ", f"; this is the best point before that, iterate {k}; ", 1)
         found = replace(found, optimality=optimality)
-    return replace(found, status=Status.LOST, message=message, lost_since=since)
+    return replace(found, status=Status.INSENSITIVE, message=message)
 
 
 class _Blind:

@@ -62,9 +62,7 @@ class Ending:
     status: Status
     message: str
     optimality: float = np.nan
-    lost: tuple[str, ...] = ()
-    unnoticed: tuple[str, ...] = ()
-    lost_since: tuple[int, ...] = ()
-    running: tuple[str, ...] = ()
+    insensitive: tuple[str, ...] = ()
+    diverging: tuple[str, ...] = ()
     lower: Values | None = None
     judging: Evaluations = field(default_factory=Evaluations)

@@ -3,10 +3,10 @@
 A run has converged if the largest cosine between a column of the Jacobian and the residual, in the
 rows that its unknown can change and after projection on bounds and linearized constraints, is at
 most `gradient_tolerance` (`problem/optimality.py`); a cosine that rounding explains counts as zero.
-An end at which unknowns no longer change the residual, although they did on the way, is LOST
+An end at which unknowns no longer change the residual, although they did on the way, is INSENSITIVE
 (`sensitivity`). At a stationary point a direction along which the cost falls makes it a SADDLE, and
-unknowns that grow without slowing down make it a VALLEY; both are said only if evaluations show
-that the cost falls.
+unknowns that grow without slowing down make it NO_FINITE_MINIMUM; both are said only if
+evaluations show that the cost falls.
 """
 
 from dataclasses import replace
@@ -51,7 +51,7 @@ def ending(run: Ended, stop: Stop) -> Ending:
     labels, unread, unnoticed = (
         tuple(free.labels_of(np.flatnonzero(m))) for m in (gone, never & ~read, never & read)
     )
-    found = Ending(status, message, optimality, labels, (*unread, *unnoticed))
+    found = Ending(status, message, optimality, (*labels, *unread, *unnoticed))
     converged = optimality <= run.limits.gradient_tolerance
     if best.violation > 1:
         if status in (Status.CONVERGED, Status.STALLED):
@@ -60,15 +60,15 @@ def ending(run: Ended, stop: Stop) -> Ending:
     if gone.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
         return before_blind(run, gone, found)
     found = unless_no_minimum(run, here, found, converged)
-    if found.status in (Status.SADDLE, Status.VALLEY):
+    if found.status in (Status.SADDLE, Status.NO_FINITE_MINIMUM):
         return found
     if converged:
         message = Status.CONVERGED.value
         if run.limits.gradient_tolerance >= LOOSE:
             message = (
                 f"the gradient is below the tolerance of {run.limits.gradient_tolerance:g}, which "
-                "is too large to tell a minimum from a saddle or a valley without end; neither was "
-                "looked for"
+                "is too large to tell a minimum from a saddle, or from a cost that falls for ever; "
+                "neither was looked for"
             )
         if unread:
             message += f" (no residual reads {some_of(unread, NAMED)})"

@@ -1,4 +1,4 @@
-"""Whether the end of a run is no minimum: a saddle, or a point in a valley without end."""
+"""Whether the end of a run is no minimum: a saddle, or a point from which it falls for ever."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ MAY_BE_A_VALLEY = (
 
 
 def unless_no_minimum(run: Ended, here: Linearization, found: Ending, converged: bool) -> Ending:
-    """The same ending with its evaluations, or SADDLE or VALLEY if the point is shown to be one.
+    """The same ending with its evaluations, or SADDLE or NO_FINITE_MINIMUM if that is shown.
 
     What cannot be evaluated shows nothing. After Ctrl-C nothing is looked for, and neither is it
     where the gradient tolerance is `LOOSE`, as in a stage whose end is only a start.
@@ -79,8 +79,8 @@ def _in_valley(end: EndPoint, running: Mask, found: Ending) -> Ending:
     labels = end.problem.free.labels_of(places)
     told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
     message = (
-        "the cost falls along a valley without end as unknowns grow without limit "
+        "the cost falls for ever as unknowns grow without limit "
         f"({some_of(told, NAMED)}), and has no minimum there; bound them, give them a prior, or "
         "choose other unknowns, such as their inverses"
     )
-    return replace(found, status=Status.VALLEY, message=message, running=tuple(labels))
+    return replace(found, status=Status.NO_FINITE_MINIMUM, message=message, diverging=tuple(labels))

@@ -46,14 +46,13 @@ class Status(Enum):
         "from the `lower` point of the solution, which lies along it"
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
-    LOST = (
-        "the residual no longer changes with some unknowns, although it did on the way, and says "
-        "nothing about them; start nearer, bound them, or give them a prior"
+    INSENSITIVE = (
+        "the residual does not change with some unknowns here, and says nothing about them; start "
+        "nearer, bound them, or give them a prior"
     )
-    VALLEY = (
-        "the cost falls along a valley without end as some unknowns grow without limit, and has no "
-        "minimum there; bound them, give them a prior, or choose other unknowns, such as their "
-        "inverses"
+    NO_FINITE_MINIMUM = (
+        "the cost falls for ever as some unknowns grow without limit, and has no minimum there; "
+        "bound them, give them a prior, or choose other unknowns, such as their inverses"
     )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
@@ -63,6 +62,8 @@ class Status(Enum):
     RAISED = "the residual raised an exception; see the message"
     TOO_LARGE = "memory does not suffice for what the solver asks for; see the message"
     STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
+    LOST = INSENSITIVE  # its name in older files
+    VALLEY = NO_FINITE_MINIMUM  # its name in older files
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +101,10 @@ class Solution:
         trace: the iterates, the start first.
         violation: by how many tolerances the worst constraint is exceeded; up to 1 the point is
             feasible.
-        lost: labels of the lost unknowns: the residual changed with them on the way, and no longer
-            did where the run ended. If the status is LOST, this point is the best one before that.
-        lost_since: for the first few of `lost`, one for each: the number of the iterate from which
-            on the residual did not change with it; empty for any other status.
-        unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
-            was computed.
+        insensitive: labels of unknowns with which the residual does not change: not where the run
+            ended although it did on the way, or nowhere that the Jacobian was computed.
         hypotheses: the minima that several starts led to, this one first; empty for one start.
-        running: labels of the unknowns that grow without limit along a valley without end.
+        diverging: labels of the unknowns that grow without limit while the cost falls for ever.
         lower: if the status is SADDLE, values beside the saddle where the cost is lower, from which
             to start again; else None.
         judging: the evaluations by which the end was judged after the run. They are not among
@@ -126,11 +123,9 @@ class Solution:
     seconds: float
     trace: tuple[Iterate, ...] = field(repr=False)
     violation: float = 0.0
-    lost: tuple[str, ...] = ()
-    unnoticed: tuple[str, ...] = ()
+    insensitive: tuple[str, ...] = ()
     hypotheses: tuple[Hypothesis, ...] = ()
-    lost_since: tuple[int, ...] = ()
-    running: tuple[str, ...] = ()
+    diverging: tuple[str, ...] = ()
     lower: Values | None = None
     judging: Evaluations = field(default_factory=Evaluations)
     stages: tuple[int, ...] = ()
@@ -162,11 +157,9 @@ class Solution:
             "evaluations": asdict(self.evaluations),
             "seconds": self.seconds,
             "missed": self.violation,
-            "lost": self.lost,
-            "unnoticed": self.unnoticed,
+            "insensitive": self.insensitive,
             "trace": [list(asdict(replace(i, values={})).values())[1:] for i in self.trace],
-            "lost_since": self.lost_since,
-            "running": self.running,
+            "diverging": self.diverging,
             "judging": asdict(self.judging),
             "stages": self.stages,
             "hypotheses": [[h.cost, h.status.name, h.starts, h.violation] for h in self.hypotheses],
@@ -219,7 +212,6 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
 
     Older files lack some of the facts.
     """
-    since = facts.several("lost_since", whole) if "lost_since" in facts.entries else ()
     judging = facts.facts("judging") if "judging" in facts.entries else None
     return Solution(
         values={name: arrays[VALUE + name] for name in names},
@@ -235,13 +227,17 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
             for i, row in enumerate(rows)
         ),
         violation=facts.amount("missed") if "missed" in facts.entries else 0.0,
-        lost=facts.several("lost", text) if "lost" in facts.entries else (),
-        unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.entries else (),
-        lost_since=since,
-        running=facts.several("running", text) if "running" in facts.entries else (),
+        insensitive=_labels(facts, "insensitive", "lost", "unnoticed"),
+        diverging=_labels(facts, "diverging", "running"),
         judging=Evaluations() if judging is None else _evaluations(judging),
         stages=facts.several("stages", whole) if "stages" in facts.entries else (),
     )
+
+
+def _labels(facts: Facts, *names: str) -> tuple[str, ...]:
+    """The labels of unknowns under a name, and under the names that it had in older files."""
+    known = (name for name in names if name in facts.entries)
+    return tuple(label for name in known for label in facts.several(name, text))
 
 
 def _row(given: object, name: str) -> Row:

@@ -29,7 +29,7 @@ from workbench.solvers.starts import beyond_saddle
 GOES_ON = (
     Status.CONVERGED,
     Status.SADDLE,
-    Status.VALLEY,
+    Status.NO_FINITE_MINIMUM,
     Status.STALLED,
     Status.MAX_ITERATIONS,
     Status.INFEASIBLE,

@@ -1,4 +1,4 @@
-"""Whether a run went along a valley without end: the cost falls for ever as some unknowns grow.
+"""Whether a run has no finite minimum: the cost falls for ever as some unknowns grow.
 
 exp(-x) has no least square, nor has any model that fits the better, the larger one of its numbers.
 A run shows this if some unknowns grew to its last iterates, without slowing down as they do near a
