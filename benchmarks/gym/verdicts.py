@@ -26,7 +26,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import explained_by_rounding
 from workbench.problem.rounding import Rounding
 from workbench.problem.storage import dense
-from workbench.solvers.end_point import WORTH
+from workbench.solvers.no_minimum import WORTH
 
 LOST, GRADIENT, SADDLE = "lost", "gradient", "saddle"
 KINDS = (LOST, GRADIENT, SADDLE)

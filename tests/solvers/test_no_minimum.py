@@ -259,33 +259,6 @@ def test_a_far_minimum_is_no_valley() -> None:
                 assert solver.solve(of(residual), {"x": 1.0}).status is not Status.NO_FINITE_MINIMUM
 
 
-# Unknowns that go blind.
-
-
-def peak() -> tuple[Problem, dict[str, list[float]]]:
-    """A peak that the first steps carry away from the data."""
-    t = np.linspace(-3, 3, 13)
-    return of(XY[1] * cs.exp(-((t - XY[0]) ** 2)) - np.exp(-(t**2))), {"x": [4.5, 1.0]}
-
-
-@pytest.mark.parametrize("name", ["gauss-newton-full", "dogleg"])
-def test_the_best_point_before_going_blind_is_returned(name: str) -> None:
-    problem, start = peak()
-    solution = SOLVERS[name].solve(problem, start)
-    assert solution.status is Status.INSENSITIVE
-    assert solution.insensitive == ("x[0]", "x[1]")
-    columns = [problem.linearize(i.values).column_norms for i in solution.trace]
-    since = next(k for k, lengths in enumerate(columns) if (lengths < 1e-10).any())
-    before = solution.trace[:since]
-    assert solution.cost == min(iterate.cost for iterate in before)
-    best = min(before, key=lambda iterate: iterate.cost)
-    np.testing.assert_array_equal(solution.values["x"], best.values["x"])
-    here = problem.linearize(solution.values)
-    assert (here.column_norms > 1e-12).all()
-    blind = problem.linearize(solution.trace[since].values)
-    assert (blind.column_norms < 1e-10).any()
-
-
 def test_a_prior_gives_endless_valleys_a_minimum() -> None:
     """With a prior on what runs off, every one of these has a minimum."""
     for problem, start in ENDLESS.values():

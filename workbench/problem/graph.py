@@ -118,11 +118,13 @@ def split(
 def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
-    Terms that cancel each other in the residual must not cancel here. The mean of the squares of a
+    Among the a_i are the constants in r, but for matrices, by which others are multiplied. Terms
+    that cancel each other in the residual must not cancel here. The mean of the squares of a
     few sums with normally distributed weights estimates this size, without the single derivatives
     (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
     """
     squares = [_squares(r, a, arguments) for a in arguments if a.numel()]
+    squares += _squares_of_constants(r, arguments)
     return cs.densify(cs.sqrt(sum(squares)) if squares else cs.MX(*r.shape))
 
 
@@ -141,6 +143,23 @@ def _squares(r: cs.MX, argument: cs.MX, symbols: Sequence[cs.MX]) -> cs.MX:
             return _of_single_terms(numbers, argument, places, lengths.ravel(order="F"))
     weighed = cs.DM(weights) * cs.repmat(argument, 1, SUMS)
     return cs.sum2(cs.jtimes(r, argument, weighed) ** 2)
+
+
+def _squares_of_constants(r: cs.MX, symbols: Sequence[cs.MX]) -> list[cs.MX]:
+    """The squared terms of the columns of constants in r, (m, 1); none if there are no such."""
+    whole = cs.Function("whole", [*symbols], [r])
+    steps = [k for k in range(whole.n_instructions()) if whole.instruction_id(k) == cs.OP_CONST]
+    nodes = [node for k in steps if (node := whole.instruction_MX(k)).is_column() and node.nnz()]
+    if not nodes:
+        return []
+    values = cs.densify(cs.evalf(cs.veccat(*nodes)))
+    argument = cs.MX.sym("constants", values.numel())
+    ends = np.cumsum([0, *(node.numel() for node in nodes)]).tolist()
+    (named,) = cs.graph_substitute([r], nodes, cs.vertsplit(argument, ends))
+    every = [*symbols, argument]
+    squares = cs.Function("squares", every, [_squares(named, argument, every)])
+    by_values: list[cs.MX] = squares.call([*symbols, cs.MX(values)], True, False)
+    return by_values
 
 
 def _single(r: cs.MX, argument: cs.MX) -> cs.Sparsity | None:

@@ -11,7 +11,7 @@ from workbench.problem import Linearization
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.problem.rounding import all_finite
 from workbench.solvers.abilities import Abilities, Derivative
-from workbench.solvers.ending import BOUGHT
+from workbench.solvers.judgement import BOUGHT
 from workbench.solvers.run import Run
 
 NOT_A_POINT = (

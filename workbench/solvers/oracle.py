@@ -16,8 +16,7 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.convexity import raised, reflected
 from workbench.solvers.damping import Damped
 from workbench.solvers.external import Compute, External, Kept, Places, Recorder
-from workbench.solvers.one_pass import has_one_pass
-from workbench.solvers.run import Run
+from workbench.solvers.run import Run, has_one_pass
 
 Hessian = Callable[[Run, Array, Linearization], Stored] | Damped
 StoredBy = Callable[[Array, Array], Stored]  # of x (n,) and the multipliers (k,)
