@@ -118,8 +118,8 @@ def split(
 def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
-    Among the a_i are the constants in r, but for matrices, by which others are multiplied. Terms
-    that cancel each other in the residual must not cancel here. The mean of the squares of a
+    Among the a_i are the constants that are added in r. Terms that cancel each other in the
+    residual must not cancel here. The mean of the squares of a
     few sums with normally distributed weights estimates this size, without the single derivatives
     (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
     """
@@ -146,16 +146,24 @@ def _squares(r: cs.MX, argument: cs.MX, symbols: Sequence[cs.MX]) -> cs.MX:
 
 
 def _squares_of_constants(r: cs.MX, symbols: Sequence[cs.MX]) -> list[cs.MX]:
-    """The squared terms of the columns of constants in r, (m, 1); none if there are no such."""
-    whole = cs.Function("whole", [*symbols], [r])
-    steps = [k for k in range(whole.n_instructions()) if whole.instruction_id(k) == cs.OP_CONST]
-    nodes = [node for k in steps if (node := whole.instruction_MX(k)).is_column() and node.nnz()]
+    """The squared terms of the constants that are added in r, (m, 1); none if there are none."""
+    whole, nodes = cs.Function("whole", [*symbols], [r]), []
+    constants: dict[int, cs.MX] = {}  # by the place in memory where they are
+    for k in range(whole.n_instructions()):
+        kind = whole.instruction_id(k)
+        if kind in (cs.OP_ADD, cs.OP_SUB):
+            nodes += [constants[i] for i in whole.instruction_input(k) if i in constants]
+        for i in whole.instruction_output(k):
+            constants.pop(i, None)
+        if kind == cs.OP_CONST and (node := whole.instruction_MX(k)).is_dense():
+            constants[whole.instruction_output(k)[0]] = node
     if not nodes:
         return []
     values = cs.densify(cs.evalf(cs.veccat(*nodes)))
     argument = cs.MX.sym("constants", values.numel())
     ends = np.cumsum([0, *(node.numel() for node in nodes)]).tolist()
-    (named,) = cs.graph_substitute([r], nodes, cs.vertsplit(argument, ends))
+    pieces = zip(cs.vertsplit(argument, ends), nodes, strict=True)
+    (named,) = cs.graph_substitute([r], nodes, [cs.reshape(p, *node.shape) for p, node in pieces])
     every = [*symbols, argument]
     squares = cs.Function("squares", every, [_squares(named, argument, every)])
     by_values: list[cs.MX] = squares.call([*symbols, cs.MX(values)], True, False)

@@ -8,7 +8,7 @@ residual does not change there make it INSENSITIVE, and unknowns that grow witho
 NO_FINITE_MINIMUM. All three are said only if evaluations show it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,8 @@ MAY_DIVERGE = (
 )
 NAMED = 6  # unknowns in a message; there may be thousands
 NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
+NUDGED = 20  # unknowns at most that are tried one by one
+WEAK = 1e-3  # of the residual: what an unknown of its size changes, if it is perhaps insensitive
 BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two vectors, and no reason to change
 MOST = 300  # unknowns: with more, singular values take too long
 SUSPECT = 1e-6  # of the largest singular value: what J'J cannot tell from zero
@@ -100,7 +102,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
     try:
         if run.limits.gradient_tolerance < LOOSE:
             end.check()
-            if ended:
+            if converged or (ended and optimality < LOOSE):
                 evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
                 no_minimum = saddle(end, most_gradients(best.x.size, evaluations))
             if no_minimum is None and ended:
@@ -152,30 +154,35 @@ def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
 
 
 def insensitive(end: EndPoint, silent: Mask) -> Mask:
-    """The unknowns (n,) with which the residual does not change at an end.
+    """The unknowns (n,) with which the residual hardly changes at an end.
 
-    Their columns are zero: moving x_i by its size changes the rows that it can change by no more
-    than their rounding errors, while these rows are not zero themselves, as those of a penalty that
-    is no longer active. And the cost does not rise to both sides of x_i, where it first changes, as
-    it does where the column is zero because this is the minimum. Unknowns that are `silent` (n,),
-    because their columns were zero wherever the Jacobian was computed, count only if the residual
-    changes with them elsewhere, or with no unknown at all here: a finger that no keypoint shows
-    does not spoil the fit of an arm.
+    Those are tried whose columns are so short that moving x_i by its size, or by 1, changes the
+    rows that it can change by no more than a thousandth or their rounding errors, while these rows
+    are not zero themselves, as those of a penalty that is no longer active. x_i is insensitive if
+    the cost does not rise to both of its sides, at any distance up to a tenth of that. The twenty
+    weakest are tried, unless nothing changes as all of them move together.
+
+    Unknowns that are `silent` (n,), because their columns were zero wherever the Jacobian was
+    computed, count only if the residual changes with them elsewhere, or with no unknown at all
+    here: a finger that no keypoint shows does not spoil the fit of an arm.
     """
-    support, here, size = end.problem.support, end.here, end.size
+    support, here = end.problem.support, end.here
     error, rows = support.norms(end.rounding.rows), support.norms(here.residual)
-    gone = support.read & (here.column_norms * size <= error) & (rows > error)
-    if not (gone == support.read).all():
-        unseen = gone & silent
-        if unseen.any() and _silent_elsewhere(end, unseen):
-            gone &= ~silent
-    if gone.any() and not _changes(end, gone):
-        return np.asarray(gone)
-    for i in np.flatnonzero(gone):
-        one = np.zeros(len(gone), dtype=bool)
-        one[i] = True
-        gone[i] = not all(_changes(end, one, side) < 0 for side in (-1.0, 1.0))
-    return np.asarray(gone)
+    weak = here.column_norms * end.size <= error
+    weak |= here.column_norms * np.maximum(end.size, 1.0) <= WEAK * rows
+    weak &= support.read & (rows > error) & (end.problem.lower < end.problem.upper)
+    unseen = weak & silent
+    if unseen.any() and not (weak == support.read).all() and _silent_elsewhere(end, unseen):
+        weak &= ~silent
+    if weak.any() and all(not change for change in _changes(end, weak, 1.0)):
+        return np.asarray(weak)
+    weakest = np.argsort(np.where(weak, here.column_norms, np.inf))[: min(weak.sum(), NUDGED)]
+    weak[:] = False
+    for i in weakest:
+        one = np.arange(len(weak)) == i
+        sides = zip(_changes(end, one, -1.0), _changes(end, one, 1.0), strict=True)
+        weak[i] = not any(low < 0 and high < 0 for low, high in sides)
+    return np.asarray(weak)
 
 
 def _silent_elsewhere(end: EndPoint, silent: Mask) -> bool:
@@ -185,19 +192,22 @@ def _silent_elsewhere(end: EndPoint, silent: Mask) -> bool:
     return all((np.abs(r - end.here.residual) <= end.rounding.rows).all() for r in there)
 
 
-def _changes(end: EndPoint, moved: Mask, side: float = 1.0) -> float:
-    """By how much the cost falls where it first changes as the unknowns `moved` (n,) go to a side.
+def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
+    """By how much the cost falls as the unknowns `moved` (n,) go to a side, farther each time.
 
-    Negative if it rises; 0 if it does not change by more than rounding.
+    Negative if it rises, or a bound is in the way; 0 where rounding may be all of the change.
     """
-    part = NUDGE
-    while part * end.size[moved].max() <= LARGEST_NUDGE * max(end.size[moved].max(), 1.0):
-        r = end.residual(np.where(moved, end.x + side * part * end.size, end.x))
-        fallen = fall(end.here.residual, r)
-        if not abs(fallen) <= end.rounding.of_fall(end.here.residual, r != end.here.residual):
-            return fallen
-        part *= 10
-    return 0.0
+    part, size = LARGEST_NUDGE, float(end.size[moved].max())
+    while part * max(size, 1.0) >= NUDGE * size:
+        to = end.x + side * part * np.where(moved, np.maximum(end.size, 1.0), 0.0)
+        if (to < end.problem.lower).any() or (to > end.problem.upper).any():
+            yield -np.inf
+        else:
+            r = end.residual(to)
+            fallen = fall(end.here.residual, r)
+            noise = end.rounding.of_fall(end.here.residual, r != end.here.residual)
+            yield 0.0 if abs(fallen) <= noise else fallen
+        part /= 10
 
 
 def prefer_stationary(

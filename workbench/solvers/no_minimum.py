@@ -8,8 +8,9 @@ one gradient (Golub and Van Loan, Matrix Computations, 2013, sections 10.1 and 1
 
 exp(-x) has no least square, nor has any model that fits the better, the larger one of its numbers.
 A run shows this if some unknowns grew to its last iterates without slowing down as they do near a
-minimum, or a thousandfold in all. Then they are taken further and further, the others follow by
-Gauss-Newton steps, and there is no finite minimum if the cost never rises.
+minimum, or a thousandfold in all. Then they are taken further and further. The one that grew most
+is held there, the others follow by Gauss-Newton steps, and there is no finite minimum if the cost
+never rises.
 """
 
 from collections.abc import Callable, Sequence
@@ -312,39 +313,30 @@ def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
 
 
 def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged: bool) -> Mask:
-    """The unknowns (n,) that run off while the cost falls; none after few iterates.
+    """The unknowns (n,) that run off while the cost falls.
 
-    `noticed` (n,) are the unknowns that changed the residual by more than rounding. If the run has
-    `converged`, its last step must also be about as long as those before, unless the unknown has
-    become a thousand times as large as it was.
+    Those are tried that are large by `_growing` or have become a thousand times as large as they
+    were, or as 1, of those that changed the residual by more than rounding: `noticed` (n,).
     """
-    none = np.zeros(len(end.x), dtype=bool)
-    if len(trace) < ITERATES or not np.isfinite(end.here.cost):
+    last, none = len(trace) - 1, np.zeros(len(end.x), dtype=bool)
+    if last < 1 or not trace[last // 2].cost > end.here.cost + end.noise:
         return none
-    start, last, pack = end.start, len(trace) - 1, end.problem.free.pack
-    middle, late, final = (trace[k] for k in (last // 2, (3 * last) // 4, last))
-    quarters, there = (pack(middle.values), pack(late.values)), pack(final.values)
-    noise = end.noise
-    running = _running(end, *quarters, end.x)
-    if final.cost <= end.here.cost + noise:  # the best point may be one of several at its cost
-        running |= _running(end, *quarters, there)
-    if converged and running.any():
-        step = np.abs(there - pack(trace[last - 1].values))
-        way = np.abs(there - quarters[1])
-        running &= step > SLOWED * way / (last - (3 * last) // 4)
+    start, noise = end.start, end.noise
     limit = np.where(end.x > 0, end.problem.upper, end.problem.lower)
-    far = np.abs(end.x) > THOUSANDFOLD * np.maximum(np.abs(start), 1.0)
-    grew = bool((running & noticed).any())
-    running = (running | (far & ~np.isfinite(limit))) & noticed & (end.x != start)
-    if not running.any() or not middle.cost > end.here.cost + noise:
+    far = (np.abs(end.x) > THOUSANDFOLD * np.maximum(np.abs(start), 1.0)) & ~np.isfinite(limit)
+    growing = _growing(end, trace, converged) & noticed if last + 1 >= ITERATES else none
+    running = (growing | far) & noticed & (end.x != start)
+    if not running.any():
         return none
     way, tried = np.where(running, end.x - start, 0.0), 0
-    begun = _followed(end, end.x, running, noise)
+    growth = np.where(running, np.abs(end.x) / np.maximum(np.abs(start), 1.0), 0.0)
+    driven = np.arange(len(growth)) == np.argmax(growth)
+    begun = _followed(end, end.x, driven, noise)
     first = end.residual(begun)
 
     def fallen(times: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
         """The point farther out after x (n,), its residual (m,), and whether it is no higher."""
-        to = _followed(end, np.where(running, end.x + times * way, x), running, noise)
+        to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
         further = end.residual(to)
         rounding = end.problem.rounding(to, end.fixed, further)  # of terms that have grown
         left = IMPERFECT * half_squared(r) + rounding.of_fall(further, further != r)
@@ -360,12 +352,29 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
         if not lower:
             return none
         before, tried = r, tried + 1
-    falls = grew or fall(first, before) > end.worth
+    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or fall(first, before) > end.worth
     return running if tried >= SURELY and falls else none
 
 
-def _running(end: EndPoint, middle: Array, late: Array, final: Array) -> Mask:
-    """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
+def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
+    """The unknowns (n,) that grew as fast in the last quarter of the run as before.
+
+    If the run has `converged`, its last step must also be about as long as those before.
+    """
+    last, pack = len(trace) - 1, end.problem.free.pack
+    quarter = (3 * last) // 4
+    middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))
+    growing = _grown(end, middle, late, end.x)
+    if trace[last].cost <= end.here.cost + end.noise:  # the best may be one of several at its cost
+        growing |= _grown(end, middle, late, there)
+    if converged:
+        step = np.abs(there - pack(trace[last - 1].values))
+        growing &= step > SLOWED * np.abs(there - late) / (last - quarter)
+    return growing
+
+
+def _grown(end: EndPoint, middle: Array, late: Array, final: Array) -> Mask:
+    """The unknowns (n,) that grew as fast from `late` to `final` (n,) as they did before."""
     before, now = late - middle, final - late
     size = np.abs(final)
     grew = (size >= BEYOND * np.abs(end.start)) & (np.abs(now) > GROWN * size)
@@ -375,10 +384,10 @@ def _running(end: EndPoint, middle: Array, late: Array, final: Array) -> Mask:
     return np.asarray(grew & ~np.isfinite(limit))
 
 
-def _followed(end: EndPoint, x: Array, running: Mask, noise: float) -> Array:
-    """The point after the unknowns that do not run have followed, by Gauss-Newton steps."""
-    for _ in range(0 if running.all() else FOLLOWED):
-        cost, step = _step_of_others(end, x, running)
+def _followed(end: EndPoint, x: Array, held: Mask, noise: float) -> Array:
+    """The point after the unknowns that are not `held` (n,) followed, by Gauss-Newton steps."""
+    for _ in range(0 if held.all() else FOLLOWED):
+        cost, step = _step_of_others(end, x, held)
         to = None if step is None else _lower(end, x, step, cost - noise)
         if to is None:
             return x
@@ -395,12 +404,12 @@ def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
     return None
 
 
-def _step_of_others(end: EndPoint, x: Array, running: Mask) -> tuple[float, Array | None]:
-    """The cost at x, and the Gauss-Newton step (n,) of the unknowns that do not run.
+def _step_of_others(end: EndPoint, x: Array, held: Mask) -> tuple[float, Array | None]:
+    """The cost at x, and the Gauss-Newton step (n,) of the unknowns that are not `held` (n,).
 
     There is no step where the linearization is not finite. In a sequence no columns are copied,
-    because the copy would take much more memory than the Jacobian. Instead, an unknown that runs
-    is held: a number is added on its diagonal that is so large that its step is zero to rounding.
+    because the copy would take much more memory than the Jacobian. Instead, a
+    number is added on the diagonal of those held that is so large that their step is zero.
     The others are slightly damped if their columns are dependent.
     """
     here = end.linearize(x)
@@ -408,14 +417,14 @@ def _step_of_others(end: EndPoint, x: Array, running: Mask) -> tuple[float, Arra
     if not here.finite:
         return cost, None
     if not here.by_frames:
-        rest, found = np.flatnonzero(~running), np.zeros(len(x))
+        rest, found = np.flatnonzero(~held), np.zeros(len(x))
         found[rest] = here.columns(rest).step()
         return cost, found
     gradient, normal = here.gradient, here.normal
     squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
     del here  # and its Jacobian, before the normal equations are copied
     for damping in (0.0, SLIGHT):
-        step = inverse_times(normal, -gradient, np.where(running, HELD, damping) * squares)
+        step = inverse_times(normal, -gradient, np.where(held, HELD, damping) * squares)
         if step is not None:
-            return cost, np.where(running, 0.0, step)
+            return cost, np.where(held, 0.0, step)
     return cost, None
