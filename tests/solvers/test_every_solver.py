@@ -223,7 +223,7 @@ def test_evaluations_are_limited(name: str) -> None:
 def test_seconds_are_limited(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = iter(range(10**6))  # a clock that goes one second forward whenever it is read
     clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))
-    monkeypatch.setattr("workbench.solvers.meter.time", clock)
+    monkeypatch.setattr("workbench.solvers.limits.time", clock)
     problem, start = long_way(name)
     solution = limited(name, max_seconds=10.0).solve(problem, start)
     assert solution.status is Status.MAX_SECONDS

@@ -16,7 +16,7 @@ from workbench.problem.batch import Costs, Evaluation, Places, Slopes, interpret
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.problem.rounding import half_squared
 from workbench.problem.storage import Matrix
-from workbench.solvers.meter import Meter, limited
+from workbench.solvers.limits import Meter, limited
 
 T = TypeVar("T")
 Complete = Callable[[Array, Array], tuple[Array, Array]]

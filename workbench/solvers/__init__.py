@@ -23,6 +23,7 @@ from workbench.solvers.gauss_newton import GaussNewton
 from workbench.solvers.ipopt import Ipopt
 from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
+from workbench.solvers.limits import Limits
 from workbench.solvers.line_search import backtracking, full_step
 from workbench.solvers.newton import Newton
 from workbench.solvers.nlopt import Nlopt
@@ -117,6 +118,7 @@ __all__ = [
     "Ipopt",
     "Iterate",
     "LevenbergMarquardt",
+    "Limits",
     "Listed",
     "Newton",
     "Nlopt",

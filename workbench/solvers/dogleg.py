@@ -1,6 +1,6 @@
 """Powell's dogleg: along the gradient, then towards the Gauss-Newton step, in a trust region."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
 from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_radius import FIRST, first_radius, trusted
@@ -68,7 +69,7 @@ def dogleg_step(newton: Array, cauchy: Array, D: Array, radius: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Dogleg:
+class Dogleg(Limits):
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
     The first radius is the length of the first Gauss-Newton step or, if that is longer, 0.9 of the
@@ -83,22 +84,13 @@ class Dogleg:
         scaling: the metric D of the trust region. `identity`: a radian, a metre and a standard
             deviation count the same; `columns`: units of unknowns do not matter.
         linear_algebra: how the Gauss-Newton step is computed; `automatic` chooses a factorization.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     rule: RadiusRule = textbook
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

@@ -9,6 +9,7 @@ from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.steps import LinearAlgebra, automatic
 from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.limits import Limits
 from workbench.solvers.line_search import LineSearch, backtracking, full_step
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -16,7 +17,7 @@ from workbench.solvers.trust_radius import first_radius, radius_after, trusted
 
 
 @dataclass(frozen=True)
-class GaussNewton:
+class GaussNewton(Limits):
     """The Gauss-Newton method: J'J p = -J'r, then a step along p.
 
     Where J has no full rank, p is the shortest of the solutions. See Nocedal and Wright, Numerical
@@ -29,21 +30,10 @@ class GaussNewton:
         line_search: how far to go along p: `backtracking`, or `full_step`, which always takes the
             whole step, as Gauss did, and heeds no radius.
         linear_algebra: how the step is computed; `automatic` chooses a factorization.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     line_search: LineSearch = backtracking
     linear_algebra: LinearAlgebra = automatic
-    max_iterations: int = 1_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

@@ -1,6 +1,6 @@
 """IPOPT's interior point method, fed with our own derivatives."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import casadi as cs
 
@@ -8,7 +8,7 @@ from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.damping import DAMPED, Damped
-from workbench.solvers.limits import Stop
+from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.made import made_for
 from workbench.solvers.oracle import (
     Hessian,
@@ -46,7 +46,7 @@ ADVICE = {  # where the status alone does not say it
 
 
 @dataclass(frozen=True)
-class Ipopt:
+class Ipopt(Limits):
     """IPOPT: a primal-dual interior-point method with a filter line search.
 
     See Waechter and Biegler, On the implementation of an interior-point filter line-search
@@ -57,20 +57,11 @@ class Ipopt:
             Marquardt's damping), `gauss_newton_hessian`, `exact_hessian`, a function of the run,
             x (n,) and the linearization there, or None, with which IPOPT approximates the
             Hessian from gradients (limited-memory BFGS). That of the constraints is added.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     hessian: Hessian | None = DAMPED
+    _: KW_ONLY
     max_iterations: int = 300
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

@@ -1,6 +1,6 @@
 """The Levenberg-Marquardt method: Gauss-Newton steps, damped as long as they gain too little."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import isfinite
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
 from workbench.solvers.damping import FASTEST_FALL, eased
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Known, Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, box_step, identity
@@ -32,7 +33,7 @@ class Trial(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LevenbergMarquardt:
+class LevenbergMarquardt(Limits):
     """The Levenberg-Marquardt method: (J'J + damping D^2) p = -J'r.
 
     The damping follows the gain ratio, which is the actual decrease of the cost over the decrease
@@ -68,23 +69,14 @@ class LevenbergMarquardt:
             larger one begins with shorter steps, nearer to the gradient.
         steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the method of
             Levenberg and Marquardt, 2 for Fan's.
-        max_iterations: the largest number of iterates after the start.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
     first_damping: float = 1e-3
     steps_per_jacobian: int = 1
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         if self.steps_per_jacobian < 1:

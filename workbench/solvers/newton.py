@@ -1,6 +1,6 @@
 """Newton's method on the cost: its exact Hessian, made positive definite where it is not."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import scipy.linalg
@@ -10,6 +10,7 @@ from workbench.problem import Problem
 from workbench.problem.storage import dense
 from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.convexity import Convexify, reflected
+from workbench.solvers.limits import Limits
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -17,7 +18,7 @@ from workbench.solvers.trust_region import Scaling, columns
 
 
 @dataclass(frozen=True)
-class Newton:
+class Newton(Limits):
     """Newton's method: H p = -g with H = J'J + sum r_i H_i, then a line search along p.
 
     It converges quadratically at every minimum where H is positive definite. Far from a minimum H
@@ -31,22 +32,13 @@ class Newton:
         scaling: the metric D in which H is changed; with `columns`, units do not
             matter.
         line_search: how far to go along p: `backtracking` or `full_step`.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     convexify: Convexify = reflected
     scaling: Scaling = columns
     line_search: LineSearch = backtracking
+    _: KW_ONLY
     max_iterations: int = 200
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

@@ -1,6 +1,6 @@
 """The algorithms of NLopt; a run counts, keeps the best point and judges it."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import nlopt
 import numpy as np
@@ -11,7 +11,7 @@ from workbench.errors import check_known
 from workbench.problem import Problem
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
-from workbench.solvers.limits import Stop
+from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 from workbench.solvers.nlopt_objective import Objective
 from workbench.solvers.run import Run
@@ -35,7 +35,7 @@ SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking f
 
 
 @dataclass(frozen=True)
-class Nlopt:
+class Nlopt(Limits):
     """An algorithm of NLopt (Johnson, The NLopt nonlinear-optimization package).
 
     NLopt sees the unknowns y_i = |J_i| x_i, with the Jacobian at the start: quasi-Newton methods
@@ -47,13 +47,6 @@ class Nlopt:
         algorithm: NLopt's name of the algorithm, such as `LD_LBFGS`.
         local: the algorithm of the descents of MLSL; others do not read it.
         seed: of the stochastic algorithms.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
         cost_tolerance: the relative decrease of the cost in one step below which NLopt gives up. A
             larger one ends earlier; whether the point has converged is judged by
             `gradient_tolerance` all the same.
@@ -62,11 +55,10 @@ class Nlopt:
     algorithm: str = "LD_LBFGS"
     local: str = "LD_LBFGS"
     seed: int = 0
+    cost_tolerance: float = 1e-16  # less than a single bit; at 1e-15 BOBYQA stops short
+    _: KW_ONLY
     max_iterations: int = 100_000
     max_evaluations: int = 20_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
-    cost_tolerance: float = 1e-16  # less than a single bit; at 1e-15 BOBYQA stops short
 
     def __post_init__(self) -> None:
         for name in (self.algorithm, self.local):

@@ -26,8 +26,7 @@ from workbench.solvers.judgement import (
     rewrapped,
     running_off,
 )
-from workbench.solvers.limits import GUARDED, Options, Stop, stop_asked, stop_of, unwarned
-from workbench.solvers.meter import Meter
+from workbench.solvers.limits import GUARDED, Limits, Meter, Stop, stop_asked, stop_of, unwarned
 from workbench.solvers.solution import Callback, Solution, Status
 from workbench.threads import limited_threads
 
@@ -55,7 +54,7 @@ class Run:
     """
 
     def __init__(
-        self, name: str, solver: Options, problem: Problem, start: Values, callback: Callback
+        self, name: str, solver: Limits, problem: Problem, start: Values, callback: Callback
     ) -> None:
         refuse(name, solver.abilities, problem)
         self.name, self.limits, self.problem, self.callback = name, solver, problem, callback
@@ -510,7 +509,7 @@ class OnePass:
         self._last_at_once, self._since = False, 0
 
 
-def takes_one_pass(solver: Options, problem: Problem) -> bool:
+def takes_one_pass(solver: Limits, problem: Problem) -> bool:
     """Whether a run computes the normal equations with each Jacobian, and Jacobians of trials.
 
     So it does where its steps come from normal equations, and where compiled code computes these

@@ -1,6 +1,6 @@
 """CasADi's sequential quadratic programming, with a damped Gauss-Newton Hessian."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import casadi as cs
 
@@ -8,7 +8,7 @@ from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.damping import DAMPED
-from workbench.solvers.limits import Stop
+from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.oracle import Hessian, Oracle, abilities_with, unless_solved
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
@@ -38,7 +38,7 @@ OPTIONS = {
 
 
 @dataclass(frozen=True)
-class Sqp:
+class Sqp(Limits):
     """Sequential quadratic programming, by `sqpmethod` of CasADi.
 
     Every step solves a quadratic program with the Hessian of the Lagrangian and the linearized
@@ -50,20 +50,11 @@ class Sqp:
         hessian: the Hessian of the cost: `Damped` (Gauss and Newton's, with Levenberg and
             Marquardt's damping), `gauss_newton_hessian`, `exact_hessian`, or a function of the run,
             x (n,) and the linearization there. That of the constraints is added.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     hessian: Hessian = DAMPED
+    _: KW_ONLY
     max_iterations: int = 200
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

@@ -1,11 +1,12 @@
 """Steepest descent: steps along the negative gradient."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import cauchy_point
+from workbench.solvers.limits import Limits
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -13,7 +14,7 @@ from workbench.solvers.trust_region import Scaling, columns
 
 
 @dataclass(frozen=True)
-class SteepestDescent:
+class SteepestDescent(Limits):
     """Steps along the negative gradient to the point where the linear model is least along it.
 
     The difference between the cost and its minimum falls by ((k - 1) / (k + 1))^2 per step, where k
@@ -23,21 +24,13 @@ class SteepestDescent:
     Attributes:
         scaling: the metric D of the gradient; with `columns`, units of unknowns do not matter.
         line_search: how far to go towards the Cauchy point: `backtracking` or `full_step`.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     scaling: Scaling = columns
     line_search: LineSearch = backtracking
+    _: KW_ONLY
     max_iterations: int = 10_000
     max_evaluations: int = 50_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

@@ -1,7 +1,7 @@
 """The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 
@@ -51,7 +52,7 @@ def columns(here: Linearization) -> Array:
 
 
 @dataclass(frozen=True)
-class TrustRegion:
+class TrustRegion(Limits):
     """The Levenberg-Marquardt method with a trust region, and the default of `solve`.
 
     Every step p minimises the linear model |J p + r| among the steps of at most a certain length,
@@ -81,21 +82,12 @@ class TrustRegion:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
             start.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     first_radius: float | None = None
     linear_algebra: LinearAlgebra = sparing
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         if self.first_radius is not None and not 0 < self.first_radius < np.inf:
