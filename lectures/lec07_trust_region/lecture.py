@@ -19,8 +19,8 @@ from workbench.course import Picture, source
 from workbench.lectures.material.arm import arm_page
 from workbench.plots import house_style, sheet
 from workbench.problem.steps import Step
-from workbench.solvers.damping import eased
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
+from workbench.solvers.levenberg_marquardt import eased
 from workbench.solvers.trust_region import next_radius, step_within
 
 # %% [markdown]

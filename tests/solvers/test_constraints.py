@@ -23,7 +23,7 @@ from workbench import (
 )
 from workbench.errors import NotSupported
 from workbench.solvers import Ipopt, exact_hessian
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.solvers.nlopt import ALGORITHMS
 
 X = Block("x", (2,)).symbol
 SOLUTION = np.array([2.0, 1.0]) / np.sqrt(5)

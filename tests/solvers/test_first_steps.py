@@ -15,7 +15,7 @@ from workbench.solvers import (
     chumpy,
     full_step,
 )
-from workbench.solvers.trust_radius import (
+from workbench.solvers.dogleg import (
     FIRST,
 )
 

@@ -9,8 +9,7 @@ from tests.tiers import few
 from workbench import Nlopt, Problem, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
-from workbench.solvers.nlopt_objective import Objective
+from workbench.solvers.nlopt import ALGORITHMS, Objective
 from workbench.solvers.run import Run
 
 EACH = pytest.mark.parametrize("name", few(ALGORITHMS, ("LD_LBFGS", "LN_BOBYQA", "LD_MMA")))

@@ -16,7 +16,7 @@ from workbench.errors import TooLarge
 from workbench.problem import storage
 from workbench.problem.bounds import Bounds
 from workbench.solvers import Solver, exact_hessian
-from workbench.solvers.convexity import raised
+from workbench.solvers.newton import raised
 
 FRAMES, SIZE = 8, 5
 SOLVERS = {
@@ -162,12 +162,12 @@ def convex_parts(seed: int, bend: float) -> tuple[np.ndarray, np.ndarray]:
 def test_what_is_not_is_raised_until_it_is(seed: int, bend: float) -> None:
     normal, H = convex_parts(seed, bend)
     assert bend < 10 or np.linalg.eigvalsh(H).min() < 0
-    found = raised(csc_array(normal), csc_array(H))
-    change = found.matrix.toarray() - H
-    assert np.linalg.eigvalsh(found.matrix.toarray()).min() > 0
+    matrix, share = raised(csc_array(normal), csc_array(H))
+    change = matrix.toarray() - H
+    assert np.linalg.eigvalsh(matrix.toarray()).min() > 0
     np.testing.assert_array_equal(change[~np.eye(12, dtype=bool)], 0)
     assert (change.diagonal() > 0).all()
-    assert (found.share > 0) == (np.linalg.eigvalsh(H).min() < 0)
+    assert (share > 0) == (np.linalg.eigvalsh(H).min() < 0)
 
 
 def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,7 @@ from workbench import (
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes.forked import FORKING, ProcessDied, forked
 from workbench.solvers import Iterate, Solution, within_bounds
-from workbench.solvers.minima import all_seen, further_minima
+from workbench.solvers.starts import all_seen, further_minima
 
 OMEGA = 4.0
 TWENTY = Starts(20, draw=Spread({"omega": 4.0}))

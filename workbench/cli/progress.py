@@ -13,7 +13,7 @@ from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.reports import tables
 from workbench.solvers import Iterate
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 ROWS = 12  # of the live table; the whole trace is in the report
 

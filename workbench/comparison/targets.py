@@ -15,7 +15,7 @@ from workbench.arrays import Array
 from workbench.comparison.record import Ending, Record
 from workbench.experiments.relative_costs import SMALLEST, relative_excess
 from workbench.solvers import Status
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
 NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.solvers import Solution
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 SMALLEST = 1e-16  # of the cost at the start: below it a difference of costs is rounding
 

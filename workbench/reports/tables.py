@@ -18,7 +18,7 @@ from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
 from workbench.solvers import Hypothesis, Solution, Status
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 SMALL = 24  # entries of a block that is listed number by number
 MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone

@@ -1,5 +1,6 @@
 """Powell's dogleg: along the gradient, then towards the Gauss-Newton step, in a trust region."""
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
@@ -12,8 +13,11 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
-from workbench.solvers.trust_radius import FIRST, first_radius, trusted
 from workbench.solvers.trust_region import Scaling, identity
+
+FIRST = 0.9  # of the distance from zero: at zero itself roots and logarithms have no derivative
+AGREED = 0.95  # of the predicted decrease: the linear model holds, and is tried farther out
+GROWTH = 2.0  # of a step over the one before
 
 
 @dataclass(frozen=True)
@@ -37,10 +41,45 @@ class RadiusRule:
 
 
 # Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.3;
-# the first radius, which they leave to the user, is that of `trust_radius`
+# they leave the first radius to the user
 textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5, first=FIRST)
 # the rule of chumpy, the optimizer with which SMPL was first fitted
 chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25, first=np.inf)
+
+
+def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
+    """The radius at the start x (n,) in the metric D (n,): a share of max(|D x|, 1), usually 0.9.
+
+    At a point far from a minimum the linear model may promise the most at a place that it knows
+    nothing about: there an exponential underflows, no unknown changes the residual any more, and no
+    way leads back. With this radius the first step does not lead as far as zero, and from zero it
+    is shorter than one unit. SciPy's trf begins with |D x|, and with 1 at zero; MINPACK with 100
+    times as much (Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
+    """
+    return share * max(float(np.linalg.norm(D * x)), 1.0)
+
+
+def trusted(
+    run: Run, x: Array, here: Linearization, step: Callable[[float], Array], longest: float
+) -> float:
+    """How long the first step may be, as a multiple of the radius; 0 if not even the radius holds.
+
+    `step` gives the step p (n,) of a length. The lengths 1, 2, 4, ..., and `longest` are tried, and
+    it is the last of these up to which the cost falls by 95 % of what the linear model predicts. So
+    a start at which the model holds costs evaluations of the residual, and no further Jacobian. See
+    Dennis and Schnabel, Numerical methods for unconstrained optimization and nonlinear equations,
+    1983, section 6.4.3.
+    """
+    held, length = 0.0, 1.0
+    while True:
+        p = step(length)
+        fall = here.cost - run.cost(x + p)
+        if not 0 < AGREED * here.predicted_decrease(p) <= fall:
+            return held
+        held = length
+        if length >= longest:
+            return held
+        length = min(GROWTH * length, longest)
 
 
 def cauchy_point(here: Linearization, D: Array) -> Array:
@@ -74,9 +113,9 @@ class Dogleg(Limits):
 
     The first radius is the length of the first Gauss-Newton step or, if that is longer, 0.9 of the
     distance of the start from zero, or 0.9 near zero, or as much as the linear model proves right
-    (see `trust_radius`); chumpy's rule takes the Gauss-Newton step, however long it is. See Powell,
-    A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for
-    non-linear least squares problems, 2004, section 3.3.
+    (see `first_radius`, `trusted`); chumpy's rule takes the Gauss-Newton step, however long it is.
+    See Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff,
+    Methods for non-linear least squares problems, 2004, section 3.3.
 
     Attributes:
         rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the

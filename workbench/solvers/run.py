@@ -17,7 +17,6 @@ from workbench.problem.rounding import Rounding, all_finite, fall, half_squared
 from workbench.problem.steps import automatic, cholesky, sparing
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.judgement import (
     LOOSE,
     end_point,
@@ -27,7 +26,7 @@ from workbench.solvers.judgement import (
     running_off,
 )
 from workbench.solvers.limits import GUARDED, Limits, Meter, Stop, stop_asked, stop_of, unwarned
-from workbench.solvers.solution import Callback, Solution, Status
+from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.threads import limited_threads
 
 T = TypeVar("T")

@@ -2,10 +2,10 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -25,11 +25,11 @@ from workbench.reading.facts import (
     whole,
 )
 from workbench.reading.facts import facts as facts_of
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.writing import write_arrays
 
 FACTS, VALUE, TRACE = "solution", "value:", "trace:"  # in a file
 HYPOTHESES, LOWER = "hypotheses:", "lower:"
+T = TypeVar("T")
 Row = tuple[Any, ...]  # all of an Iterate but its values
 
 
@@ -64,6 +64,65 @@ class Status(Enum):
     STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
     LOST = INSENSITIVE  # its name in older files
     VALLEY = NO_FINITE_MINIMUM  # its name in older files
+
+
+@dataclass(frozen=True)
+class Evaluations:
+    """The number of evaluations of each kind.
+
+    Attributes:
+        residual: of the residual, and so of the cost.
+        gradient: of the cost and its gradient.
+        jacobian: of the residual and its Jacobian.
+        hessian: of the exact Hessian of the cost.
+        constraint: of the values, the Jacobian or the Hessian of the constraints.
+    """
+
+    residual: int = 0
+    gradient: int = 0
+    jacobian: int = 0
+    hessian: int = 0
+    constraint: int = 0
+
+    @property
+    def total(self) -> int:
+        """All evaluations but those of the constraints."""
+        return self.residual + self.gradient + self.jacobian + self.hessian
+
+    def __add__(self, other: "Evaluations") -> "Evaluations":
+        """The evaluations of both."""
+        return Evaluations(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """One point that a solver visited.
+
+    Attributes:
+        values: the values of the free blocks.
+        cost: the cost at the point.
+        optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
+        step_norm: the length of the step from the iterate before, in the units of the unknowns.
+        damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
+            that have neither.
+        evaluations: the evaluations up to here.
+        seconds: the time up to here, in s.
+        linear_algebra: the factorization that gave the step to this point; empty where it is not
+            known.
+    """
+
+    values: Values
+    cost: float
+    optimality: float
+    step_norm: float
+    damping: float
+    evaluations: Evaluations
+    seconds: float
+    linear_algebra: str = ""
+
+
+# called at every iterate; stops the solver if it says True
+Callback = Callable[[Iterate], object] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +239,7 @@ class Solution:
         with opened(path, what, "give the .npz of a run") as archive:
             facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
             rows = facts.several("trace", _row)
-            minima = facts.several("hypotheses", _minimum) if "hypotheses" in facts.entries else ()
+            minima = _several(facts, _minimum, "hypotheses")
             expected = {}
             shapes = {
                 key.removeprefix(VALUE): header.shape
@@ -212,7 +271,6 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
 
     Older files lack some of the facts.
     """
-    judging = facts.facts("judging") if "judging" in facts.entries else None
     return Solution(
         values={name: arrays[VALUE + name] for name in names},
         cost=facts.amount("cost"),
@@ -227,24 +285,26 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
             for i, row in enumerate(rows)
         ),
         violation=facts.amount("missed") if "missed" in facts.entries else 0.0,
-        insensitive=_labels(facts, "insensitive", "lost", "unnoticed"),
-        diverging=_labels(facts, "diverging", "running"),
-        judging=Evaluations() if judging is None else _evaluations(judging),
-        stages=facts.several("stages", whole) if "stages" in facts.entries else (),
+        insensitive=_several(facts, text, "insensitive", "lost", "unnoticed"),
+        diverging=_several(facts, text, "diverging", "running"),
+        judging=_evaluations(facts.facts("judging"))
+        if "judging" in facts.entries
+        else Evaluations(),
+        stages=_several(facts, whole, "stages"),
     )
 
 
-def _labels(facts: Facts, *names: str) -> tuple[str, ...]:
-    """The labels of unknowns under a name, and under the names that it had in older files."""
+def _several(facts: Facts, of: Callable[[object, str], T], *names: str) -> tuple[T, ...]:
+    """The items under a name and under those that it had in older files; none without any."""
     known = (name for name in names if name in facts.entries)
-    return tuple(label for name in known for label in facts.several(name, text))
+    return tuple(item for name in known for item in facts.several(name, of))
 
 
 def _row(given: object, name: str) -> Row:
     """All of one iterate but its values; older files do not have the linear algebra."""
     entries = several(given, name, lambda entry, _: entry)
     if len(entries) not in (6, 7):
-        raise BadFile(f"{name} has {len(entries)} entries, but must have 7")
+        raise BadFile(f"{name} has {len(entries)} entries, but must have 6 or 7")
     cost, optimality, step, damping, counts, seconds, *by = entries
     return (
         *(amount(one, name) for one in (cost, optimality, step)),
@@ -273,10 +333,6 @@ def _evaluations(facts: Facts) -> Evaluations:
     facts.nothing_else(*known)
     needed = [name for name in known if name != "constraint" or name in facts.entries]
     return Evaluations(**{name: facts.whole(name) for name in needed})
-
-
-# called at every iterate; stops the solver if it says True
-Callback = Callable[[Iterate], object] | None
 
 
 class Solver(Protocol):

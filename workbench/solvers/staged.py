@@ -15,18 +15,12 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.problem.stages import in_stage
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
-from workbench.solvers.solution import (
-    Callback,
-    Solution,
-    Solver,
-    Status,
-)
+from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Solver, Status
 from workbench.solvers.starts import beyond_saddle
 
-GOES_ON = (
+GOES_ON = (  # ends from which the next stage begins; from INSENSITIVE no way leads back
     Status.CONVERGED,
     Status.SADDLE,
     Status.NO_FINITE_MINIMUM,
