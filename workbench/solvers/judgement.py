@@ -90,6 +90,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
     except Exception as error:  # of the user's residual; the best point is still known
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     converged = optimality <= run.limits.gradient_tolerance
+    converged |= status is Status.STALLED and _is_level(end)
     ended = converged or status in (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
     free, read = run.problem.free, run.problem.support.read
     unread, unnoticed = (free.labels_of(np.flatnonzero(silent & m)) for m in (~read, read))
@@ -102,7 +103,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
     try:
         if run.limits.gradient_tolerance < LOOSE:
             end.check()
-            if converged or (ended and optimality < LOOSE):
+            if converged:
                 evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
                 no_minimum = saddle(end, most_gradients(best.x.size, evaluations))
             if no_minimum is None and ended:
@@ -145,6 +146,20 @@ def end_point(run: "Run", here: Linearization) -> EndPoint:
     x, tolerance = run.best.x, run.limits.gradient_tolerance
     rounding, judged = run.rounding_noise.at(x, here), run.problem.for_judging()
     return EndPoint(judged, run.fixed, x, here, rounding, run.x, tolerance, check)
+
+
+def _is_level(end: EndPoint) -> bool:
+    """Whether the cost at a stalled end changes by less than the tolerance, along each unknown.
+
+    Near the minimum of a cost in a single row the row itself is level, and any cosine with its
+    short columns is 1. So a column counts here as long as one that changes the residual by its
+    length as x_i moves by its size.
+    """
+    here, size = end.here, float(np.linalg.norm(end.here.residual))
+    D = np.maximum(here.column_norms, size / end.size)
+    lower, upper = (D * (bound - end.x) for bound in (end.problem.lower, end.problem.upper))
+    way = np.clip(-here.gradient / D, lower, upper)
+    return here.constraints is None and bool((np.abs(way) <= end.tolerance * size).all())
 
 
 def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
