@@ -1,8 +1,8 @@
 """Solvers, each by its own name, and the catalogue by which the command line knows them.
 
 A solver runs its loop in a `Run`, which evaluates, counts, keeps the best point and stops; how a
-run ended is judged by the problem (`ending`), never by what a library reports. One that cannot take
-bounds or constraints says so in its `abilities`, from which the refusal is made.
+run ended is judged by the problem (`judgement`), never by what a library reports. One that cannot
+take bounds or constraints says so in its `abilities`, from which the refusal is made.
 
 The minimum of the linear model may be where the residual no longer changes with an unknown, and no
 way leads back from there. Gauss-Newton, the dogleg, and the damping of the Hessian for IPOPT and

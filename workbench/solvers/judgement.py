@@ -118,16 +118,13 @@ def ending(run: "Run", stop: Stop) -> Ending:
     if gone.any():
         labels = free.labels_of(np.flatnonzero(gone))
         message = Status.INSENSITIVE.value.replace("some unknowns", some_of(labels, NAMED), 1)
-        labels = tuple(dict.fromkeys((*labels, *result.insensitive)))
-        return replace(result, status=Status.INSENSITIVE, message=message, insensitive=labels)
+        every = tuple(dict.fromkeys((*labels, *result.insensitive)))
+        return replace(result, status=Status.INSENSITIVE, message=message, insensitive=every)
     if running.any():
         return _without_minimum(end, running, result)
     if converged:
-        return replace(
-            result,
-            status=Status.CONVERGED,
-            message=_converged(run, here, tuple(unread), tuple(unnoticed)),
-        )
+        message = _converged(run, here, tuple(unread), tuple(unnoticed))
+        return replace(result, status=Status.CONVERGED, message=message)
     if ended:
         if status is not Status.STALLED:
             message = Status.STALLED.value
@@ -302,7 +299,7 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     A turn is free if the cost, up to rounding, and the constraints stay as they are. Takes the
     linearization and the optimality at the best point, and returns both for the point after
     turning. That is the same body, but its Jacobian has other columns, with other cosines between
-    them and the residual: where the tolerance is no longer met, one Gauss-Newton step is tried.
+    them and the residual: it stays as it is where the tolerance would no longer be met.
     """
     problem, best, fixed = run.problem, run.best, run.fixed
     there = problem.stacked_constraints
@@ -316,21 +313,11 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     if turned is best.x:
         return here, optimality
     at_turned = problem.linearize_at(turned, fixed)
-    found, tolerance = (
-        run.rounding_noise.optimality(turned, at_turned),
-        run.limits.gradient_tolerance,
-    )
-    if found > tolerance >= optimality:
-        nearer = np.clip(turned + at_turned.step(), problem.lower, problem.upper)
-        if is_free(nearer):
-            closer = problem.linearize_at(nearer, fixed)
-            by_step = run.rounding_noise.optimality(nearer, closer)
-            if by_step <= tolerance:
-                turned, at_turned, found = nearer, closer, by_step
-    if found > tolerance >= optimality:
+    after = run.rounding_noise.optimality(turned, at_turned)
+    if after > run.limits.gradient_tolerance >= optimality:
         return here, optimality  # turning it costs that it has converged
     best.x, best.cost = turned, at_turned.cost
-    return at_turned, found
+    return at_turned, after
 
 
 def _violation(run: "Run") -> str:
