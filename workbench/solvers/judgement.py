@@ -90,7 +90,8 @@ def ending(run: "Run", stop: Stop) -> Ending:
     except Exception as error:  # of the user's residual; the best point is still known
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     converged = optimality <= run.limits.gradient_tolerance
-    converged |= status is Status.STALLED and _is_level(end)
+    is_level = not converged and status is Status.STALLED and _is_level(end)
+    converged = converged or is_level
     ended = converged or status in (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
     free, read = run.problem.free, run.problem.support.read
     unread, unnoticed = (free.labels_of(np.flatnonzero(silent & m)) for m in (~read, read))
@@ -106,24 +107,26 @@ def ending(run: "Run", stop: Stop) -> Ending:
             if converged:
                 evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
                 no_minimum = saddle(end, most_gradients(best.x.size, evaluations))
-            if no_minimum is None and ended:
-                gone = insensitive(end, silent)
-            if no_minimum is None and not gone.any() and (converged or status in MAY_DIVERGE):
+            if no_minimum is None and (converged or status in MAY_DIVERGE):
                 running = running_off(run, end, converged)
+            if no_minimum is None and not running.any() and ended:
+                gone = insensitive(end, silent)
     except Exception:  # of the user's residual far away, or of a limit outside of the run
         pass
     result = replace(result, judging=Evaluations(**end.counts))
     if no_minimum is not None:
         return _at_saddle(end, no_minimum, result)
+    if running.any():
+        return _without_minimum(end, running, result)
     if gone.any():
         labels = free.labels_of(np.flatnonzero(gone))
         message = Status.INSENSITIVE.value.replace("some unknowns", some_of(labels, NAMED), 1)
         every = tuple(dict.fromkeys((*labels, *result.insensitive)))
         return replace(result, status=Status.INSENSITIVE, message=message, insensitive=every)
-    if running.any():
-        return _without_minimum(end, running, result)
     if converged:
         message = _converged(run, here, tuple(unread), tuple(unnoticed))
+        if is_level:
+            message += f" (the cosine is {optimality:.2g}, but only of columns that are too short)"
         return replace(result, status=Status.CONVERGED, message=message)
     if ended:
         if status is not Status.STALLED:
