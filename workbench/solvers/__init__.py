@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from workbench.blocks import Values
 from workbench.errors import BadArgument, check_known
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed, check_abilities
+from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
 from workbench.solvers.casadi_solvers import (
     DampedGaussNewton,
     Ipopt,
@@ -77,7 +77,6 @@ SOLVERS: Mapping[str, Listed] = {
     "nlopt-bobyqa": Nlopt("LN_BOBYQA"),
     "nlopt-mlsl": Nlopt("G_MLSL_LDS"),
 }
-check_abilities(SOLVERS)
 Damped = DampedGaussNewton  # its former name
 DEFAULT = "trust-region"  # the solver of `solve` and of the commands, where none is named
 

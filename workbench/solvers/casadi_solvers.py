@@ -1,4 +1,4 @@
-"""The solvers that CasADi calls, IPOPT and its own SQP, and the Hessians that they are given."""
+"""The solvers that CasADi calls, IPOPT and its own SQP, and the Hessians that they use."""
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
@@ -56,18 +56,11 @@ SQP_OPTIONS = {
     "c1": 1e-4,
     "elastic_mode": True,  # where the linearized constraints contradict each other
     "qpsol": "qrqp",
-    "qpsol_options": {
-        "print_iter": False,
-        "print_header": False,
-        "print_info": False,
-        "error_on_fail": False,
-    },
-    "print_header": False,
-    "print_iteration": False,
-    "print_status": False,
-    "print_time": False,
-    "show_eval_warnings": False,
-    "error_on_fail": False,
+    "qpsol_options": dict.fromkeys(
+        ("print_iter", "print_header", "print_info", "error_on_fail"), False
+    ),
+    **dict.fromkeys(("print_header", "print_iteration", "print_status"), False),
+    **dict.fromkeys(("print_time", "show_eval_warnings", "error_on_fail"), False),
 }
 
 
@@ -324,9 +317,7 @@ class Ipopt(Limits):
                 **derivatives,
                 "iteration_callback": oracle.recorder,
                 "no_nlp_grad": True,  # its gradient would have to be derived from the callback
-                "print_time": False,
-                "show_eval_warnings": False,
-                "error_on_fail": False,
+                **dict.fromkeys(("print_time", "show_eval_warnings", "error_on_fail"), False),
                 "ipopt": options,
             },
         )

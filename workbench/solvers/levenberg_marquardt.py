@@ -75,8 +75,8 @@ class LevenbergMarquardt(Limits):
         linear_algebra: how the step is computed; `automatic` chooses a factorization.
         first_damping: the damping at the start, as a share of the largest (|J_i| / D_i)^2 there. A
             larger one begins with shorter steps, nearer to the gradient.
-        steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the method of
-            Levenberg and Marquardt, 2 for Fan's.
+        steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the plain
+            method, 2 for Fan's.
     """
 
     scaling: Scaling = identity
@@ -163,11 +163,11 @@ class LevenbergMarquardt(Limits):
         trials = [Trial(np.clip(x + p, lower, upper), predicted)]
         while len(trials) < self.steps_per_jacobian:
             to, predicted, _ = trials[-1]
-            found = run.cost_and_residual(to)
-            trials[-1] = Trial(to, predicted, found)
-            if not isfinite(found[0]):
+            known = run.cost_and_residual(to)
+            trials[-1] = Trial(to, predicted, known)
+            if not isfinite(known[0]):
                 break
-            there, at_most = here.with_residual(found[1]), SHORTER * length
+            there, at_most = here.with_residual(known[1]), SHORTER * length
             step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
             if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
                 break

@@ -116,8 +116,7 @@ class Nlopt(Limits):
 
     NLopt sees the unknowns y_i = |J_i| x_i, with the Jacobian at the start: quasi-Newton methods
     begin with the identity as their Hessian, and after this scaling its diagonal is right. Raises
-    UnknownName for an algorithm that is not in `ALGORITHMS`, which names the
-    source of each.
+    UnknownName for an algorithm that is not in `ALGORITHMS`, which names the source of each.
 
     Attributes:
         algorithm: NLopt's name of the algorithm, such as `LD_LBFGS`.

@@ -269,7 +269,7 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
             self._sparsity = cs.Sparsity(*places.shape, starts, rows)
         else:
             self._shape, self._sparsity = places, cs.Sparsity.dense(*(places or (1,)))
-        self._sizes, self._places, self._serving = sizes, places, serving
+        self._name, self._sizes, self._places, self._serving = name, sizes, places, serving
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -302,9 +302,9 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
                     _inside(arguments[0], now.run),
                     _column(arguments[1], self._sizes[1]),
                 )
-                value = self._numbers(now.compute[self.name()](x, multipliers))
+                value = self._numbers(now.compute[self._name](x, multipliers))
                 if value.shape != self._shape:  # a user's Hessian
-                    raise ValueError(f"{self.name()} is {self._shape}, not {value.shape}")
+                    raise ValueError(f"{self._name} is {self._shape}, not {value.shape}")
                 out[...] = value
                 return 0
         except BaseException as error:

@@ -1,7 +1,7 @@
 """What every solver takes and returns: a problem and a start, and a solution with its trace."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
@@ -238,60 +238,50 @@ class Solution:
         what = "solution that Solution.save wrote"
         with opened(path, what, "give the .npz of a run") as archive:
             facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
-            rows = facts.several("trace", _row)
-            minima = _several(facts, _minimum, "hypotheses")
-            expected = {}
+            rows, minima = facts.several("trace", _row), _several(facts, _minimum, "hypotheses")
             shapes = {
                 key.removeprefix(VALUE): header.shape
                 for key, header in archive.headers.items()
                 if key.startswith(VALUE)
             }
+            has_lower = any(key.startswith(LOWER) for key in archive.headers)
+            expected = {}
             for name, shape in shapes.items():
                 expected[VALUE + name] = doubles(*shape)
                 # the array of an empty trace has the shape (0,)
                 expected[TRACE + name] = doubles(len(rows), *shape) if rows else doubles(0)
                 if minima:
                     expected[HYPOTHESES + name] = doubles(len(minima), *shape)
-            lower = any(key.startswith(LOWER) for key in archive.headers)
-            if lower:
-                expected |= {LOWER + name: doubles(*shape) for name, shape in shapes.items()}
+                if has_lower:
+                    expected[LOWER + name] = doubles(*shape)
             nothing_else(archive, (*expected, FACTS))
             arrays = read_expected(archive, expected)
-            found = _solution(facts, rows, arrays, tuple(shapes))
-        several_minima = (
-            Hypothesis({name: arrays[HYPOTHESES + name][i] for name in shapes}, *one)
-            for i, one in enumerate(minima)
-        )
-        beside = {name: arrays[LOWER + name] for name in shapes} if lower else None
-        return replace(found, hypotheses=tuple(several_minima), lower=beside)
 
+            def values(of: str, i: int | None = None) -> Values:
+                each = {name: arrays[of + name] for name in shapes}
+                return each if i is None else {name: several[i] for name, several in each.items()}
 
-def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
-    """The solution from arrays that are checked already. Raises BadFile for wrong facts.
-
-    Older files lack some of the facts.
-    """
-    return Solution(
-        values={name: arrays[VALUE + name] for name in names},
-        cost=facts.amount("cost"),
-        optimality=facts.amount("optimality"),
-        status=Status[facts.among("status", Status.__members__)],
-        message=facts.text("message"),
-        solver=facts.text("solver"),
-        evaluations=_evaluations(facts.facts("evaluations")),
-        seconds=facts.duration("seconds"),
-        trace=tuple(
-            Iterate({name: arrays[TRACE + name][i] for name in names}, *row)
-            for i, row in enumerate(rows)
-        ),
-        violation=facts.amount("missed") if "missed" in facts.entries else 0.0,
-        insensitive=_several(facts, text, "insensitive", "lost", "unnoticed"),
-        diverging=_several(facts, text, "diverging", "running"),
-        judging=_evaluations(facts.facts("judging"))
-        if "judging" in facts.entries
-        else Evaluations(),
-        stages=_several(facts, whole, "stages"),
-    )
+            old = facts.entries  # older files lack some of the facts
+            return Solution(
+                values=values(VALUE),
+                cost=facts.amount("cost"),
+                optimality=facts.amount("optimality"),
+                status=Status[facts.among("status", Status.__members__)],
+                message=facts.text("message"),
+                solver=facts.text("solver"),
+                evaluations=_evaluations(facts.facts("evaluations")),
+                seconds=facts.duration("seconds"),
+                trace=tuple(Iterate(values(TRACE, i), *row) for i, row in enumerate(rows)),
+                violation=facts.amount("missed") if "missed" in old else 0.0,
+                insensitive=_several(facts, text, "insensitive", "lost", "unnoticed"),
+                hypotheses=tuple(
+                    Hypothesis(values(HYPOTHESES, i), *one) for i, one in enumerate(minima)
+                ),
+                diverging=_several(facts, text, "diverging", "running"),
+                lower=values(LOWER) if has_lower else None,
+                judging=_evaluations(facts.facts("judging")) if "judging" in old else Evaluations(),
+                stages=_several(facts, whole, "stages"),
+            )
 
 
 def _several(facts: Facts, of: Callable[[object, str], T], *names: str) -> tuple[T, ...]:
@@ -300,9 +290,9 @@ def _several(facts: Facts, of: Callable[[object, str], T], *names: str) -> tuple
     return tuple(item for name in known for item in facts.several(name, of))
 
 
-def _row(given: object, name: str) -> Row:
+def _row(value: object, name: str) -> Row:
     """All of one iterate but its values; older files do not have the linear algebra."""
-    entries = several(given, name, lambda entry, _: entry)
+    entries = several(value, name, lambda entry, _: entry)
     if len(entries) not in (6, 7):
         raise BadFile(f"{name} has {len(entries)} entries, but must have 6 or 7")
     cost, optimality, step, damping, counts, seconds, *by = entries
@@ -315,9 +305,9 @@ def _row(given: object, name: str) -> Row:
     )
 
 
-def _minimum(given: object, name: str) -> Row:
+def _minimum(value: object, name: str) -> Row:
     """All of one hypothesis but its values."""
-    entries = several(given, name, lambda entry, _: entry)
+    entries = several(value, name, lambda entry, _: entry)
     if len(entries) != 4:
         raise BadFile(f"{name} has {len(entries)} entries, but must have 4")
     cost, status, starts, violation = entries

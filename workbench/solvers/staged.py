@@ -73,9 +73,9 @@ class Staged:
     The rest is fixed meanwhile, so that, say, a body stands in the right place before the pose of
     its arms is looked for. The trace of the solution is that of all stages and holds all blocks;
     where a stage weights residuals otherwise, its costs are not those of the problem. A stage that
-    ends at a saddle goes on once from the `lower` point beside it. The limits of
-    the solver apply to each stage by itself. Raises BadArgument for a stage that is no tuple of
-    names and no `SolveStage`.
+    ends at a saddle goes on once from the `lower` point beside it; one that is INSENSITIVE, or ends
+    at a limit of evaluations or time, is the last. The limits of the solver apply to each stage by
+    itself. Raises BadArgument for a stage that is no tuple of names and no `SolveStage`.
 
     Attributes:
         stages: what is different in each stage but the last: a `SolveStage`, or only the names that

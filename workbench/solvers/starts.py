@@ -81,13 +81,12 @@ class Starts:
     """Solve from several starts, and keep every minimum that was found.
 
     A run that ends at a saddle goes on once from the `lower` point beside it. The solution is the
-    lowest end. Its `hypotheses` are the minima, the lowest first, each with
-    the starts that led to it; ends whose residuals cannot be told apart are one minimum. The
-    message says how likely it is that no further minimum exists, from the number of starts and the
-    number of different minima (`all_seen`); a run that ended at a limit, away from
-    all other ends, counts as a minimum of its own. The trace is that of the best start's run,
-    evaluations and seconds are those of all runs, and the limits of the solver apply to each run
-    by itself.
+    lowest end. Its `hypotheses` are the minima, the lowest first, each with the starts that led to
+    it; ends whose residuals cannot be told apart are one minimum. The message says how likely it is
+    that no further minimum exists, from the number of starts and the number of different minima
+    (`all_seen`); a run that ended at a limit, away from all other ends, counts as a minimum of its
+    own. The trace is that of the best start's run, evaluations and seconds are those of all runs,
+    and the limits of the solver apply to each run by itself.
 
     Attributes:
         starts: the values of blocks at each start, in which what is left out stays as it is given
@@ -149,8 +148,8 @@ class Starts:
             return beyond_saddle(first, self.solver, problem, starts[k], seen)
 
         alone = self.workers == 1
-        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
-            for k, end in found:
+        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as runs:
+            for k, end in runs:
                 ends[k] = end
                 if not alone:
                     any(map(told, end.trace))  # up to the first at which it asks to stop
@@ -191,12 +190,12 @@ def _hypotheses(
     least = NEGLIGIBLE * first if np.isfinite(first) else 0.0
     groups = [tuple(finite[i] for i in some) for some in clusters(problem, fixed, points, least)]
     groups += [(k,) for k in ends if k not in finite]
-    found = []
+    minima = []
     for members in groups:
         in_order = tuple(sorted(members, key=lambda k: _order(ends[k])))
         end = ends[in_order[0]]
-        found.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
-    return tuple(sorted(found, key=lambda one: _order(ends[one.starts[0]])))
+        minima.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
+    return tuple(sorted(minima, key=lambda one: _order(ends[one.starts[0]])))
 
 
 def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
