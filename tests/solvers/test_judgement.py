@@ -110,7 +110,7 @@ def test_a_constant_residual_is_no_reason_to_stop(name: str) -> None:
         assert float(solution.values["x"]) == pytest.approx(1.0, abs=1e-6)
 
 
-# Unknowns that the residual loses.
+# Insensitive unknowns.
 
 
 def meyer() -> Problem:
@@ -125,7 +125,7 @@ def meyer() -> Problem:
 @pytest.mark.parametrize(
     "solver", [Dogleg(rule=chumpy), Ipopt(hessian=gauss_newton_hessian)], ids=["chumpy", "ipopt"]
 )
-def test_a_leap_into_a_desert_is_lost(solver: Solver) -> None:
+def test_a_leap_into_a_desert_is_insensitive(solver: Solver) -> None:
     """The first step ends where the exponential is zero, at 4e7 times the least cost."""
     solution = solver.solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
     assert solution.cost > 1e9
@@ -143,7 +143,7 @@ def test_one_unknown_that_leads_away_is_named_alone() -> None:
     assert solution.diverging == ("x[1]",)
 
 
-def test_an_inactive_penalty_is_not_lost() -> None:
+def test_an_inactive_penalty_is_not_insensitive() -> None:
     """Its rows are zero: nothing more can be gained, whoever is noticed."""
     x = Block("x", (2,)).symbol
     problem = of(x[0] - 1, cs.fmax(0, x[1] - 1), 0.3)
@@ -166,7 +166,7 @@ def test_an_unread_unknown_is_listed() -> None:
 @pytest.mark.parametrize(
     "name", ["gauss-newton", "dogleg", "nlopt-lbfgs", "scipy-dogbox", "newton"]
 )
-def test_a_minimum_with_a_column_of_zeros_is_not_lost(name: str) -> None:
+def test_a_minimum_with_a_column_of_zeros_is_not_insensitive(name: str) -> None:
     """1 + x^2 has its least square where its derivative vanishes, and is noticed on both sides."""
     x = Block("x").symbol
     for residual in (1 + x**2, cs.sqrt(x**2 + 1) - 0.5):
@@ -182,7 +182,7 @@ def test_an_unknown_unnoticed_at_a_minimum_is_listed() -> None:
     assert "no residual changes with x where its Jacobian was computed" in solution.message
 
 
-def test_what_was_lost_is_saved(tmp_path) -> None:
+def test_insensitive_unknowns_are_saved(tmp_path) -> None:
     solution = SOLVERS["dogleg-chumpy"].solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
     assert solution.insensitive
     solution.save(tmp_path / "meyer.npz")
@@ -318,13 +318,13 @@ def test_overflow_at_the_start_does_not_end_where_nothing_changes() -> None:
 # Rounding.
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-34])
+@pytest.mark.parametrize("unit", [1.0, 1e-34, 1e-40])
 def test_residuals_far_below_one_sigma_are_fitted(unit: float) -> None:
     """The photoelectric effect in joules, with a sigma of 1 J: h and W."""
     h, work, nu = 6.626e-34, 3.2e-19, np.array([5.5, 6.0, 7.0, 8.0, 9.0]) * 1e14
     noise = np.array([1, -2, 1, 1, -1]) * 1e-22
     rows = unit * XY[0] * nu - 1e-19 * XY[1] - (h * nu - work + noise)
-    solution = solve(of(rows), {"x": [1e-34 / unit, 1.0]})
+    solution = solve(of(rows), {"x": [1.0 if unit == 1e-40 else 1e-34 / unit, 1.0]})
     assert solution.converged
     exact = np.linalg.lstsq(np.c_[nu * h, np.full(5, -work)], h * nu - work + noise, rcond=None)[0]
     found = solution.values["x"] * [unit / h, 1e-19 / work]
@@ -562,7 +562,7 @@ def test_a_failing_gradient_changes_no_judgement() -> None:
     assert solve(problem, {"x": 0.0}).status is Status.SADDLE
 
 
-# Valleys without end.
+# Costs that fall for ever.
 
 ENDLESS = {
     "exp(-x)": (of(cs.exp(-X)), 0.0),
@@ -574,7 +574,7 @@ ENDLESS = {
 
 @pytest.mark.parametrize("name", few(["levenberg-marquardt", "newton", "nlopt-lbfgs", "ipopt"], 1))
 @pytest.mark.parametrize("problem", list(ENDLESS))
-def test_a_valley_without_end_is_no_minimum(problem: str, name: str) -> None:
+def test_a_cost_that_falls_for_ever_is_no_minimum(problem: str, name: str) -> None:
     of_it, start = ENDLESS[problem]
     solution = SOLVERS[name].solve(of_it, {"x": start})
     assert solution.status is Status.NO_FINITE_MINIMUM
@@ -600,7 +600,7 @@ def test_separable_data_have_no_logistic_fit() -> None:
     assert solve(bounded, {"x": [0.1, 0.0]}).converged
 
 
-def test_a_far_minimum_is_no_valley() -> None:
+def test_a_far_minimum_is_finite() -> None:
     """The unknown grows a million times, and the run is cut off before it arrives."""
     for most in (6, 20, 200):
         for name in ("levenberg-marquardt", "steepest-descent", "newton", "nlopt-lbfgs"):
@@ -609,7 +609,7 @@ def test_a_far_minimum_is_no_valley() -> None:
                 assert solver.solve(of(residual), {"x": 1.0}).status is not Status.NO_FINITE_MINIMUM
 
 
-def test_a_prior_gives_endless_valleys_a_minimum() -> None:
+def test_a_prior_gives_a_cost_that_falls_for_ever_a_minimum() -> None:
     """With a prior on what runs off, every one of these has a minimum."""
     for problem, start in ENDLESS.values():
         unknown = X if np.shape(start) == () else XY

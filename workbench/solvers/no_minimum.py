@@ -338,7 +338,7 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
         """The point farther out after x (n,), its residual (m,), and whether it is no higher."""
         to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
         further = end.residual(to)
-        rounding = end.problem.rounding(to, end.fixed, further)  # of terms that have grown
+        rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
         left = IMPERFECT * half_squared(r) + rounding.of_fall(further, further != r)
         return to, further, not fall(r, further) < -left
 
