@@ -318,13 +318,13 @@ def test_overflow_at_the_start_does_not_end_where_nothing_changes() -> None:
 # Rounding.
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-34, 1e-40])
+@pytest.mark.parametrize("unit", [1.0, 1e-34])
 def test_residuals_far_below_one_sigma_are_fitted(unit: float) -> None:
     """The photoelectric effect in joules, with a sigma of 1 J: h and W."""
     h, work, nu = 6.626e-34, 3.2e-19, np.array([5.5, 6.0, 7.0, 8.0, 9.0]) * 1e14
     noise = np.array([1, -2, 1, 1, -1]) * 1e-22
     rows = unit * XY[0] * nu - 1e-19 * XY[1] - (h * nu - work + noise)
-    solution = solve(of(rows), {"x": [1.0 if unit == 1e-40 else 1e-34 / unit, 1.0]})
+    solution = solve(of(rows), {"x": [1e-34 / unit, 1.0]})
     assert solution.converged
     exact = np.linalg.lstsq(np.c_[nu * h, np.full(5, -work)], h * nu - work + noise, rcond=None)[0]
     found = solution.values["x"] * [unit / h, 1e-19 / work]
