@@ -28,8 +28,8 @@ from workbench.experiments import find
 from workbench.problem import steps
 from workbench.problem.steps import automatic
 from workbench.solvers import DampedGaussNewton, Ipopt, Sqp, chumpy, columns, full_step, identity
-from workbench.solvers.box_step import box_step
 from workbench.solvers.dogleg import FIRST, cauchy_point, dogleg_step
+from workbench.solvers.trust_region import box_step
 
 FAR = [{"x": np.array(x)} for x in ([-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0])]
 FROM_FAR = pytest.mark.parametrize("start", FAR, ids=lambda start: str(start["x"]))

@@ -20,7 +20,7 @@ class Cause(Enum):
     SECOND_BASIN = "it is another minimum"
     SADDLE = "it is a saddle point: the cost falls along a direction of negative curvature"
     NO_FINITE_MINIMUM = "the cost falls for ever as some unknowns grow without limit"
-    INSENSITIVE = "the residual no longer changed with some unknowns on the way"
+    INSENSITIVE = "the residual hardly changed with some unknowns"
     LIMIT = "a limit of evaluations, iterations or time ended the run on its way"
     ROUNDING = "rounding of the residual leaves unknowns undetermined there"
     RANK = "the Jacobian has a lower rank there than at the lowest point"

@@ -34,7 +34,7 @@ class TargetOutcome(Enum):
     OTHER_BASIN = "ended at a stationary point of another basin, where the cost is higher"
     SADDLE = "ended at a saddle point, from which the cost falls along a direction"
     NO_FINITE_MINIMUM = "ended where the cost falls for ever as some unknowns grow without limit"
-    INSENSITIVE = "came to where the residual does not change with some unknowns"
+    INSENSITIVE = "came to where the residual hardly changes with some unknowns"
     FALSE_CLAIM = "claims convergence at a point that is not stationary"
     STALLED = "gave up at a point that is not stationary"
     OUT_OF_BUDGET = "ran out of evaluations, iterations or time"

@@ -175,7 +175,8 @@ def _parts(A: csr_array, chosen: Index) -> Iterator[_Part]:
 
 
 Box = tuple[Array, Array]
-IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that does no harm
+HARMLESS = 1e-3  # of a sigma: rounding that does no harm
+IMMATERIAL = 1e-6  # of an unknown's own size: the same
 
 
 def optimality(
@@ -249,10 +250,10 @@ def explained_by_rounding(
 def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
     """By how much rounding leaves each x_i undetermined, (n,), in its unit; 0 if harmless.
 
-    It is harmless up to a millionth of a sigma, or of x_i itself.
+    It is harmless up to a thousandth of a sigma, or a millionth of x_i itself.
     """
     error, norms = _errors(here, support, rounding), here.column_norms
-    harmless = (error <= IMMATERIAL) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
+    harmless = (error <= HARMLESS) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
     return np.where(harmless, 0.0, error / np.where(norms > 0, norms, 1.0))
 
 

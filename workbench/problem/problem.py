@@ -259,13 +259,13 @@ class Problem(Symbolic):
         """Where the Jacobian may be nonzero, (m, n): each point reads all of its body's blocks."""
         return self._chain.pattern
 
-    def rounding(self, x: Array, fixed: Array, residual: Array) -> Rounding:
+    def rounding(self, x: Array, fixed: Array, residual: Array, floor: float = 1.0) -> Rounding:
         """How large the rounding error of each row of the residual (m,) at x may be.
 
         It is estimated from the size of the terms that make up the row at x: derivatives times
-        free numbers, fixed numbers and points.
+        free numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
         """
-        return Rounding.of(residual, self._chain.made_of(x, fixed))
+        return Rounding.of(residual, self._chain.made_of(x, fixed), floor)
 
     @property
     def support(self) -> Support:

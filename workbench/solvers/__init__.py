@@ -1,8 +1,8 @@
 """Solvers, each by its own name, and the catalogue by which the command line knows them.
 
 A solver runs its loop in a `Run`, which evaluates, counts, keeps the best point and stops; how a
-run ended is judged by the problem (`ending`), never by what a library reports. One that cannot take
-bounds or constraints says so in its `abilities`, from which the refusal is made.
+run ended is judged by the problem (`judgement`), never by what a library reports. One that cannot
+take bounds or constraints says so in its `abilities`, from which the refusal is made.
 
 The minimum of the linear model may be where the residual no longer changes with an unknown, and no
 way leads back from there. Gauss-Newton, the dogleg, and the damping of the Hessian for IPOPT and
@@ -36,7 +36,6 @@ from workbench.solvers.limits import Limits
 from workbench.solvers.newton import Newton
 from workbench.solvers.nlopt import Nlopt
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import columns, identity
 from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
     Callback,
@@ -49,7 +48,7 @@ from workbench.solvers.solution import (
 )
 from workbench.solvers.staged import SolveStage, Staged
 from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
-from workbench.solvers.trust_region import TrustRegion
+from workbench.solvers.trust_region import TrustRegion, columns, identity
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
 SOLVERS: Mapping[str, Listed] = {

@@ -17,9 +17,8 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.dogleg import first_radius
 from workbench.solvers.levenberg_marquardt import FASTEST_FALL, eased
 from workbench.solvers.limits import Limits, Stop
-from workbench.solvers.one_pass import has_one_pass
 from workbench.solvers.oracle import Oracle, StoredBy, kept_oracle
-from workbench.solvers.run import Run
+from workbench.solvers.run import Run, has_one_pass
 from workbench.solvers.solution import Callback, Solution, Status
 
 RISE, RISES = 4.0, 8  # of the damping for each step that was tried in vain, and how many count

@@ -12,8 +12,8 @@ from workbench.problem.steps import LinearAlgebra, automatic
 from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, identity
 
 FIRST = 0.9  # of the distance from zero: at zero itself roots and logarithms have no derivative
 AGREED = 0.95  # of the predicted decrease: the linear model holds, and is tried farther out

@@ -14,8 +14,8 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.dogleg import GROWTH, cauchy_point, first_radius, trusted
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, columns
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, columns
 
 TRUSTED = 0.1  # of |J p|: how far the linear model may be off where a step may be longer still
 LineSearch = Callable[[Run, Array, Linearization, Array], float]

@@ -12,11 +12,10 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
-from workbench.solvers.box_step import box_step
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Known, Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, box_step, identity
 
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 SHORTER = 0.75  # of a step: the longest further one with the same Jacobian

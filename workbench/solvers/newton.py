@@ -16,8 +16,8 @@ from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.gauss_newton import LineSearch, backtracking
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, columns
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, columns
 
 LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for
 SHARES = (0.0, 1 / 64, 1 / 16, 1 / 4)  # of what is certain to be enough, tried in this order

@@ -14,7 +14,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.rounding import all_finite
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
-from workbench.solvers.ending import BOUGHT
+from workbench.solvers.judgement import BOUGHT
 from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status

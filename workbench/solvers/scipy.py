@@ -14,8 +14,8 @@ from workbench.problem.storage import Stored, columns_of, dense, stacked, unbloc
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution, Status
+from workbench.solvers.trust_region import Scaling, identity
 
 METHODS = {
     name: Abilities(Derivative.JACOBIAN, boxes, first_step=IN_A_RADIUS, source=source)

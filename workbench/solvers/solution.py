@@ -46,7 +46,7 @@ class Status(Enum):
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     INSENSITIVE = (
-        "the residual does not change with some unknowns here, and says nothing about them; start "
+        "the residual hardly changes with some unknowns here, and says nothing about them; start "
         "nearer, bound them, or give them a prior"
     )
     NO_FINITE_MINIMUM = (
@@ -159,8 +159,8 @@ class Solution:
         trace: the iterates, the start first.
         violation: by how many tolerances the worst constraint is exceeded; up to 1 the point is
             feasible.
-        insensitive: labels of unknowns with which the residual does not change: not where the run
-            ended although it did on the way, or nowhere that the Jacobian was computed.
+        insensitive: labels of unknowns with which the residual hardly changes where the run ended,
+            or does not change anywhere that the Jacobian was computed.
         hypotheses: the minima that several starts led to, this one first; empty for one start.
         diverging: labels of the unknowns that grow without limit while the cost falls for ever.
         lower: if the status is SADDLE, values beside the saddle where the cost is lower, from which
