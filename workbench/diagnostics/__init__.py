@@ -3,8 +3,7 @@
 `Diagnosis` computes part after part when it is asked for, a module each: `structure`, `null_space`,
 `conditioning`, `identifiability`, `derivatives`, `findings`, `advice`; `report` and `schema` put it
 into text and data. Everything about columns comes from one small triangular R with R'R = J'J. A
-large sparse Jacobian is eliminated part after part instead (`parts`, `eliminated_jacobian`), and a
-long sequence frame after frame (`sequences`), where the same name in many frames is said once.
+large sparse Jacobian is factorized instead (`sparse_jacobian`), and a long sequence eliminated frame after frame (`sequences`), where the same name in many frames is said once.
 
 Null directions are looked for in small named subspaces, the smallest first, so that the twist of
 one bone is found by itself and not as a part of a larger motion: first the gauges of bodies whose

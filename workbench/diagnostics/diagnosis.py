@@ -10,7 +10,6 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.exchanges import exchanges
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
@@ -23,6 +22,7 @@ from workbench.diagnostics.linearized import not_finite, pattern_at, thick
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import law_of
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
@@ -121,7 +121,7 @@ class Diagnosis:
         return not_finite(self.here)
 
     @property
-    def by_elimination(self) -> EliminatedJacobian | None:
+    def by_elimination(self) -> SparseJacobian | None:
         """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
         return self.point.by_elimination
 

@@ -263,7 +263,7 @@ def gap(d: Diagnosis) -> str:
 
     Empty, too, where the rank was found by elimination, without singular values.
     """
-    if d.point.constrained.eliminated is not None:
+    if d.by_elimination is not None:
         return ""
     s, rank = d.singular_values, d.reduced_rank
     if not 0 < rank < s.size:

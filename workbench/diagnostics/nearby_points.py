@@ -33,7 +33,7 @@ def nearby_null_spaces(
     `pattern` (m, n) says which unknowns a residual reads. There are no points for a large problem,
     and where nothing finite is found.
     """
-    if point.problem.free.size > MOST or point.constrained.by_elimination is not None:
+    if point.problem.free.size > MOST:
         return ()
     rows = _of_one_block(point, pattern)
     for share in (NEAR, NEAR * CLOSER):

@@ -10,7 +10,6 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout
 from workbench.blocks.directions import dominant, signed
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.gauges import Gauge, gauges
 from workbench.diagnostics.named_subspaces import NamedSubspace, in_sizes, named_subspaces
 from workbench.diagnostics.nearby_points import nearby_null_spaces
@@ -18,6 +17,7 @@ from workbench.diagnostics.point import Point
 from workbench.diagnostics.polishing import polished, stepped
 from workbench.diagnostics.rest_gauges import rest_gauges
 from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparsest
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.diagnostics.undoing import SAME, Unseen, silent_places, unit_vectors
 from workbench.problem import Linearization
@@ -125,7 +125,7 @@ def count_weak(point: Point) -> int:
     return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < WEAK))
 
 
-def _weakest(point: Point, jacobian: EliminatedJacobian) -> tuple[Direction, ...]:
+def _weakest(point: Point, jacobian: SparseJacobian) -> tuple[Direction, ...]:
     """The directions of the smallest singular values below WEAK, found without the others."""
     if not count_weak(point):
         return ()

@@ -14,8 +14,8 @@ from workbench.diagnostics.active_set import (
     active_set_at,
     constrained_jacobian_at,
 )
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.identifiability import prior_sigma
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
 from workbench.problem import Linearization, Problem
 
@@ -60,7 +60,7 @@ class Point:
         return self.constrained.measured(self.yardsticks.sizes)
 
     @cached_property
-    def by_elimination(self) -> EliminatedJacobian | None:
+    def by_elimination(self) -> SparseJacobian | None:
         """The same without singular values, where the unknowns were eliminated part after part."""
         found = self.constrained.by_elimination
         return None if found is None else found.scaled(self.yardsticks.sizes)
@@ -78,7 +78,7 @@ class Point:
         All ones where the unknowns were eliminated: that is done in columns of length 1.
         """
         sizes = self.yardsticks.sizes
-        if self.constrained.parts is not None:
+        if self.constrained.by_elimination is not None:
             return np.ones_like(sizes)
         at = self.problem.free.slices.values()
         means = [np.full(i.stop - i.start, np.sqrt(np.mean(sizes[i] ** 2))) for i in at]

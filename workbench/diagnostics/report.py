@@ -88,13 +88,8 @@ def _rank(d: Diagnosis) -> Iterator[str]:
         yield held(d)
     if d.here.estimated:
         yield (
-            "the Jacobian is large and sparse: "
-            + (
-                "singular values are estimated from J'J, down to 1e-8 of the largest"
-                if d.by_elimination is None
-                else "the rank was found by eliminating its parts, without singular values"
-            )
-            + "; leverage, nearby points and contributions are left out"
+            "the Jacobian is large and sparse: the rank was found by a factorization, without "
+            "singular values; leverage, nearby points and contributions are left out"
         )
     if d.structural_rank > d.rank:
         yield (
