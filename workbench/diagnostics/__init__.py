@@ -38,12 +38,7 @@ from workbench.diagnostics.identifiability import (
     Identifiability,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.over_points import (
-    PointsDiagnosis,
-    Recurring,
-    diagnose_over,
-    prior_draws,
-)
+from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
 from workbench.diagnostics.point import Neighbourhood
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
