@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.things import families, in_space, row_label
+from workbench.diagnostics.words import families, in_space, row_label
 
 RIGID = ("translation", "rotation", "shift")  # gauges of points, between which there are distances
 ENDS = 30  # points of a block between which distances are tried

@@ -9,9 +9,9 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.least_remedies import least_remedies
+from workbench.diagnostics.scales import with_unit
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
 from workbench.diagnostics.trials import fewer_unseen, tried, with_more
-from workbench.diagnostics.yardsticks import with_unit
 from workbench.errors import some_of
 from workbench.problem import Problem
 from workbench.residuals import gaussian

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 from workbench.blocks.checks import several, texts
 from workbench.diagnostics import sequence_words
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequences import SequenceDiagnosis
-from workbench.diagnostics.words import diagnosis_of
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import check_wide, is_long

@@ -10,15 +10,14 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.exchanges import exchanges
-from workbench.diagnostics.gauges import Gauge
+from workbench.diagnostics.gauges import Gauge, exchanges
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
     contributions,
     identifiability,
 )
-from workbench.diagnostics.linearized import not_finite, pattern_at, thick
+from workbench.diagnostics.linearized import not_finite, thick
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import law_of
@@ -73,7 +72,7 @@ class Diagnosis:
     @cached_property
     def structure(self) -> Structure:
         """The decomposition of the pattern; active bounds and constraints are part of it."""
-        return structure.decomposed(pattern_at(self.problem), self.point.active_pattern)
+        return structure.decomposed(self.point.pattern, self.point.active_pattern)
 
     @property
     def pattern(self) -> Mask:

@@ -4,13 +4,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from workbench.blocks.directions import dominant
+from workbench.blocks.directions import in_units
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted, gathered, named_groups
 from workbench.diagnostics.wording import Finding
+from workbench.diagnostics.words import counted, gathered, named_groups
 from workbench.errors import some_of
 
 ILL = 1e8  # condition of J from which half of the digits are gone
@@ -95,7 +95,7 @@ def _rank(d: Diagnosis) -> Iterator[Finding]:
         yield Finding("rank", text)
     weaker = d.nearby.weaker_here
     if weaker > WEAKER:
-        which = dominant(d.weakest[0].vector, d.free)
+        which = in_units(d.weakest[0].vector * d.point.scales.sizes, d.free, d.here.column_norms)
         text = (
             f"nearly degenerate: the smallest nonzero singular value is {weaker:.0f} times smaller "
             f"here than a tenth of a yardstick away; its direction is {which}"

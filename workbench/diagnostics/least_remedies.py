@@ -27,9 +27,9 @@ from workbench.diagnostics.acts import (
     things_to_hold,
 )
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.structure import gathered
 from workbench.diagnostics.suggestion import Suggestion
 from workbench.diagnostics.trials import fewer_unseen, tried, with_more
+from workbench.diagnostics.words import gathered
 from workbench.problem import Constraint, Problem
 
 MOST = 200  # null directions up to which remedies are searched for

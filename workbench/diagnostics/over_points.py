@@ -18,7 +18,7 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnose import diagnose_whole
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, listed
 from workbench.problem import Problem
 

@@ -8,14 +8,8 @@ from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.findings import gap, gauges_in_words, held, listed, names_of, unread
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
-from workbench.diagnostics.structure import (
-    counted,
-    gathered,
-    named_groups,
-    named_rows,
-    pose_moves_template,
-)
-from workbench.diagnostics.tables import sections, table
+from workbench.diagnostics.structure import pose_moves_template
+from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
 from workbench.errors import joined
 
 MOST = 12  # lines of one list

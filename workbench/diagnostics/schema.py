@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import named_rows
+from workbench.diagnostics.words import named_rows
 
 SCHEMA = "workbench.diagnosis"
 VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it

@@ -5,7 +5,8 @@ import numpy as np
 from workbench.diagnostics import Diagnosis, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.report import VERDICTS, changed, compared_blocks
-from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
+from workbench.diagnostics.structure import Submatrix
+from workbench.diagnostics.words import gathered, named_groups, named_rows
 from workbench.reports import tables
 from workbench.reports.tables import Columns, Table, number
 
