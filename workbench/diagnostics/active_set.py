@@ -173,6 +173,15 @@ class ConstrainedJacobian:
         with limited_threads():
             return self.by_elimination.null
 
+    def null_rank(self, part: slice) -> int:
+        """In how many independent ways null directions move some of the unknowns."""
+        if self.by_elimination is not None and self.by_elimination.wide is not None:
+            seen = self.by_elimination.wide.directions[1]
+            others = np.delete(seen, part, axis=0)
+            rank = int(np.linalg.matrix_rank(others, tol=MOVES)) if others.size else 0
+            return len(seen) - len(others) - seen.shape[1] + rank
+        return int(np.linalg.matrix_rank(self.null[part], tol=MOVES))
+
     @property
     def tolerance(self) -> float:
         """By how much a vector of length 1 may change J above A if that counts as nothing."""
@@ -230,6 +239,7 @@ class ConstrainedJacobian:
 
 
 BLIND = 1e-9  # squared part of an entry in the null space, from which on it is not known
+MOVES = 1e-8  # of null vectors of length 1: by less, unknowns are not moved
 NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
 NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
 

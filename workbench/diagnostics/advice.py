@@ -117,7 +117,7 @@ def _fix(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggest
 
 def _held_too(diagnosis: Diagnosis, part: slice) -> str:
     """How many of a block's numbers are fixed with it though they are known; or nothing."""
-    unknown = int(np.linalg.matrix_rank(diagnosis.point.constrained.null[part], tol=1e-8))
+    unknown = diagnosis.point.constrained.null_rank(part)
     more = part.stop - part.start - unknown
     noun = "number that is" if more == 1 else "numbers that are"
     return f", and with it {more} {noun} known already" if more else ""

@@ -186,7 +186,7 @@ class Diagnosis:
     @cached_property
     def exchanges(self) -> tuple[tuple[str, ...], ...]:
         """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
-        return exchanges(self.problem, self.values, self.point.constrained.null)
+        return exchanges(self.problem, self.values, self.point.constrained)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:

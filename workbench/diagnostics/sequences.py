@@ -11,8 +11,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.diagnosis_of import diagnosis_of
-from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
+from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.linearized import check_finite, linearized, not_finite
