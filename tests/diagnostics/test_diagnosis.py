@@ -175,24 +175,18 @@ def test_terms_say_who_reads_what() -> None:
 # Suggestions.
 
 
-FAST = (cases.scale_against_depth, cases.the_same_twice, cases.naive_rodrigues, cases.uneven)
-CASES = pytest.mark.parametrize(
-    "case", few(cases.CASES, (*FAST, cases.two_pieces)), ids=lambda case: case.__name__
-)
+REMEDIED = [case for case in cases.CASES if case not in (cases.naive_rodrigues, cases.uneven)]
+FAST = [cases.scale_against_depth, cases.the_same_twice, cases.two_pieces]
 
 
-@CASES
+@pytest.mark.parametrize("case", few(REMEDIED, FAST), ids=lambda case: case.__name__)
 def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> None:
     found = cases.diagnosed(case)
     assert any(suggestion.cured for suggestion in found.suggestions)  # all have something wrong
     for suggestion in found.suggestions:
         assert suggestion.before == found.state
         after = diagnose(suggestion.problem, suggestion.values)
-        if suggestion.kind == "rescale":  # the same problem, in other units
-            s = np.linalg.svd(after.here.dense / after.here.column_norms, compute_uv=False)
-            rank, condition = len(s), s[0] / s[-1]
-        else:
-            rank, condition = after.rank, after.condition
+        rank, condition = after.rank, after.condition
         assert suggestion.after.unknowns == after.shape[1], suggestion.what
         assert suggestion.after.rank == rank, suggestion.what
         assert suggestion.after.condition == pytest.approx(condition, rel=1e-9), suggestion.what

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import names_of
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.report import names_of
 from workbench.diagnostics.structure import counted
 from workbench.diagnostics.tables import table
 

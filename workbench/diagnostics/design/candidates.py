@@ -12,7 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.blocks.checks import mapping, several, texts
 from workbench.blocks.entries import block_of
-from workbench.diagnostics.trials import with_more
+from workbench.diagnostics.remedies import with_more
 from workbench.errors import (
     BadArgument,
     NotFinite,
