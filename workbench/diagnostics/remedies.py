@@ -371,7 +371,7 @@ class Action:
         length = float(np.linalg.norm(self.weights[0]))
         if len(s) < self.size or s[-1] <= INDEPENDENT * max(s[0], 1e-3 * length):
             return -np.inf
-        return float(np.round(np.mean(np.log(s / length)), 6))
+        return float(np.round(np.mean(np.log(s / length)), 1))  # of nearly equal ones the first
 
 
 def _held(what: str, entries: Sequence[int]) -> Action:
@@ -381,32 +381,32 @@ def _held(what: str, entries: Sequence[int]) -> Action:
 def _least(d: "Diagnosis") -> list[Suggestion]:
     """Up to three remedies of the least number of numbers, fewest actions first.
 
-    They hold things and entries, measure distances where points move rigidly, or hold entries
-    alone. Of as many actions the one comes first after which no direction is nearly unknown.
+    They hold things and entries, or entries alone, or measure distances where points move rigidly.
+    Of as many actions those that measure nothing come first, because every solver takes them, and
+    then those after which no direction is nearly unknown.
     """
     k = d.shape[1] - d.rank
     if not 0 < k <= MOST or k == d.shape[1]:
         return []
-    null, distances = _null_in_scales(d), _distances(d)
+    null, distances, groups = _null_in_scales(d), _distances(d), _things(d)
     entries = [_held(d.free.label(i), [i]) for i in range(d.free.size)]
-    groups = _things(d)
-    choices = [_chosen(null, groups, entries), _chosen(null, [], entries)]
-    if distances:
-        choices.append(_chosen(null, groups, distances, entries))
-        choices.append(_chosen(null, [], distances, entries))
-    tried: dict[frozenset[str], tuple[int, float, Suggestion]] = {}
-    for actions in choices:
-        key = frozenset(action.what for action in actions)
-        if key not in tried and sum(action.size for action in actions) == k:
-            seen = np.vstack([action.seen(null) for action in actions])
+    # blocks of one number come before entries: a focal length, and not one point of many
+    numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]
+    preferred = [[numbers, entries], *([[distances, numbers, entries]] if distances else [])]
+    choices = [_chosen(null, some, *singles) for singles in preferred for some in (groups, [])]
+    ranked: list[tuple[int, bool, float, Suggestion]] = []
+    for actions in {frozenset(a.what for a in some): some for some in choices}.values():
+        seen = np.vstack([action.seen(null) for action in actions])
+        if len(seen) == k:
             least = float(np.round(np.linalg.svd(seen, compute_uv=False)[-1], 6))
-            for suggestion in _carried_out(d, actions):
-                tried[key] = len(actions), -least, suggestion
-    ranked = [one for *_, one in sorted(tried.values(), key=lambda one: one[:2])]
-    measured = [s for s in ranked if len(s.problem.constraints) > len(d.problem.constraints)]
-    alone = [s for s in ranked if s.acts == k]
-    kept = {id(kind[0]) for kind in (ranked, measured, alone) if kind}
-    return [s for s in ranked if id(s) in kept]
+            measures = any(action.ends for action in actions)
+            tried = _carried_out(d, actions)
+            ranked += [(len(actions), measures, -least, suggestion) for suggestion in tried]
+    ranked.sort(key=lambda one: one[:3])
+    measured = [one for one in ranked if one[1]]
+    single = [one for one in ranked if one[0] == k]
+    kept = {id(one) for one in (*ranked[:1], *measured[:1], *single[:1])}
+    return [one[3] for one in ranked if id(one) in kept]
 
 
 def _chosen(null: Array, groups: Sequence[Action], *singles: Sequence[Action]) -> list[Action]:
@@ -425,7 +425,7 @@ def _chosen(null: Array, groups: Sequence[Action], *singles: Sequence[Action]) -
         left = _left(null, chosen)
         groups = [a for *_, a in fitting if a is not chosen[-1]]
     for actions in singles:
-        if left.shape[1]:
+        if left.shape[1] and actions:
             chosen += _pivoted(actions, left)
             left = _left(null, chosen)
     return chosen

@@ -153,7 +153,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
         text = (
             f"nearly degenerate: the smallest nonzero singular value is {nearby.weaker_here:.0f} "
             "times smaller here than a tenth of a characteristic scale away; its direction is along"
-            f" {_columns(d, d.weakest[0].columns[:4])}"
+            f" {_columns(d, d.weakest[0].columns)}"
         )
         yield Finding("rank", text, False)
     yield from _depth(d)
@@ -256,18 +256,16 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
 
 
 def _priors(d: "Diagnosis") -> Iterator[Finding]:
-    if d.priors:
-        yield Finding("identifiability", decided(d), False)
-
-
-def decided(d: "Diagnosis") -> str:
-    """How many directions the data decide and how many the priors, in a sentence."""
+    if not d.priors:
+        return
     known = d.identifiability
     rest = ", the priors the rest" if known.effective < d.shape[1] - 0.05 else ""
-    return (
-        f"the data determine {known.effective:.1f} of {d.shape[1]} directions{rest}; they say more "
-        f"than {joined(d.priors)} about {counted(known.better_from_data, 'direction')}"
+    text = (
+        f"the data determine {known.effective:.1f} of {d.shape[1]} directions (effective degrees "
+        f"of freedom){rest}; they say more than {joined(d.priors)} about "
+        f"{counted(known.better_from_data, 'direction')}"
     )
+    yield Finding("identifiability", text, False)
 
 
 def _derivatives(d: "Diagnosis") -> Iterator[Finding]:
@@ -435,10 +433,12 @@ def _ranks(d: "Diagnosis") -> Iterator[str]:
     if d.scaled_rank != d.rank:
         yield f"with columns of length 1: rank {d.scaled_rank}"
     if d.nearby.ranks:
+        times = f"{d.nearby.weaker_here:.2g} times as large"
+        size = f"; the smallest nonzero singular value is {times} there"
         yield (
             f"at {len(d.nearby.ranks)} points drawn nearby, a tenth of a characteristic scale away:"
-            f" rank {', '.join(map(str, d.nearby.ranks))}; the smallest nonzero singular value is "
-            f"{d.nearby.weaker_here:.2g} times as large there"
+            f" rank {', '.join(map(str, d.nearby.ranks))}"
+            + (size if min(d.nearby.ranks) >= d.rank else "")
         )
     if d.rank_law:
         yield f"the kinematic tree predicts the rank {d.rank_law[0]}: {d.rank_law[1]}"
@@ -465,15 +465,16 @@ def _weak(d: "Diagnosis") -> Iterator[str]:
     shown = d.weak_directions[:MOST]
     for rows, words in (
         ([x for x in shown if x.change < 1], "less than one sigma"),
-        ([x for x in shown if x.change >= 1], "one sigma or more, which combinations of them undo"),
+        (
+            [x for x in shown if x.change >= 1],
+            "one sigma or more: only combinations with others are weak",
+        ),
     ):
         if rows:
             yield f"a whole characteristic scale along each changes the residuals by {words}"
             yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in rows])
     if shown and d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
-    if shown:
-        yield f"(the characteristic scales are, {d.point.yardsticks})"
 
 
 def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
@@ -490,11 +491,10 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
         how = "parallel" if pair.sine <= PARALLEL else f"nearly parallel (sine {pair.sine:.1e})"
         yield f"{d.free.label(pair.first)} and {d.free.label(pair.second)}: {how} columns"
     for weak in d.weakest[:1]:
-        rows = ", ".join(d.problem.row_label(i) for i in weak.rows[:6])
+        rows = [d.problem.row_label(i) for i in weak.rows]
         yield (
             f"smallest nonzero singular value ({weak.change:.2g} sigma per characteristic scale): "
-            f"along {_columns(d, weak.columns[:MOST])}; it changes "
-            f"{rows}{' and others' if len(weak.rows) > 6 else ''}"
+            f"along {_columns(d, weak.columns)}; it changes {some_of(rows)}"
         )
     if d.leverage is not None:
         top = np.argsort(-d.leverage)[:3]
@@ -503,7 +503,7 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
 
 
 def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
-    return ", ".join(gathered(d.free.labels_of(columns)))
+    return some_of(gathered(d.free.labels_of(columns)))
 
 
 def _known(d: "Diagnosis") -> Iterator[str]:
@@ -520,9 +520,8 @@ def _known(d: "Diagnosis") -> Iterator[str]:
     yield "; ".join(f"{v}: {m}" for v, m, some in zip(VERDICTS, MEANS, used, strict=True) if some)
     if d.widths:
         yield "sigmas are those of J'J, which does not show the width along null directions"
-    yield f"the characteristic scales are, {d.point.yardsticks}"
-    if d.priors:
-        yield f"{decided(d)} (effective degrees of freedom)"
+    if not d.weak_count:
+        yield f"the characteristic scales are, {d.point.yardsticks}"
     for a, b, c in known.correlations[:3]:
         yield f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}"
 
