@@ -133,7 +133,7 @@ def test_directions_within_a_block_and_across_blocks_are_told_apart() -> None:
     (direction,) = across.null_directions
     assert direction.kind == "trade-off"
     assert direction.name.startswith("a trade-off of a and b: ")
-    assert all(entry in direction.name for entry in ("0.58 a[0]", "0.58 a[1]", "0.58 b[1]"))
+    assert all(entry in direction.name for entry in ("+1 of a[0]", "-1 of a[1]", "-1 of b[1]"))
     assert "b[0]" not in direction.name
     block = linear(np.column_stack([rng.normal(size=8), A, A @ [1.0, 2, 3]]), (1,), (4,))
     (direction,) = block.null_directions

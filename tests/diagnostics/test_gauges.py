@@ -22,6 +22,8 @@ from tests.diagnostics.zoo import (
 )
 from tests.tiers import few
 from workbench import Block, Constraint, Diagnosis, Problem, Residual, Values, diagnose, residuals
+from workbench.arrays import Array
+from workbench.blocks import Layout
 from workbench.diagnostics import Direction, Gauge
 from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.errors import BadArgument
@@ -78,6 +80,49 @@ def assert_the_first_remedy_is_least(d: Diagnosis, specimen: Specimen) -> None:
         # no more was held than was unknown: the data lose no direction
         measured = len(suggestion.problem.constraints) - len(d.problem.constraints)
         assert d.shape[1] - after.shape[1] == specimen.numbers - measured
+
+
+def read_terms(terms: str, free: Layout) -> tuple[int, Array, dict[str, tuple[int, float]]]:
+    """The first entry, those said one by one (n,), and of others by block how many, up to what."""
+    first, v, rest = -1, np.zeros(free.size), {}
+    places = {free.label(i): i for i in range(free.size)}
+    for term in re.split(r" with |, (?=[+-]\d|\d+ more of )", terms.partition(";")[0]):
+        if counted := re.fullmatch(r"(\d+) more of (.+) \(up to (\S+).*\)", term):
+            rest[counted[2]] = int(counted[1]), float(counted[3])
+        else:
+            said, _, label = term.partition(" of ")
+            v[places[label]] = float(said.split(" ")[0])
+            first = places[label] if first < 0 else first
+    return first, v, rest
+
+
+@pytest.mark.parametrize("specimen", few(ALL, 12))
+def test_what_is_printed_is_the_direction(specimen: Specimen) -> None:
+    """In units, whole: what is not said is counted; all of it changes no residual."""
+    d = diagnose(*specimen.build())
+    J, free = d.problem.linearize(d.values).jacobian, d.problem.free
+    lengths = np.linalg.norm(J, axis=0)
+    for one in d.null_directions:
+        first, said, rest = read_terms(one.terms, free)
+        shown = np.flatnonzero(said)
+        v = one.vector / one.vector[first]
+        np.testing.assert_allclose(said[shown], v[shown], rtol=6e-3)
+        counts = {
+            b.name: v[free.slices[b.name]] * (said[free.slices[b.name]] == 0) for b in free.blocks
+        }
+        assert {n: np.count_nonzero(w) for n, w in counts.items() if w.any()} == {
+            name: count for name, (count, _) in rest.items()
+        }
+        for name, (_, largest) in rest.items():
+            assert abs(counts[name]).max() == pytest.approx(largest, rel=6e-3)
+        alone = np.linalg.norm(J @ said)
+        if rest:
+            assert float(one.terms.rpartition("by ")[2].split()[0]) == pytest.approx(alone, rel=0.1)
+        else:
+            assert alone <= 6e-3 * np.linalg.norm(lengths * said)
+        assert len(shown) > 1 or not lengths[shown].any()  # a trade-off has two sides
+        if one.kind in ("trade-off", "mixed"):
+            assert one.name.endswith(one.terms)
 
 
 # Declared, broken and weak ones.
@@ -276,7 +321,8 @@ def test_no_verdict_depends_on_a_unit(unit: str) -> None:
 
 def said(d: Diagnosis | object) -> list[str]:
     assert isinstance(d, Diagnosis)
-    return [x.name for x in d.null_directions] + [s.what for s in d.suggestions if s.acts > 1]
+    names = [x.name.partition(": ")[0] for x in d.null_directions]  # what follows is in units
+    return names + [s.what for s in d.suggestions if s.acts > 1]
 
 
 @pytest.mark.parametrize("build", few([bearings_of_robots, three_cameras], 1))

@@ -226,8 +226,8 @@ def test_a_prior_is_a_scale() -> None:
         prior = residuals.gaussian(f.symbol, mean=1000, covariance=50.0**2, name="prior")
         d = diagnose(Problem([data, prior], "focal"), {"focal": np.array(1000.0)}, priors="prior")
         assert d.identifiability.verdicts == (verdict,)
-        assert d.point.yardsticks.sizes.tolist() == [pytest.approx(50.0)]
-        assert "the standard deviation of its prior" in str(d.point.yardsticks)
+        assert d.point.scales.sizes.tolist() == [pytest.approx(50.0)]
+        assert "the standard deviation of its prior" in str(d.point.scales)
         assert d.weak_count == 0  # the prior knows it
 
 
@@ -253,7 +253,7 @@ def test_every_block_has_a_scale(unit: str, values: list[float], size: float, sa
     }
     if unit == "px" and not any(values):
         at["image"] = np.sqrt([2 * 600.0**2, 2 * 600.0**2])  # with the zeros of x: 600
-    scales = diagnose(Problem([r], "x"), at).point.yardsticks
+    scales = diagnose(Problem([r], "x"), at).point.scales
     np.testing.assert_allclose(scales.sizes, size)
     assert str(scales) == f"for x: {said}"
 
@@ -304,7 +304,7 @@ def test_a_density_in_one_row_has_a_width(at: tuple[float, ...]) -> None:
     said = d.report()
     assert "gauge" not in said
     assert "cannot determine" not in said
-    scale = d.point.yardsticks.sizes
+    scale = d.point.scales.sizes
     widths = np.array(d.widths) * scale[0]  # between the smallest and the largest
     assert widths.min() >= 0.5 - 1e-3
     assert widths.max() <= 2 + 1e-3

@@ -95,7 +95,8 @@ def test_a_freed_template_can_move_against_the_translation() -> None:
     found = cases.diagnosed(cases.template_and_translation)
     assert (found.rank, found.shape[1]) == (90, 93)
     assert sorted(unseen(found)) == [
-        ("shift", f"a shift of template, undone by trans, along {axis}") for axis in "xyz"
+        ("translation", f"a translation along {axis} of template, undone by trans")
+        for axis in "xyz"
     ]
     for direction in found.null_directions:
         parts = {name: direction.vector[at] for name, at in found.free.slices.items()}

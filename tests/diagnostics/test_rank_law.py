@@ -10,8 +10,8 @@ from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
 from tests.tiers import few
 from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, load_body, residuals
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.named_subspaces import named_subspaces
-from workbench.diagnostics.null_space import Direction, directions
+from workbench.diagnostics.gauges import SAME
+from workbench.diagnostics.null_space import Direction, named_by_joints
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
@@ -68,9 +68,8 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     pose, trans = Block("pose", (len(parents), 3), "rad", names), Block("trans", (3,), "m")
     free = Layout((pose, trans) if translation else (pose,))
     here = Linearization(np.zeros(len(J)), J)
-    found = named_subspaces(free, (Tree("pose", names, parents),))
     null = here.spectrum.Vt[here.spectrum.rank :].T
-    return directions(here, null, free, found, here.spectrum.tolerance)
+    return named_by_joints(null, free, (Tree("pose", names, parents),), here, SAME)
 
 
 @pytest.mark.parametrize("batch", few(range(4), 1))

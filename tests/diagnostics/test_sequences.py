@@ -12,8 +12,8 @@ from tests.diagnostics.zoo import body_and_camera
 from tests.tiers import few
 from workbench import Block, Problem, Values, diagnose, load_body, residuals, sequence
 from workbench.diagnostics import Diagnosis, Gauge, SequenceDiagnosis, Undiagnosed
+from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.linearized import linearized
-from workbench.diagnostics.words import diagnosis_of
 from workbench.errors import BadArgument, NotFinite
 from workbench.problem import frame_chain, storage
 from workbench.reports import write_diagnosis

@@ -10,7 +10,8 @@ from tests.tiers import few
 from workbench import Block, Problem, Residual, diagnose, load_body, residuals
 from workbench.blocks import Layout
 from workbench.diagnostics import linearized, structure
-from workbench.diagnostics.structure import Structure, decomposed, named_groups, named_rows
+from workbench.diagnostics.structure import Structure, decomposed
+from workbench.diagnostics.words import named_groups, named_rows
 
 
 def reached(pattern: np.ndarray, partner: dict[int, int], start: set[int]) -> tuple[set, set]:

@@ -3,8 +3,8 @@
 `Diagnosis` computes part after part when it is asked for, a module each: `structure`, `null_space`,
 `conditioning`, `identifiability`, `derivatives`, `findings`, `advice`; `report` and `schema` put it
 into text and data. Everything about columns comes from one small triangular R with R'R = J'J. A
-large sparse Jacobian is eliminated part after part instead (`parts`, `eliminated_jacobian`), and a
-long sequence frame after frame (`sequences`), where the same name in many frames is said once.
+large sparse Jacobian is factorized instead (`sparse_jacobian`), and the unknowns of a long sequence
+are eliminated frame after frame (`sequences`), where the same name in many frames is said once.
 
 Null directions are looked for in small named subspaces, the smallest first, so that the twist of
 one bone is found by itself and not as a part of a larger motion: first the gauges of bodies whose
@@ -38,12 +38,7 @@ from workbench.diagnostics.identifiability import (
     Identifiability,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.over_points import (
-    PointsDiagnosis,
-    Recurring,
-    diagnose_over,
-    prior_draws,
-)
+from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
 from workbench.diagnostics.point import Neighbourhood
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.sequence_names import NullDirections

@@ -9,12 +9,9 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index, Mask
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
-from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.linearized import check_finite, linearized, pattern_of
-from workbench.diagnostics.parts import Parts
 from workbench.diagnostics.row_spaces import row_space, tangent_space
-from workbench.diagnostics.tied_elimination import TiedElimination
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import stacked
 from workbench.threads import limited_threads
@@ -156,29 +153,16 @@ class ConstrainedJacobian:
         return Linearization(r, stacked(self.here.jacobian, A))
 
     @cached_property
-    def parts(self) -> Parts | None:
-        """The parts into which the Jacobian and the rows fall; None if it is dense, or has none.
+    def by_elimination(self) -> SparseJacobian | None:
+        """What is known by a sparse factorization; None for a dense Jacobian.
 
-        Raises NotFinite.
+        Raises NotFinite, TooLarge.
         """
+        if not self.here.estimated:
+            return None
         check_finite(self.here)
-        return Parts.of(self.stacked)
-
-    @cached_property
-    def eliminated(self) -> Elimination | TiedElimination | None:
-        """The unknowns eliminated part after part, where there are parts."""
-        if self.parts is None:
-            return None
         with limited_threads():  # its matrices are small
-            return TiedElimination.of(self.parts)
-
-    @cached_property
-    def by_elimination(self) -> EliminatedJacobian | None:
-        """What is known without singular values, where the unknowns were eliminated."""
-        if self.parts is None or self.eliminated is None:
-            return None
-        here, rows, lengths = self.here, self.rows, self.parts.lengths
-        return EliminatedJacobian(here, rows, self.eliminated, self.parts, lengths)
+            return SparseJacobian.of(self.here, self.rows, self.stacked)
 
     @cached_property
     def null(self) -> Array:
@@ -192,15 +176,16 @@ class ConstrainedJacobian:
     @property
     def tolerance(self) -> float:
         """By how much a vector of length 1 may change J above A if that counts as nothing."""
-        if self.parts is None:
+        if self.by_elimination is None:
             return self.stacked.spectrum.tolerance
-        return self.parts.tolerance * float(self.stacked.column_norms.max())
+        return self.by_elimination.factored.tolerance * float(self.stacked.column_norms.max())
 
     @property
     def rank(self) -> int:
         """The rank: directions that change a residual or that a constraint forbids."""
-        if self.eliminated is not None:
-            return self.eliminated.rank
+        if self.by_elimination is not None:
+            with limited_threads():
+                return self.by_elimination.rank
         return self.count + self.reduced.spectrum.rank
 
     @property

@@ -7,9 +7,9 @@ import scipy.linalg
 from scipy.sparse import csc_array, triu
 
 from workbench.arrays import Array, Index
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.sparse_bases import sparsest
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 
@@ -145,7 +145,7 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
     return tuple(found)
 
 
-def _weakest_of(jacobian: EliminatedJacobian, most: int) -> tuple[WeakestDirection, ...]:
+def _weakest_of(jacobian: SparseJacobian, most: int) -> tuple[WeakestDirection, ...]:
     """The same of a Jacobian that was eliminated part after part, each direction by itself."""
     s, vectors = jacobian.weakest(most)
     return tuple(_weak(jacobian.here, float(x), d) for x, d in zip(s, vectors.T, strict=True))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import named_rows
+from workbench.diagnostics.words import named_rows
 
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis

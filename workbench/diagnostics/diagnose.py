@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 from workbench.blocks.checks import several, texts
 from workbench.diagnostics import sequence_words
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequences import SequenceDiagnosis
-from workbench.diagnostics.words import diagnosis_of
-from workbench.errors import BadArgument, TooLarge
+from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import check_wide, is_long
 
@@ -27,8 +27,8 @@ def diagnose(
 
     For a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
     it answers the same questions about rank and null directions, frame after frame, and has no
-    singular values. For any other problem it is a Diagnosis. It has no singular values either
-    where the Jacobian is large, sparse and falls into parts, which are eliminated instead.
+    singular values. For any other problem it is a Diagnosis, which has none either where the
+    Jacobian is large and sparse: it is factorized instead.
 
     Contacts with a scan, which are chosen anew at every point, are held as they are at `at`.
 
@@ -37,8 +37,8 @@ def diagnose(
     if other unknowns undo them, and that the diagnosis does not find by itself; see `Gauge`.
 
     Raises UnknownName for a name that no residual has, BadArgument for anything but a problem,
-    TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no small parts,
-    and whatever `Problem.split` raises for the values.
+    TooLarge where the factor of a sparse Jacobian would have more than 5e7 entries, or its null
+    space is too large, and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     declared = several("gauges", gauges, Gauge, BadArgument)
@@ -72,11 +72,10 @@ def _whole(
     gauges: tuple[Gauge, ...] = (),
 ) -> Diagnosis:
     found = diagnosis_of(problem, problem.read(at), here, priors, gauges)
-    try:
+    if here.by_frames:
         check_wide(here.jacobian)
-    except TooLarge:
-        if here.by_frames or (here.finite and found.point.constrained.by_elimination is None):
-            raise
+    if here.finite and here.estimated:
+        _ = found.rank  # what is too large is said at once
     return found
 
 

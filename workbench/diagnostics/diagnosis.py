@@ -10,9 +10,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
-from workbench.diagnostics.exchanges import exchanges
-from workbench.diagnostics.gauges import Gauge
+from workbench.diagnostics.gauges import Gauge, exchanges
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
@@ -20,11 +18,12 @@ from workbench.diagnostics.identifiability import (
     identifiability,
     widths_by_curvature,
 )
-from workbench.diagnostics.linearized import not_finite, pattern_at
+from workbench.diagnostics.linearized import not_finite
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
 from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
 from workbench.problem import Linearization, Problem
@@ -74,7 +73,7 @@ class Diagnosis:
     @cached_property
     def structure(self) -> Structure:
         """The decomposition of the pattern; active bounds and constraints are part of it."""
-        return structure.decomposed(pattern_at(self.problem), self.point.active_pattern)
+        return structure.decomposed(self.point.pattern, self.point.active_pattern)
 
     @property
     def pattern(self) -> Mask:
@@ -117,7 +116,7 @@ class Diagnosis:
         return not_finite(self.here)
 
     @property
-    def by_elimination(self) -> EliminatedJacobian | None:
+    def by_elimination(self) -> SparseJacobian | None:
         """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
         return self.point.by_elimination
 
@@ -233,7 +232,7 @@ class Diagnosis:
             self.point.constrained,
             self.point.is_prior,
             self.point.prior_sigma,
-            self.point.yardsticks.sizes,
+            self.point.scales.sizes,
             self.structure.unread,
             self.structure.under.columns,
         )
@@ -246,7 +245,7 @@ class Diagnosis:
         """
         if self.here.estimated or self.point.active.any or self.rank == self.shape[1]:
             return ()
-        scales = self.point.yardsticks.sizes
+        scales = self.point.scales.sizes
         null = self.point.null_in(self.point.measured, scales)
         return widths_by_curvature(self.problem, self.values, null, scales)
 
@@ -260,7 +259,7 @@ class Diagnosis:
         """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        sizes = self.point.yardsticks.sizes
+        sizes = self.point.scales.sizes
         return contributions(self.point.constrained, sizes, self.problem.rows, self.free)
 
     @cached_property

@@ -9,8 +9,7 @@ import numpy as np
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.report import names_of
-from workbench.diagnostics.structure import counted
-from workbench.diagnostics.tables import table
+from workbench.diagnostics.words import counted, table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed
 

@@ -22,7 +22,6 @@ from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle, widened
-from workbench.diagnostics.parts import Parts
 from workbench.problem.nonzeros import rows_of_nonzeros
 
 NOTHING = 1e-9  # in vectors of length 1: smaller entries are rounding errors
@@ -61,7 +60,7 @@ class Elimination:
     steps: tuple[EliminationStep, ...]
 
     @staticmethod
-    def of(rows: FrameRows | Parts) -> "Elimination":
+    def of(rows: FrameRows) -> "Elimination":
         """The elimination of the rows of a sequence, or of a Jacobian that falls into parts."""
         place = np.full(rows.shape[1], -1)
         parts = _by_first_frame(rows)
@@ -194,7 +193,7 @@ def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Elimina
     ]
 
 
-def _by_first_frame(rows: FrameRows | Parts) -> list[csr_array]:
+def _by_first_frame(rows: FrameRows) -> list[csr_array]:
     """The rows between frames, by the first frame that they read; last those that read none."""
     frame_of = np.full(rows.shape[1], rows.count)
     for t, own in enumerate(rows.own):

@@ -20,7 +20,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.derivatives import exact_hessian
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import tied_columns
 from workbench.problem.storage import unblocked
@@ -112,11 +112,11 @@ def identifiability(
 
 
 def _by_elimination(
-    jacobian: EliminatedJacobian, prior_rows: Mask
+    jacobian: SparseJacobian, prior_rows: Mask
 ) -> tuple[Array, tuple[tuple[int, int, float], ...], float, int]:
     """Sigmas, correlated pairs, `effective` and `better_from_data` without singular values."""
     sigma = np.sqrt(jacobian.variances)
-    decided: float = jacobian.eliminated.rank - len(jacobian.forbidden)
+    decided: float = jacobian.rank - len(jacobian.forbidden)
     better = int(decided)
     if prior_rows.any():
         decided -= jacobian.information_in(prior_rows)
@@ -124,7 +124,7 @@ def _by_elimination(
     return sigma, _strongest(jacobian, sigma), decided, better
 
 
-def _strongest(jacobian: EliminatedJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
+def _strongest(jacobian: SparseJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
     """The MOST strongest correlations of unknowns that are known, above one half."""
     known = np.isfinite(sigma) & (sigma > 0)
     over = np.where(known, 1 / np.where(known, sigma, 1.0), 0.0)

@@ -18,7 +18,7 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnose import diagnose_whole
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, joined
 from workbench.problem import Problem
 
@@ -172,9 +172,9 @@ def diagnose_over(
 
 
 def _family(direction: Direction, free: Layout) -> str:
-    """What a direction is called without its coefficients; by what moves if it has no name."""
-    if direction.kind not in ("mixed", "block"):
-        return direction.name.partition(":")[0]
+    """What a direction is called without its terms; by what moves if it has no other name."""
+    if title := direction.name.removesuffix(direction.terms).removesuffix(": "):
+        return title
     v = abs(direction.vector)
     moved = [name for name, part in free.slices.items() if v[part].max(initial=0) > PART]
     return f"mixed directions of {joined(moved)}"

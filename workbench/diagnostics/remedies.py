@@ -22,9 +22,8 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
-from workbench.diagnostics.structure import gathered
-from workbench.diagnostics.things import families, in_space, row_label
-from workbench.diagnostics.yardsticks import with_unit
+from workbench.diagnostics.scales import with_unit
+from workbench.diagnostics.words import families, gathered, in_space, row_label
 from workbench.errors import TooLarge, joined, some_of
 from workbench.problem import Constraint, Problem
 from workbench.residuals import Residual, gaussian
@@ -237,7 +236,7 @@ def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
     """Gaussian priors, as wide as the characteristic scales, on the fewest blocks that suffice."""
-    names, sizes, problem = _null_blocks(d), d.point.yardsticks.sizes, d.problem
+    names, sizes, problem = _null_blocks(d), d.point.scales.sizes, d.problem
     for chosen in _fewest(d, names) if names else ():
         priors, widths = [], []
         for name in chosen:
@@ -320,7 +319,7 @@ def _null_blocks(d: "Diagnosis") -> list[str]:
 
 def _null_in_scales(d: "Diagnosis") -> Array:
     """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales."""
-    return d.point.null_in(d.point.measured, d.point.yardsticks.sizes)
+    return d.point.null_in(d.point.measured, d.point.scales.sizes)
 
 
 def _together(names: Sequence[str]) -> str:

@@ -10,9 +10,8 @@ from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted, gathered, named_groups, named_rows
-from workbench.diagnostics.tables import sections, table
 from workbench.diagnostics.wording import Finding
+from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
 from workbench.errors import joined, some_of
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
     ):
         if where:
             yield Finding("values", f"{what} is not finite: {some_of(where)}")
-    rng, step = np.random.default_rng(0), NEARBY * d.point.yardsticks.sizes
+    rng, step = np.random.default_rng(0), NEARBY * d.point.scales.sizes
     x, fixed = d.problem.split(d.values)
     moved = d.problem.values(x + step * rng.standard_normal(x.shape), fixed)
     if d.problem.linearize(d.values | moved).finite:
@@ -160,7 +159,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     if d.weak_count:
         text = (
             f"{counted(d.weak_count, 'weak direction')}: a whole characteristic scale "
-            f"({d.point.yardsticks}) changes the residuals by less than one sigma"
+            f"({d.point.scales}) changes the residuals by less than one sigma"
         )
         yield Finding("rank", text, False)
 
@@ -322,7 +321,7 @@ def _lines(d: "Diagnosis") -> Iterator[str]:
     if d.weak_count:
         yield (
             f"{counted(d.weak_count, 'weak direction')} (a whole characteristic scale changes the "
-            f"residuals by less than one sigma; the scales are, {d.point.yardsticks})"
+            f"residuals by less than one sigma; the scales are, {d.point.scales})"
         )
 
 
@@ -417,13 +416,8 @@ def _ranks(d: "Diagnosis") -> Iterator[str]:
         yield held(d)
     if d.here.estimated:
         yield (
-            "the Jacobian is large and sparse: "
-            + (
-                "singular values are estimated from J'J, down to 1e-8 of the largest"
-                if d.by_elimination is None
-                else "the rank was found by a factorization, without singular values"
-            )
-            + "; leverage, nearby points and contributions are left out"
+            "the Jacobian is large and sparse: the rank was found by a factorization, without "
+            "singular values; leverage, nearby points and contributions are left out"
         )
     if d.structural_rank > d.rank:
         yield (
@@ -521,7 +515,7 @@ def _known(d: "Diagnosis") -> Iterator[str]:
     if d.widths:
         yield "sigmas are those of J'J, which does not show the width along null directions"
     if not d.weak_count:
-        yield f"the characteristic scales are, {d.point.yardsticks}"
+        yield f"the characteristic scales are, {d.point.scales}"
     for a, b, c in known.correlations[:3]:
         yield f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}"
 

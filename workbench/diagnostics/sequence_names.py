@@ -9,13 +9,12 @@ from scipy.sparse import csc_array, hstack
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
-from workbench.blocks.directions import dominant
-from workbench.diagnostics.gauges import Gauge, gauges
-from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
+from workbench.blocks.directions import in_units
+from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
+from workbench.diagnostics.joint_motions import JointMotion, joint_motions
 from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.sparse_bases import FRESH, beyond
-from workbench.diagnostics.structure import counted, gathered
-from workbench.diagnostics.undoing import Unseen
+from workbench.diagnostics.words import counted, gathered
 
 OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
 LARGE = 10_000_000  # numbers in the null vectors of several frames, up to which gauges are sought
@@ -71,7 +70,7 @@ def named(
             tied.append(j)
         else:
             local.setdefault(int(reached[0]), []).append(j)
-    dictionary = Dictionary.of(frames.layout, named_subspaces(frames.layout, frames.trees))
+    dictionary = Dictionary.of(frames.layout, joint_motions(frames.layout, frames.trees))
     found = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
     if tied:
         found += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
@@ -106,16 +105,15 @@ def _over_all_frames(
     basis = np.linalg.qr(vectors[:, over].toarray())[0]
     problem, values = frames.problem, frames.values
     found, known = [], np.zeros((len(basis), 0))
-    unseen = Unseen(problem.split(values)[0], basis)
-    for motion in gauges(problem, values, unseen, problem.pattern, declared):
-        v = np.zeros((len(basis), 1))
-        assert motion.basis is not None  # of gauges
-        v[motion.entries] = motion.basis
+    space = NullSpace(problem.split(values)[0], np.ones(len(basis)), basis)
+    for motion in gauges(problem, values, Found(space), problem.pattern, declared):
+        v = basis @ motion.coefficients[:, None]
+        v = np.where(abs(v) > TAKES_PART * abs(v).max(), v, 0.0) / np.linalg.norm(v)
         fresh, _ = beyond(known, v)
         if not fresh.shape[1]:
             continue
         known = np.column_stack([known, fresh])
-        some = np.unique(frame_of[motion.entries])
+        some = np.unique(frame_of[np.flatnonzero(v)])
         frames_moved = tuple(int(t) for t in some if t >= 0)
         found.append(NullDirections(motion.name, (), frames_moved, 1, tied=True))
         if len(found) == over.size:
@@ -153,19 +151,19 @@ class Dictionary:
     """
 
     layout: Layout
-    subspaces: Sequence[NamedSubspace]
+    subspaces: Sequence[JointMotion]
     moves: Mask
 
     @staticmethod
-    def of(layout: Layout, found: Iterable[NamedSubspace]) -> "Dictionary":
-        """The dictionary of those subspaces that are spanned by single entries."""
-        kept = [motion for motion in found if motion.basis is None]
+    def of(layout: Layout, found: Iterable[JointMotion]) -> "Dictionary":
+        """The dictionary of these subspaces."""
+        kept = list(found)
         moves = np.zeros((len(kept), layout.size), dtype=bool)
         for row, motion in zip(moves, kept, strict=True):
             row[motion.entries] = True
         return Dictionary(layout, kept, moves)
 
-    def names(self, V: Array) -> list[tuple[NamedSubspace, Array]]:
+    def names(self, V: Array) -> list[tuple[JointMotion, Array]]:
         """The motions in the span of V (T, n, d), and for each the directions (T, n, k) of it.
 
         A motion is one of them if some combination (d,) of the vectors moves its entries alone, in
@@ -175,7 +173,7 @@ class Dictionary:
         Q = np.linalg.qr(V.reshape(T * n, d))[0].reshape(T, n, d)
         gram = np.einsum("tei,tej->eij", Q, Q)  # of each entry; they add up to the unit matrix
         parts = self.moves.astype(float) @ np.einsum("eii->e", gram)
-        found: list[tuple[NamedSubspace, Array]] = []
+        found: list[tuple[JointMotion, Array]] = []
         known = np.zeros((d, 0))
         others = (~self.moves).astype(float)
         inside = np.zeros(len(self.subspaces))  # how many of those that are known a motion has
@@ -201,7 +199,7 @@ class Dictionary:
             large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
             blocks = [b for b, at in self.layout.slices.items() if large[at].any()]
             name = f"combinations of {' and '.join(blocks)}"
-            found.append((NamedSubspace("mixed", name, (), np.flatnonzero(large)), rest))
+            found.append((JointMotion("mixed", name, (), np.flatnonzero(large)), rest))
         return found
 
 
@@ -243,7 +241,7 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]
     frame_of, place = frames.places
     S = np.zeros((frames.shared.size, vectors.shape[1]))
     S[place[frame_of < 0]] = vectors.toarray()[frame_of < 0]
-    dictionary = Dictionary.of(frames.shared, named_subspaces(frames.shared, ()))
+    dictionary = Dictionary.of(frames.shared, joint_motions(frames.shared, ()))
     V = _by_frames(vectors, frames)
     found = []
     for motion, moved in dictionary.names(S[None]):
@@ -254,7 +252,7 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]
         blocks = [b for b, at in frames.layout.slices.items() if (size[at] > TAKES_PART).any()]
         name = motion.name
         if motion.kind in ("mixed", "block"):
-            name = "; ".join(dominant(v, frames.shared) for v in moved[0].T)
+            name = "; ".join(in_units(v, frames.shared) for v in moved[0].T)
         if there.any():
             where = f"{int(there.sum())} of {frames.count} frames"
             name = f"{name}, undone by {' and '.join(blocks)} in {where}"

@@ -9,9 +9,8 @@ from workbench.arrays import Array
 from workbench.diagnostics.data import plain
 from workbench.diagnostics.report import listed
 from workbench.diagnostics.sequences import SequenceDiagnosis
-from workbench.diagnostics.structure import counted
-from workbench.diagnostics.tables import sections, table
 from workbench.diagnostics.wording import Finding, Wording
+from workbench.diagnostics.words import counted, sections, table
 from workbench.errors import some_of
 
 SCHEMA = "workbench.sequence-diagnosis"

@@ -10,18 +10,19 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.linearized import check_finite, linearized, not_finite
 from workbench.diagnostics.null_space import WEAK
+from workbench.diagnostics.scales import Scales as Yardsticks
+from workbench.diagnostics.scales import scales as yardsticks
 from workbench.diagnostics.sequence_names import NullDirections, named
 from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.sparse_bases import FRESH
 from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
-from workbench.diagnostics.words import diagnosis_of
-from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import columns_of_nonzeros
 

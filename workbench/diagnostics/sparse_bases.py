@@ -6,9 +6,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from workbench.arrays import Array
-from workbench.diagnostics.named_subspaces import MANY
 
+MANY = 400  # entries up to which a linear program looks for few of them
 FRESH = 1e-6  # sine of the angle to the directions so far, above which a direction is new
+TRIED = 3  # times as many pivots as vectors: of some the sparsest vector is there already
 CLEARLY_FRESH = 0.1  # the same sine, above which vectors are kept as they are
 
 
@@ -45,15 +46,17 @@ def sparsest(basis: Array, known: Array) -> Array:
     n, d = basis.shape
     if not d:
         return basis
-    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1][:d]
+    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1]
     if n > MANY:
-        return _echelon(basis, pivots)
+        return _echelon(basis, pivots[:d])
     space = np.column_stack([basis, known])
     space = space / np.linalg.norm(space, axis=0)
     k = space.shape[1]
     chosen: list[Array] = []
     done = known
-    for pivot in pivots:
+    for pivot in pivots[: TRIED * d]:
+        if len(chosen) == d:
+            break
         # v = space c = plus - minus; least sum of both; v[pivot] = 1
         cost = np.concatenate([np.zeros(k), np.ones(2 * n)])
         equal = np.hstack([space, -np.eye(n), np.eye(n)])

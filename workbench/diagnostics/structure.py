@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout, Tree
+from workbench.blocks import Tree
 from workbench.blocks.batched import Buffered
 from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Linearization, Problem
@@ -187,41 +187,6 @@ def pose_moves_template(problem: Problem) -> bool:
         and source.bent
         for source in (points.source for points in problem.points)
     )
-
-
-def named_groups(layout: Layout, columns: Index) -> str:
-    """Entries of a vector in few words: whole blocks by name, the entries of a row together."""
-    names = []
-    for name, part in layout.slices.items():
-        inside = columns[(columns >= part.start) & (columns < part.stop)]
-        if layout[name].whole is None and inside.size == part.stop - part.start:
-            names.append(name if inside.size == 1 else f"all of {name}")
-        elif inside.size:
-            names.extend(gathered(layout.labels_of(inside)))
-    return ", ".join(names)
-
-
-def counted(number: int, noun: str) -> str:
-    """A number with its noun: `1 row`, `2 rows`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-def named_rows(rows: Mapping[str, slice], chosen: Index) -> str:
-    """How many of the chosen rows belong to each residual, in words."""
-    counts = {
-        name: int(np.sum((chosen >= part.start) & (chosen < part.stop)))
-        for name, part in rows.items()
-    }
-    return ", ".join(f"{count} of {name}" for name, count in counts.items() if count)
-
-
-def gathered(entries: list[str]) -> list[str]:
-    """`pose[head, x]`, `pose[head, y]` as `pose[head, x y]`."""
-    rows: dict[str, list[str]] = {}
-    for entry in entries:
-        row, comma, last = entry.removesuffix("]").rpartition(", ")
-        rows.setdefault(row + comma, []).append(last if comma else entry)
-    return [row + " ".join(last) + "]" if row else ", ".join(last) for row, last in rows.items()]
 
 
 def only_joints(

@@ -154,7 +154,7 @@ def _drawn_sigmas(d: Diagnosis) -> Shown:
 def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
-        "scales": str(d.point.yardsticks),
+        "scales": str(d.point.scales),
         "ranks": diagnosis_tables.ranks_table(d),
         "spectrum": spectrum(d),
         "unseen": tables.gathered_directions_table(d.null_directions),

@@ -5,7 +5,8 @@ import numpy as np
 from workbench.diagnostics import Diagnosis, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.report import VERDICTS, changed, compared_blocks
-from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
+from workbench.diagnostics.structure import Submatrix
+from workbench.diagnostics.words import gathered, named_groups, named_rows
 from workbench.reports import tables
 from workbench.reports.tables import Columns, Table, number
 
@@ -97,7 +98,7 @@ def known_table(d: Diagnosis) -> Table:
 
 def entries_table(d: Diagnosis) -> Table:
     """A table with a row for every unknown."""
-    known, sizes = d.identifiability, d.point.yardsticks.sizes
+    known, sizes = d.identifiability, d.point.scales.sizes
     columns: Columns[int] = {
         "unknown": d.free.label,
         "unit": d.free.unit,

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array
-from workbench.blocks.directions import dominant, signed
+from workbench.blocks.directions import in_units
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
 from workbench.solvers.ended import NAMED
@@ -40,8 +40,9 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     if null > 1:
         return f" ({null} directions change no residual here, {so}; a diagnosis names them)"
     direction = np.zeros(len(x))
-    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1]
-    return f" (the cost hardly depends on {dominant(signed(direction), problem.free, NAMED)}, {so})"
+    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1] / lengths
+    along = in_units(direction, problem.free, here.column_norms, NAMED)
+    return f" (the cost hardly depends on {along}, {so})"
 
 
 def _suspect(normal: Array) -> bool:

@@ -266,7 +266,7 @@ def design(
     made: dict[object, Problem] = {}
     for at in several:
         point = _point(problem, at)
-        scales, words = point.yardsticks.sizes, words or str(point.yardsticks)
+        scales, words = point.scales.sizes, words or str(point.scales)
         gradient, unit = _gradients(problem, criterion, at, scales, made)
         seen = rows_of(problem, known, at, made)
         left = directions_left(point, scales)
