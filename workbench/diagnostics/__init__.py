@@ -40,10 +40,10 @@ from workbench.diagnostics.identifiability import (
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
 from workbench.diagnostics.point import Neighbourhood
+from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
 from workbench.diagnostics.structure import Structure, Submatrix, TermBlock
-from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
 from workbench.diagnostics.wording import Finding, Undiagnosed
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""How far columns and rows are from parallel, and which ones make a Jacobian ill-conditioned."""
+"""How far columns are from parallel, and which ones make a Jacobian ill-conditioned."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,12 @@ from workbench.problem.storage import by_nonzeros
 
 PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
 NEARLY = 1e-3  # sine of the angle up to which columns are called nearly parallel
-SAME_ROW = 1.5e-4  # sine of the angle up to which rows are parallel: 1 - cosine is 1e-8
-FEW = 3000  # rows up to which every pair is compared
-MOST = 20  # pairs, rows or columns that are listed
+MOST = 20  # pairs, or entries of a direction, that are listed
 
 
 @dataclass(frozen=True)
 class ParallelPair:
-    """Two columns, or two rows, that are nearly parallel.
+    """Two columns that are nearly parallel.
 
     Attributes:
         first: the index of one.
@@ -42,8 +40,8 @@ class WeakestDirection:
     |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
 
     Attributes:
-        singular_value: the singular value, in sigmas per yardstick.
-        vector: d (n,), in yardsticks.
+        singular_value: the singular value, in sigmas per characteristic scale.
+        vector: d (n,), in characteristic scales.
         change: |J d|, in sigmas.
         columns: the unknowns that make up most of d.
         rows: the rows that make up most of J d.
@@ -117,34 +115,6 @@ def _cosines(here: Linearization, read: Index, least: float) -> tuple[Index, Ind
     cosines = np.triu(abs(columns.T @ columns), 1)
     i, j = np.nonzero(cosines > least)
     return i, j, cosines[i, j]
-
-
-def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[ParallelPair, ...]:
-    """Pairs of rows whose angle has a sine of at most `within`, in their order.
-
-    Repeated observations are not wrong; they are listed because they count twice. Of more than
-    FEW rows only neighbours are compared, after sorting by one random projection, which brings
-    parallel ones together.
-    """
-    m, n = here.shape
-    if m > 200_000 or n < 2:
-        return ()
-    norms = here.row_norms
-    read = np.flatnonzero(norms > 0)
-    if m <= FEW:
-        unit = here.rows(read).dense / norms[read, None]
-        a, b = np.nonzero(np.triu(abs(unit @ unit.T), 1) > 1 - within**2)
-    else:
-        key = abs(here.along(np.random.default_rng(0).standard_normal(n))[read] / norms[read])
-        order = np.argsort(key)
-        close = np.flatnonzero(np.diff(key[order]) < PARALLEL)[: 50 * MOST]
-        a, b = order[close], order[close + 1]
-    found = []
-    for first, second in zip(read[a].tolist(), read[b].tolist(), strict=True):
-        apart = _sine(here.row(first) / norms[first], here.row(second) / norms[second])
-        if apart <= within:
-            found.append(ParallelPair(min(first, second), max(first, second), apart))
-    return tuple(sorted(found, key=lambda p: (p.first, p.second))[:MOST])
 
 
 def _sine(a: Array, b: Array) -> float:

@@ -55,7 +55,7 @@ class DerivativeCheck:
         gradient_error: the relative difference between the adjoint gradient and J'r.
         hessian_error: the relative difference between the exact Hessian and differences of the
             gradient.
-        neglected: |H - J'J| / |H|, the share of the Hessian that Gauss and Newton's leaves out.
+        neglected: |H - J'J| / |H|, the share of the exact Hessian that J'J leaves out.
     """
 
     columns: Index = field(repr=False)
@@ -189,14 +189,24 @@ def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Linearizatio
     return float(np.linalg.norm(g - ours)) / max(size, 1e-300)
 
 
+def exact_hessian(problem: Problem, x: Array, fixed: Array) -> Array | None:
+    """The exact Hessian of the cost (n, n), which may not be finite.
+
+    None of a large problem, and of functions that have no second derivatives or no graph.
+    """
+    if x.size > HESSIAN_UP_TO or problem.size > HESSIAN_ROWS or not x.size:
+        return None
+    try:
+        return dense(problem.hessian_at(x, fixed))
+    except (RuntimeError, NotSupported):
+        return None
+
+
 def _second(
     problem: Problem, x: Array, fixed: Array, here: Linearization
 ) -> tuple[float | None, float | None]:
-    if x.size > HESSIAN_UP_TO or here.shape[0] > HESSIAN_ROWS or not x.size:
-        return None, None
-    try:
-        H = dense(problem.hessian_at(x, fixed))
-    except (RuntimeError, NotSupported):  # of a function with first derivatives only, or no graph
+    H = exact_hessian(problem, x, fixed)
+    if H is None:
         return None, None
     if not np.isfinite(H).all():
         return float("inf"), None

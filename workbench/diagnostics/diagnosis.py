@@ -16,14 +16,15 @@ from workbench.diagnostics.identifiability import (
     Identifiability,
     contributions,
     identifiability,
+    widths_by_curvature,
 )
-from workbench.diagnostics.linearized import not_finite, thick
+from workbench.diagnostics.linearized import not_finite
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import law_of
+from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
-from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
 from workbench.problem import Linearization, Problem
 
@@ -93,11 +94,6 @@ class Diagnosis:
     def structural_rank(self) -> int:
         """The largest rank that a matrix with this sparsity pattern can have."""
         return self.structure.rank
-
-    @cached_property
-    def thick(self) -> int:
-        """How many entries are above a thousandth of their column's largest."""
-        return thick(self.here)
 
     @property
     def row_edges(self) -> tuple[int, ...]:
@@ -215,11 +211,6 @@ class Diagnosis:
         return conditioning.parallel_columns(self.point.constrained.stacked)
 
     @cached_property
-    def parallel_rows(self) -> tuple[conditioning.ParallelPair, ...]:
-        """Pairs of rows that are nearly parallel."""
-        return conditioning.parallel_rows(self.here)
-
-    @cached_property
     def joint_turns(self) -> tuple[conditioning.JointTurn, ...]:
         """The strongest two turns of each joint that the residuals depend on."""
         return conditioning.joint_turns(self.point)
@@ -241,17 +232,34 @@ class Diagnosis:
             self.point.constrained,
             self.point.is_prior,
             self.point.prior_sigma,
-            self.point.yardsticks.sizes,
+            self.point.scales.sizes,
             self.structure.unread,
             self.structure.under.columns,
         )
+
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """Standard deviations, in characteristic scales, of null directions that the cost rises in.
+
+        The Jacobian does not show them, the exact Hessian does; see `widths_by_curvature`.
+        """
+        if self.here.estimated or self.point.active.any or self.rank == self.shape[1]:
+            return ()
+        scales = self.point.scales.sizes
+        null = self.point.null_in(self.point.measured, scales)
+        return widths_by_curvature(self.problem, self.values, null, scales)
+
+    @property
+    def has_width(self) -> bool:
+        """Whether the cost rises along every null direction, though no residual changes."""
+        return 0 < self.shape[1] - self.rank == len(self.widths)
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:
         """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        sizes = self.point.yardsticks.sizes
+        sizes = self.point.scales.sizes
         return contributions(self.point.constrained, sizes, self.problem.rows, self.free)
 
     @cached_property

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import names_of
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.report import names_of
 from workbench.diagnostics.words import counted, table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed

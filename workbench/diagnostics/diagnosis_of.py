@@ -1,12 +1,11 @@
 """A diagnosis that can say in words what it found."""
 
 from workbench.blocks import Values
-from workbench.diagnostics.advice import advise
+from workbench.diagnostics.data import as_data
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import findings, summary
 from workbench.diagnostics.gauges import Gauge
-from workbench.diagnostics.report import report
-from workbench.diagnostics.schema import as_data
+from workbench.diagnostics.remedies import advise
+from workbench.diagnostics.report import findings, report, summary
 from workbench.diagnostics.wording import Wording
 from workbench.problem import Linearization, Problem
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.diagnostics.findings import listed
-from workbench.diagnostics.schema import plain
+from workbench.diagnostics.data import plain
+from workbench.diagnostics.report import listed
 from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.diagnostics.wording import Finding, Wording
 from workbench.diagnostics.words import counted, sections, table

@@ -20,7 +20,16 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 import scipy.linalg
-from scipy.sparse import block_array, csc_array, csr_array, diags_array, tril, triu, vstack
+from scipy.sparse import (
+    block_array,
+    csc_array,
+    csr_array,
+    diags_array,
+    eye_array,
+    tril,
+    triu,
+    vstack,
+)
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Mask
@@ -48,7 +57,7 @@ FIRM = 1e-8  # what a forbidden direction may give way: 1 over the weight of its
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
 ACCURATE = 1e-6  # relative error of the squares of singular values, by Lanczos' method
 AT_ONCE = 256  # columns that are multiplied by the inverse at a time
-ROUNDING = 1e-9  # of the largest entry of a null vector: less is none
+ROUNDING = 1e-10  # entries of null vectors whose own unknown is 1: less is none
 NOISE = 1e-12  # squares of singular values in columns of length 1 that are set apart from zero
 
 
@@ -199,12 +208,10 @@ class WideJacobian(FactoredJacobian):
     @cached_property
     def local_null(self) -> csc_array:
         """A basis (n, n - rank) of the null space; each vector has an unknown of its own."""
-        R, order = scipy.linalg.qr(self.directions[1].T, mode="r", pivoting=True)
-        r, (n, d) = self.rank, (len(order), len(order) - self.rank)
-        found = np.zeros((n, d))
-        found[order[:r]] = -scipy.linalg.solve_triangular(R[:, :r], R[:, r:])
-        found[order[r:], np.arange(d)] = 1.0
-        return _without_rounding(found)
+        r, (R, order) = self.rank, scipy.linalg.qr(self.directions[1].T, mode="r", pivoting=True)
+        others = _without_rounding(-scipy.linalg.solve_triangular(R[:, :r], R[:, r:]))
+        vectors = csc_array(vstack([others, eye_array(len(order) - r)]))
+        return csc_array(vectors[np.argsort(order)])
 
     @cached_property
     def takes_part(self) -> Mask:
@@ -389,8 +396,8 @@ class SparseJacobian:
 
 
 def _without_rounding(vectors: Array) -> csc_array:
-    """Vectors (n, d) by their nonzeros."""
-    vectors[abs(vectors) < ROUNDING * abs(vectors).max(axis=0)] = 0.0
+    """Parts of vectors of about length 1 by their nonzeros."""
+    vectors[abs(vectors) < ROUNDING] = 0.0
     return csc_array(vectors)
 
 

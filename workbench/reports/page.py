@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from workbench.diagnostics.schema import plain
+from workbench.diagnostics.data import plain
 from workbench.installation import DISTRIBUTION, version_of
 
 PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "matplotlib")
