@@ -188,7 +188,7 @@ class ConstrainedJacobian:
             seen = self.by_elimination.wide.directions[1]
             others = np.delete(seen, part, axis=0)
             rank = int(np.linalg.matrix_rank(others, tol=MOVES)) if others.size else 0
-            return len(seen) - len(others) - seen.shape[1] + rank
+            return len(seen) - len(others) - int(seen.shape[1]) + rank
         return int(np.linalg.matrix_rank(self.null[part], tol=MOVES))
 
     @property

@@ -24,12 +24,12 @@ from workbench.diagnostics.sparse_bases import MANY, beyond, null_basis, sparses
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
-from workbench.problem.storage import by_nonzeros, column_norms
+from workbench.problem.storage import column_norms, unblocked
 from workbench.threads import limited_threads
 
 NEARLY = 0.05  # of its length: what a gauge may have outside of the weak directions
 WEAK = 0.99  # sigmas per characteristic scale; a prior as wide as that has 1
-NAMED = 500  # null directions of a sparse Jacobian, up to which names are looked for
+SEARCHED = 500  # null directions of a sparse Jacobian, up to which names are looked for
 LISTED = 12  # weak directions that are looked for where there are no singular values
 FEW = 8  # numbers that undo each other in a ratio of no known form
 ROUNDING = (1e-7, 1e-9, 1e-11, 1e-13)  # of the largest entry: less is none, where J allows it
@@ -70,7 +70,7 @@ def null_directions(
     count, sparse = point.here.shape[1] - point.constrained.rank, point.constrained.by_elimination
     if not count:
         return ()
-    if sparse is not None and count > NAMED:
+    if sparse is not None and count > SEARCHED:
         return tuple(_by_entries(sparse.local_null, point))
     space, held = null_space(point), point.constrained
     found = Found(space)
@@ -84,7 +84,7 @@ def null_directions(
 def _by_entries(vectors: csc_array, point: Point) -> Iterator[Direction]:
     """Null vectors (n, d), too many for names, each by its entries."""
     free, held = point.problem.free, point.constrained.stacked
-    changes = column_norms(csc_array(by_nonzeros(held.jacobian) @ vectors))
+    changes = column_norms(csc_array(unblocked(held.jacobian) @ vectors))
     for j, change in enumerate(changes.tolist()):
         v = signed(vectors[:, [j]].toarray().ravel())
         if np.count_nonzero(v) == 1:

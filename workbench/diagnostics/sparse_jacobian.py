@@ -38,7 +38,7 @@ from workbench.errors import TooLarge
 from workbench.problem import Linearization
 from workbench.problem.lanczos import largest_eigenpairs, largest_eigenvalue
 from workbench.problem.steps import EPS
-from workbench.problem.storage import Matrix, by_nonzeros, column_norms, scaled_sparse
+from workbench.problem.storage import Matrix, column_norms, scaled_sparse, unblocked
 
 SHIFT = 1e-11  # eps, in squares of singular values: above their rounding errors
 WEAK = 3e-3  # singular values below it take part in the inverse iteration, and those
@@ -85,7 +85,7 @@ class FactoredJacobian:
     @property
     def rank(self) -> int:
         """How many singular values are above the tolerance."""
-        return self.S.shape[1] - self.null.shape[1]
+        return int(self.S.shape[1] - self.null.shape[1])
 
     @cached_property
     def null(self) -> Array:
@@ -109,7 +109,7 @@ class FactoredJacobian:
         """
         N = self.null
         own = scipy.linalg.qr(N.T, mode="r", pivoting=True)[1][: N.shape[1]]
-        return _without_rounding(np.linalg.solve(N[own].T, N.T).T)
+        return _without_rounding(np.asarray(np.linalg.solve(N[own].T, N.T).T, dtype=float))
 
     def covariance_times(self, B: Array) -> Array:
         """The pseudoinverse of S'S, times B (n, q)."""
@@ -357,7 +357,7 @@ class SparseJacobian:
 
     def information_in(self, some: Mask) -> float:
         """In how many directions some rows (m,) decide: the sum of their leverages."""
-        rows = csr_array(by_nonzeros(self.here.jacobian))[np.flatnonzero(some)]
+        rows = csr_array(unblocked(self.here.jacobian))[np.flatnonzero(some)]
         found = 0.0
         for first in range(0, rows.shape[0], AT_ONCE):
             B = rows[first : first + AT_ONCE].T.toarray()
@@ -415,7 +415,7 @@ def count_negative(S: csc_array, signs: Array, shift: Array, forbidden: Array | 
         if abs(pivots).min(initial=1.0) > NEGLIGIBLE and (factors.perm_r == factors.perm_c).all():
             break
     added = K.diagonal()[S.shape[1] :]
-    return int(np.sum(pivots < 0) - np.sum(added < 0))
+    return int(np.count_nonzero(pivots < 0)) - int(np.count_nonzero(added < 0))
 
 
 def _system(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = None) -> csc_array:
