@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, identity, random_array
 
 from workbench import Block, Constraint, Diagnosis, Problem, Values, diagnose, load_body, residuals
 from workbench.arrays import Array
-from workbench.diagnostics import sparse_jacobian
+from workbench.diagnostics import null_space, sparse_jacobian
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.null_space import LISTED
 from workbench.errors import NotFinite, TooLarge
@@ -337,6 +337,30 @@ def test_too_many_weak_directions_are_refused(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(sparse_jacobian, "NUMBERS", 10_000)
     with pytest.raises(TooLarge, match=r"200 of 600 directions .*: fix some of the unknowns"):
         diagnosed(pieces(0))
+
+
+@pytest.mark.parametrize("name", ["few rows", "200 null directions"])
+def test_null_directions_too_many_for_names_are_said_by_entries(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    always_sparse(monkeypatch)
+    monkeypatch.setattr(null_space, "SEARCHED", 100)
+    J, _ = made(name)
+    found = diagnosed(J)
+    vectors = np.column_stack([d.vector for d in found.null_directions])
+    assert np.linalg.matrix_rank(vectors) == J.shape[1] - found.rank == vectors.shape[1]
+    np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), 1.0, rtol=1e-12)
+    assert abs(J @ vectors).max() < 1e-12
+    if name == "few rows":
+        unread = np.flatnonzero(~J.any(axis=0))
+        said = [d.name for d in found.null_directions if d.kind == "entry"]
+        assert {f"x[{i}]" for i in unread} <= set(said)
+        assert found.point.constrained.null_rank(slice(0, 300)) == np.linalg.matrix_rank(
+            vectors[:300]
+        )
+    else:
+        terms = {d.terms for d in found.null_directions}
+        assert "+1 m of x[1] with +1 m of x[0], +1 m of x[2]" in terms
 
 
 @pytest.mark.thorough

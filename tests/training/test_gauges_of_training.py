@@ -19,13 +19,15 @@ SUBJECTS, POSES = 4, 6
 
 
 @cache
-def limb() -> tuple[SymbolicTraining, Values]:
-    """60 vertices on a root and one joint, in exact registrations of four subjects."""
-    tube = jointed_tube(15, 4)
+def limb(
+    subjects: int = SUBJECTS, poses: int = POSES, rings: int = 15
+) -> tuple[SymbolicTraining, Values]:
+    """Four vertices on each ring, on a root and one joint, in exact registrations of subjects."""
+    tube = jointed_tube(rings, 4)
     half = np.where(tube.template[:, 0] > 0, 1, 0)
     start = Start(tube.template, tube.faces, (-1, 0), ("root", "tip"), half)
     body = random_smpl(start, 2, seed=3)
-    data, truth = draw_registrations(body, SUBJECTS, POSES, seed=4)
+    data, truth = draw_registrations(body, subjects, poses, seed=4)
     people = body.vertices(betas=truth.betas)
     joints = np.stack([body.J_regressor @ person for person in people])
     estimate = Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
@@ -115,3 +117,18 @@ def test_weakest_directions_are_those_of_an_svd() -> None:
     counts = [int(np.sum(seen < limit)) for limit in (2, 10, 30)]
     assert [found.count_below(limit) for limit in (2, 10, 30)] == counts
     assert 0 < counts[0] < counts[1] < counts[2]
+
+
+def test_training_with_far_fewer_rows_than_unknowns_is_diagnosed() -> None:
+    symbolic, values = limb(1, 3, 35)
+    d = diagnose(symbolic.problem(["E_D"]), values)
+    assert isinstance(d, Diagnosis)
+    assert d.shape == (1260, 4513)
+    S = np.vstack([d.here.dense, d.point.active.rows])
+    s = np.linalg.svd(S / np.linalg.norm(S, axis=1)[:, None], compute_uv=False)
+    assert d.rank == int(np.sum(s > 1e-12 * s[0])) == 1501
+    assert len(d.null_directions) == d.shape[1] - d.rank
+    # of the numbers of one coordinate of a vertex, in few scans
+    assert np.median([np.count_nonzero(x.vector) for x in d.null_directions]) < 10
+    largest = float(d.here.column_norms.max())
+    assert max(direction.change for direction in d.null_directions) < 1e-11 * largest

@@ -315,8 +315,9 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _null_blocks(d: "Diagnosis") -> list[str]:
     """The blocks that take part in null directions."""
-    vectors = np.array([x.vector for x in d.null_directions]).reshape(-1, d.free.size)
-    moved = (abs(vectors) > 1e-6).any(axis=0)
+    moved = np.zeros(d.free.size, dtype=bool)
+    for one in d.null_directions:
+        moved |= abs(one.vector) > 1e-6
     return [name for name, at in d.free.slices.items() if moved[at].any()]
 
 
