@@ -312,9 +312,10 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _null_blocks(d: "Diagnosis") -> list[str]:
     """The blocks that take part in null directions."""
-    vectors = np.array([x.vector for x in d.null_directions]).reshape(-1, d.free.size)
-    moved = (abs(vectors) > 1e-6).any(axis=0)
-    return [name for name, at in d.free.slices.items() if moved[at].any()]
+    most = np.zeros(d.free.size)
+    for direction in d.null_directions:
+        most = np.maximum(most, abs(direction.vector))
+    return [name for name, at in d.free.slices.items() if (most[at] > 1e-6).any()]
 
 
 def _null_in_scales(d: "Diagnosis") -> Array:

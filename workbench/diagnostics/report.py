@@ -492,8 +492,8 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
         )
     if d.leverage is not None:
         top = np.argsort(-d.leverage)[:3]
-        rows = ", ".join(f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top)
-        yield f"rows with the largest leverage (at most 1): {rows}"
+        largest = [f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top]
+        yield f"rows with the largest leverage (at most 1): {', '.join(largest)}"
 
 
 def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
