@@ -75,15 +75,15 @@ def joint_turns(point: Point) -> tuple[JointTurn, ...]:
     Points in space show two turns of a bone equally well. One image shows only one of them if the
     bone lies across the line of sight: the other turn moves its end in depth.
     """
-    found, here, tolerance = [], point.here, point.constrained.tolerance
+    turns, here, tolerance = [], point.here, point.constrained.tolerance
     for tree in point.problem.trees:
         for k, place in tree.turned(point.problem.free).items():
             some = np.arange(place.start, place.stop)
             columns = here.columns(some).dense if here.estimated else here.R[:, place]
             best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
             if best > tolerance:
-                found.append(JointTurn(tree.names[k], float(best), float(second)))
-    return tuple(found)
+                turns.append(JointTurn(tree.names[k], float(best), float(second)))
+    return tuple(turns)
 
 
 def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[ParallelPair, ...]:
@@ -131,18 +131,18 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
         return _weakest_of(point.by_elimination, most)
     constrained = point.measured
     s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
-    found: list[WeakestDirection] = []
+    directions: list[WeakestDirection] = []
     k = constrained.reduced.spectrum.rank - 1
-    while k >= 0 and len(found) < most:
+    while k >= 0 and len(directions) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
         basis = constrained.tangent @ basis if len(constrained.rows) else basis
-        for i, d in zip(group[: most - len(found)], basis.T, strict=False):
-            found.append(_weak(constrained.here, float(s[i]), d))
+        for i, d in zip(group[: most - len(directions)], basis.T, strict=False):
+            directions.append(_weak(constrained.here, float(s[i]), d))
         k -= group.size
-    return tuple(found)
+    return tuple(directions)
 
 
 def _weakest_of(jacobian: SparseJacobian, most: int) -> tuple[WeakestDirection, ...]:

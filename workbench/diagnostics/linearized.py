@@ -12,12 +12,9 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
 from workbench.errors import NotFinite
 from workbench.problem import Linearization, Problem
-from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.steps import EPS
-from workbench.problem.storage import by_nonzeros
 
 BY_GRAPH = 1e7  # entries up to which the graph of a Jacobian is asked for its pattern
-THIN = 1e-3  # of its column's largest entry: smaller ones hardly matter
 
 
 def linearized(problem: Problem, at: Mapping[str, ArrayLike]) -> Linearization:
@@ -62,18 +59,6 @@ def not_finite(here: Linearization) -> tuple[tuple[int, int], ...]:
         return ()
     r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(here.residual))]
     return (*r, *here.not_finite)
-
-
-def thick(here: Linearization) -> int:
-    """How many entries of the Jacobian are above a thousandth of their column's largest."""
-    if not isinstance(J := here.jacobian, np.ndarray):
-        J = by_nonzeros(J)
-        largest = np.asarray(abs(J).max(axis=0).toarray()).ravel()
-        columns = columns_of_nonzeros(J)
-        return int(np.sum(abs(J.data) > THIN * largest[columns]))
-    return sum(
-        int(np.sum(abs(column) > THIN * abs(column).max(initial=0.0))) for column in J.T
-    )  # column by column: whole arrays would take as much memory again
 
 
 def pattern_at(problem: Problem) -> csc_array:

@@ -383,14 +383,12 @@ def _size(d: "Diagnosis") -> Iterator[str]:
             (
                 t.residual,
                 t.block,
-                str(t.rows),
-                str(t.columns),
-                str(t.nonzeros),
-                f"{t.nonzeros / max(1, t.rows * t.columns):.0%}",
+                *map(str, (t.rows, t.columns, t.nonzeros)),
+                share,
                 f"{t.norm:.3g}",
             )
             for t in d.terms
-            if t.nonzeros
+            if t.nonzeros and (share := f"{t.nonzeros / (t.rows * t.columns):.0%}")
         ],
     )
     yield f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows"

@@ -178,17 +178,6 @@ def _same(here: Linearization, rows: slice, others: slice) -> bool:
     return False
 
 
-def pose_moves_template(problem: Problem) -> bool:
-    """Whether a free pose moves the surface of a body that has pose blend shapes."""
-    free = set(problem.free.names)
-    return any(
-        isinstance(source, BodySource)
-        and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.arguments.pose))
-        and source.bent
-        for source in (points.source for points in problem.points)
-    )
-
-
 def only_joints(
     problem: Problem, at: Mapping[str, ArrayLike]
 ) -> tuple[Tree, Array, tuple[int, ...]] | None:
