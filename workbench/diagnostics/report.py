@@ -380,15 +380,10 @@ def _size(d: "Diagnosis") -> Iterator[str]:
     yield from table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
         [
-            (
-                t.residual,
-                t.block,
-                *map(str, (t.rows, t.columns, t.nonzeros)),
-                share,
-                f"{t.norm:.3g}",
-            )
+            (t.residual, t.block, *map(str, (t.rows, t.columns, t.nonzeros)), share, norm)
             for t in d.terms
-            if t.nonzeros and (share := f"{t.nonzeros / (t.rows * t.columns):.0%}")
+            if t.nonzeros
+            for share, norm in [(f"{t.nonzeros / (t.rows * t.columns):.0%}", f"{t.norm:.3g}")]
         ],
     )
     yield f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows"
@@ -464,7 +459,8 @@ def _weak(d: "Diagnosis") -> Iterator[str]:
     ):
         if rows:
             yield f"a whole characteristic scale along each changes the residuals by {words}"
-            yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in rows])
+            numbered = [(f"{x.change:.2g}", x.name) for x in rows]
+            yield from table(("|J d|", "direction"), numbered, numbers=(0,))
     if shown and d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
 
