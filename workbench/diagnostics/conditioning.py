@@ -54,38 +54,6 @@ class WeakestDirection:
     rows: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class JointTurn:
-    """How strongly the residuals change when a joint turns, in sigmas per radian.
-
-    Attributes:
-        joint: the joint's name.
-        best: the change for a turn about the axis of the largest change.
-        second: the change about the best axis at right angles to it.
-    """
-
-    joint: str
-    best: float
-    second: float
-
-
-def joint_turns(point: Point) -> tuple[JointTurn, ...]:
-    """The strongest two turns of each joint, all other joints at rest.
-
-    Points in space show two turns of a bone equally well. One image shows only one of them if the
-    bone lies across the line of sight: the other turn moves its end in depth.
-    """
-    turns, here, tolerance = [], point.here, point.constrained.tolerance
-    for tree in point.problem.trees:
-        for k, place in tree.turned(point.problem.free).items():
-            some = np.arange(place.start, place.stop)
-            columns = here.columns(some).dense if here.estimated else here.R[:, place]
-            best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
-            if best > tolerance:
-                turns.append(JointTurn(tree.names[k], float(best), float(second)))
-    return tuple(turns)
-
-
 def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[ParallelPair, ...]:
     """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
     norms = here.column_norms

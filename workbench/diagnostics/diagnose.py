@@ -5,11 +5,10 @@ from collections.abc import Iterable, Mapping
 from numpy.typing import ArrayLike
 
 from workbench.blocks.checks import several, texts
-from workbench.diagnostics import sequence_words
+from workbench.diagnostics.active_set import linearized
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.gauges import Gauge
-from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
@@ -45,8 +44,7 @@ def diagnose(
     problem = problem.frozen(at)
     here = linearized(problem, at)  # looks at every value
     if is_long(here.jacobian):
-        words = sequence_words.WORDING
-        return SequenceDiagnosis(problem, problem.read(at), here, words, names, declared)
+        return SequenceDiagnosis(problem, problem.read(at), here, names, declared)
     return _whole(problem, at, here, names, declared)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
+from workbench.diagnostics.active_set import not_finite
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
 from workbench.diagnostics.gauges import Gauge, exchanges
 from workbench.diagnostics.identifiability import (
@@ -18,10 +19,9 @@ from workbench.diagnostics.identifiability import (
     identifiability,
     widths_by_curvature,
 )
-from workbench.diagnostics.linearized import not_finite
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
-from workbench.diagnostics.rank_law import law_of
+from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
@@ -182,7 +182,7 @@ class Diagnosis:
     @cached_property
     def exchanges(self) -> tuple[tuple[str, ...], ...]:
         """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
-        return exchanges(self.problem, self.values, self.point.constrained.null)
+        return exchanges(self.problem, self.values, self.point.constrained)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
@@ -211,9 +211,9 @@ class Diagnosis:
         return conditioning.parallel_columns(self.point.constrained.stacked)
 
     @cached_property
-    def joint_turns(self) -> tuple[conditioning.JointTurn, ...]:
+    def joint_turns(self) -> tuple[JointTurn, ...]:
         """The strongest two turns of each joint that the residuals depend on."""
-        return conditioning.joint_turns(self.point)
+        return joint_turns(self.point)
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:

@@ -22,6 +22,7 @@ from scipy.sparse import coo_array, csc_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics import generators
+from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
 from workbench.diagnostics.sparse_bases import sparsest
 from workbench.diagnostics.words import LENGTHS, in_space, listed, things
@@ -645,16 +646,19 @@ def _islands(free: Layout, pattern: csc_array) -> list[Index]:
     return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
 
 
-def exchanges(problem: Problem, values: Values, null: Array) -> tuple[tuple[str, ...], ...]:
+def exchanges(
+    problem: Problem, values: Values, constrained: ConstrainedJacobian
+) -> tuple[tuple[str, ...], ...]:
     """Groups of free blocks whose rows may be exchanged, together, in any order.
 
     Such a symmetry is discrete: the terms of a sum, the units of a layer. It takes no rank away,
-    but every minimum then has equals elsewhere. An exchange that only moves along the null space,
-    spanned by the columns of `null` (n, d), is left out: it says nothing new.
+    but every minimum then has equals elsewhere. An exchange that only moves along the null space is
+    left out: it says nothing new.
     """
     free = problem.free
     if free.size > SMALL or problem.trees:
         return ()
+    null = constrained.null
     x, fixed = problem.split(values)
     before = problem.residual(x, fixed)
     by_count: dict[int, list[str]] = {}

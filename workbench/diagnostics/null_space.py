@@ -24,10 +24,12 @@ from workbench.diagnostics.sparse_bases import MANY, beyond, null_basis, sparses
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
+from workbench.problem.storage import column_norms, unblocked
 from workbench.threads import limited_threads
 
 NEARLY = 0.05  # of its length: what a gauge may have outside of the weak directions
 WEAK = 0.99  # sigmas per characteristic scale; a prior as wide as that has 1
+SEARCHED = 500  # null directions of a sparse Jacobian, up to which names are looked for
 LISTED = 12  # weak directions that are looked for where there are no singular values
 FEW = 8  # numbers that undo each other in a ratio of no known form
 ROUNDING = (1e-7, 1e-9, 1e-11, 1e-13)  # of the largest entry: less is none, where J allows it
@@ -65,8 +67,11 @@ def null_directions(
     `pattern` (m, n) is where the Jacobian can be nonzero. Single entries come first, then gauges,
     then motions of joints, then what is left.
     """
-    if point.constrained.rank == point.here.shape[1]:
+    count, sparse = point.here.shape[1] - point.constrained.rank, point.constrained.by_elimination
+    if not count:
         return ()
+    if sparse is not None and count > SEARCHED:
+        return tuple(_by_entries(sparse.local_null, point))
     space, held = null_space(point), point.constrained
     found = Found(space)
     motions = [*_named(point, pattern, found, declared), *_left(point, found)]
@@ -74,6 +79,20 @@ def null_directions(
     return tuple(
         _direction(m, space, held.stacked, point.here, free, held.tolerance) for m in motions
     )
+
+
+def _by_entries(vectors: csc_array, point: Point) -> Iterator[Direction]:
+    """Null vectors (n, d), too many for names, each by its entries."""
+    free, held = point.problem.free, point.constrained.stacked
+    changes = column_norms(csc_array(unblocked(held.jacobian) @ vectors))
+    for j, change in enumerate(changes.tolist()):
+        v = signed(vectors[:, [j]].toarray().ravel())
+        if np.count_nonzero(v) == 1:
+            name = free.label(int(np.argmax(abs(v))))
+            yield Direction(name, "entry", (), v, change, f"+1 of {name}")
+        else:
+            terms = in_units(v, free, point.here.column_norms)
+            yield Direction(terms, "mixed", (), v, change, terms)
 
 
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:

@@ -15,9 +15,9 @@ from workbench.diagnostics.active_set import (
     ConstrainedJacobian,
     active_set_at,
     constrained_jacobian_at,
+    pattern_at,
 )
 from workbench.diagnostics.identifiability import prior_sigma
-from workbench.diagnostics.linearized import pattern_at
 from workbench.diagnostics.scales import Scales, scales
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization, Problem

@@ -22,6 +22,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
+from workbench.diagnostics.null_space import SEARCHED
 from workbench.diagnostics.scales import with_unit
 from workbench.diagnostics.words import families, gathered, in_space, row_label
 from workbench.errors import TooLarge, joined, some_of
@@ -290,13 +291,15 @@ def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
 
 
 def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
-    """Fix one of the blocks that take part in null directions."""
+    """Fix one of the blocks that take part in null directions, unless these are very many."""
+    if d.shape[1] - d.rank > SEARCHED:
+        return
     for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
         others = d.free.spelled([name])
         if not others or _is_unread(d, name):
             continue
         part = d.free.slices[name]
-        null = np.linalg.matrix_rank(d.point.constrained.null[part], tol=1e-8)
+        null = d.point.constrained.null_rank(part)
         known = part.stop - part.start - int(null)
         noun = "number that is" if known == 1 else "numbers that are"
         yield from _tried(

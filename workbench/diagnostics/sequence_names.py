@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csc_array, hstack
@@ -12,9 +13,11 @@ from workbench.blocks import Layout
 from workbench.blocks.directions import in_units
 from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
 from workbench.diagnostics.joint_motions import JointMotion, joint_motions
-from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.sparse_bases import FRESH, beyond
 from workbench.diagnostics.words import counted, gathered
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.sequences import SingleFrames
 
 OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
 LARGE = 10_000_000  # numbers in the null vectors of several frames, up to which gauges are sought
@@ -55,7 +58,7 @@ class NullDirections:
 
 
 def named(
-    vectors: csc_array, frames: SingleFrames, declared: Sequence[Gauge] = ()
+    vectors: csc_array, frames: "SingleFrames", declared: Sequence[Gauge] = ()
 ) -> tuple[NullDirections, ...]:
     """Names of the null vectors (n, d) of a sequence: gauges of all frames first."""
     frame_of, place = frames.places
@@ -90,7 +93,7 @@ def named(
 
 
 def _over_all_frames(
-    vectors: csc_array, frames: SingleFrames, declared: Sequence[Gauge]
+    vectors: csc_array, frames: "SingleFrames", declared: Sequence[Gauge]
 ) -> tuple[list[NullDirections], csc_array]:
     """Gauges that move several frames at once, and the null vectors without them.
 
@@ -225,7 +228,7 @@ def _gathered(found: Iterable[tuple[str, NullDirections]]) -> list[NullDirection
 
 
 def _tied(
-    vectors: csc_array, frames: SingleFrames, dictionary: Dictionary
+    vectors: csc_array, frames: "SingleFrames", dictionary: Dictionary
 ) -> Iterator[tuple[str, NullDirections]]:
     """Null directions that move several frames at once, with their kinds."""
     for motion, moved in dictionary.names(_by_frames(vectors, frames)):
@@ -234,7 +237,7 @@ def _tied(
         yield motion.kind, NullDirections(motion.name, motion.joints, some, count, tied=True)
 
 
-def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]:
+def _of_shared(vectors: csc_array, frames: "SingleFrames") -> list[NullDirections]:
     """Null directions of shared unknowns, and what compensates them in the frames."""
     if not vectors.shape[1]:
         return []
@@ -262,7 +265,7 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]
     return found
 
 
-def _by_frames(vectors: csc_array, frames: SingleFrames) -> Array:
+def _by_frames(vectors: csc_array, frames: "SingleFrames") -> Array:
     """(T, n, d): vectors by frames and the places in a frame's layout."""
     frame_of, place = frames.places
     own = np.flatnonzero(frame_of >= 0)

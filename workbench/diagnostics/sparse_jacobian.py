@@ -19,7 +19,17 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-from scipy.sparse import block_array, csc_array, csr_array, diags_array, tril, triu, vstack
+import scipy.linalg
+from scipy.sparse import (
+    block_array,
+    csc_array,
+    csr_array,
+    diags_array,
+    eye_array,
+    tril,
+    triu,
+    vstack,
+)
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Mask
@@ -28,7 +38,7 @@ from workbench.errors import TooLarge
 from workbench.problem import Linearization
 from workbench.problem.lanczos import largest_eigenpairs, largest_eigenvalue
 from workbench.problem.steps import EPS
-from workbench.problem.storage import Matrix, by_nonzeros, scaled_sparse
+from workbench.problem.storage import Matrix, column_norms, scaled_sparse, unblocked
 
 SHIFT = 1e-11  # eps, in squares of singular values: above their rounding errors
 WEAK = 3e-3  # singular values below it take part in the inverse iteration, and those
@@ -47,6 +57,7 @@ FIRM = 1e-8  # what a forbidden direction may give way: 1 over the weight of its
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
 ACCURATE = 1e-6  # relative error of the squares of singular values, by Lanczos' method
 AT_ONCE = 256  # columns that are multiplied by the inverse at a time
+ROUNDING = 1e-10  # entries of null vectors whose own unknown is 1: less is none
 NOISE = 1e-12  # squares of singular values in columns of length 1 that are set apart from zero
 
 
@@ -74,7 +85,7 @@ class FactoredJacobian:
     @property
     def rank(self) -> int:
         """How many singular values are above the tolerance."""
-        return self.S.shape[1] - self.null.shape[1]
+        return int(self.S.shape[1] - self.null.shape[1])
 
     @cached_property
     def null(self) -> Array:
@@ -89,6 +100,16 @@ class FactoredJacobian:
     def takes_part(self) -> Mask:
         """Which unknowns a null vector moves, (n,)."""
         return np.asarray(np.sum(self.null**2, axis=1) > TAKES_PART)
+
+    @cached_property
+    def local_null(self) -> csc_array:
+        """A basis (n, n - rank) of the null space, in which each vector has an unknown of its own.
+
+        It is 1 there, and 0 at the own unknowns of the others.
+        """
+        N = self.null
+        own = scipy.linalg.qr(N.T, mode="r", pivoting=True)[1][: N.shape[1]]
+        return _without_rounding(np.asarray(np.linalg.solve(N[own].T, N.T).T, dtype=float))
 
     def covariance_times(self, B: Array) -> Array:
         """The pseudoinverse of S'S, times B (n, q)."""
@@ -169,7 +190,7 @@ class WideJacobian(FactoredJacobian):
     """The same with far fewer rows than columns, by a dense SVD of the rows."""
 
     @cached_property
-    def _svd(self) -> tuple[Array, Array]:
+    def directions(self) -> tuple[Array, Array]:
         """The singular values above the tolerance (rank,), and their directions (n, rank)."""
         _, s, Vt = np.linalg.svd(self.S.toarray(), full_matrices=False)
         return s[s > self.tolerance], Vt[s > self.tolerance].T
@@ -177,21 +198,29 @@ class WideJacobian(FactoredJacobian):
     @property
     def rank(self) -> int:
         """How many singular values are above the tolerance."""
-        return len(self._svd[0])
+        return len(self.directions[0])
 
     @cached_property
     def null(self) -> Array:
         """An orthonormal basis (n, n - rank) of the null space."""
-        return np.linalg.qr(self._svd[1], mode="complete")[0][:, self.rank :]
+        return np.linalg.qr(self.directions[1], mode="complete")[0][:, self.rank :]
+
+    @cached_property
+    def local_null(self) -> csc_array:
+        """A basis (n, n - rank) of the null space; each vector has an unknown of its own."""
+        r, (R, order) = self.rank, scipy.linalg.qr(self.directions[1].T, mode="r", pivoting=True)
+        others = _without_rounding(-scipy.linalg.solve_triangular(R[:, :r], R[:, r:]))
+        vectors = csc_array(vstack([others, eye_array(len(order) - r)]))
+        return csc_array(vectors[np.argsort(order)])
 
     @cached_property
     def takes_part(self) -> Mask:
         """Which unknowns a null vector moves, (n,)."""
-        return np.asarray(1 - np.sum(self._svd[1] ** 2, axis=1) > TAKES_PART)
+        return np.asarray(1 - np.sum(self.directions[1] ** 2, axis=1) > TAKES_PART)
 
     def covariance_times(self, B: Array) -> Array:
         """The pseudoinverse of S'S, times B (n, q)."""
-        s, V = self._svd
+        s, V = self.directions
         return np.asarray(V @ ((V.T @ B) / s[:, None] ** 2))
 
 
@@ -229,6 +258,11 @@ class SparseJacobian:
         )
 
     @property
+    def wide(self) -> "WideJacobian | None":
+        """J above A, if it has far fewer rows than columns."""
+        return self.factored if isinstance(self.factored, WideJacobian) else None
+
+    @property
     def rank(self) -> int:
         """How many directions change a residual or are forbidden by a constraint."""
         return self.factored.rank
@@ -242,6 +276,12 @@ class SparseJacobian:
     def null(self) -> Array:
         """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
         return np.asarray(np.linalg.qr(self.factored.null / self.lengths[:, None])[0])
+
+    @property
+    def local_null(self) -> csc_array:
+        """(n, n - rank): the same space by vectors of length 1 with few entries."""
+        vectors = csc_array(diags_array(1 / self.lengths) @ self.factored.local_null)
+        return csc_array(scaled_sparse(vectors, 1 / column_norms(vectors)))
 
     @cached_property
     def forbidden(self) -> Array:
@@ -317,7 +357,7 @@ class SparseJacobian:
 
     def information_in(self, some: Mask) -> float:
         """In how many directions some rows (m,) decide: the sum of their leverages."""
-        rows = csr_array(by_nonzeros(self.here.jacobian))[np.flatnonzero(some)]
+        rows = csr_array(unblocked(self.here.jacobian))[np.flatnonzero(some)]
         found = 0.0
         for first in range(0, rows.shape[0], AT_ONCE):
             B = rows[first : first + AT_ONCE].T.toarray()
@@ -343,7 +383,22 @@ class SparseJacobian:
         return P, self.forbidden @ P
 
     def _seen(self, v: Array) -> Array:
+        """What is left of v (n,) without null directions."""
+        if self.wide is not None:
+            return np.asarray(self._row_space @ (self._row_space.T @ v))
         return np.asarray(v - self.null @ (self.null.T @ v))
+
+    @cached_property
+    def _row_space(self) -> Array:
+        """(n, rank), orthonormal: what is at right angles to the null space."""
+        assert self.wide is not None
+        return np.linalg.qr(self.wide.directions[1] * self.lengths[:, None])[0]
+
+
+def _without_rounding(vectors: Array) -> csc_array:
+    """Parts of vectors of about length 1 by their nonzeros."""
+    vectors[abs(vectors) < ROUNDING] = 0.0
+    return csc_array(vectors)
 
 
 def count_negative(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = None) -> int:
@@ -360,7 +415,7 @@ def count_negative(S: csc_array, signs: Array, shift: Array, forbidden: Array | 
         if abs(pivots).min(initial=1.0) > NEGLIGIBLE and (factors.perm_r == factors.perm_c).all():
             break
     added = K.diagonal()[S.shape[1] :]
-    return int(np.sum(pivots < 0) - np.sum(added < 0))
+    return int(np.count_nonzero(pivots < 0)) - int(np.count_nonzero(added < 0))
 
 
 def _system(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = None) -> csc_array:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Layout, Values
 from workbench.blocks.entries import entries
+from workbench.diagnostics.active_set import check_finite, linearized
 from workbench.diagnostics.design.candidates import (
     SCALES,
     Candidate,
@@ -38,7 +39,6 @@ from workbench.diagnostics.design.search import (
     null,
 )
 from workbench.diagnostics.diagnose import diagnose
-from workbench.diagnostics.linearized import check_finite, linearized
 from workbench.diagnostics.point import Point
 from workbench.errors import BadArgument, some_of
 from workbench.problem import Problem
