@@ -1,16 +1,16 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it.
 
 `Diagnosis` computes part after part when it is asked for, a module each: `structure`, `null_space`,
-`conditioning`, `identifiability`, `derivatives`, `findings`, `advice`; `report` and `schema` put it
-into text and data. Everything about columns comes from one small triangular R with R'R = J'J. A
+`conditioning`, `identifiability`, `derivatives`, `remedies`; `report` and `data` put it into text
+and data. Everything about columns comes from one small triangular R with R'R = J'J. A
 large sparse Jacobian is factorized instead (`sparse_jacobian`), and the unknowns of a long sequence
 are eliminated frame after frame (`sequences`), where the same name in many frames is said once.
 
 Null directions are looked for in small named subspaces, the smallest first, so that the twist of
 one bone is found by itself and not as a part of a larger motion: first the gauges of bodies whose
 arrays are free (`rest_gauges`), then those of any problem (`gauges`), then single joints and limbs.
-Whether one is weak is measured in characteristic scales (`yardsticks`), so that units change no
-judgement and no name. Every remedy is tried before it is suggested (`trials`).
+Whether one is weak is measured in characteristic scales (`scales`), so that units change no
+judgement and no name. Every remedy is tried before it is suggested (`remedies`).
 """
 
 from workbench.diagnostics.derivatives import DerivativeCheck, Suspect

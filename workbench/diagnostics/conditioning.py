@@ -99,18 +99,18 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
         return _weakest_of(point.by_elimination, most)
     constrained = point.measured
     s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
-    found: list[WeakestDirection] = []
+    directions: list[WeakestDirection] = []
     k = constrained.reduced.spectrum.rank - 1
-    while k >= 0 and len(found) < most:
+    while k >= 0 and len(directions) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
         basis = constrained.tangent @ basis if len(constrained.rows) else basis
-        for i, d in zip(group[: most - len(found)], basis.T, strict=False):
-            found.append(_weak(constrained.here, float(s[i]), d))
+        for i, d in zip(group[: most - len(directions)], basis.T, strict=False):
+            directions.append(_weak(constrained.here, float(s[i]), d))
         k -= group.size
-    return tuple(found)
+    return tuple(directions)
 
 
 def _weakest_of(jacobian: SparseJacobian, most: int) -> tuple[WeakestDirection, ...]:

@@ -380,17 +380,10 @@ def _size(d: "Diagnosis") -> Iterator[str]:
     yield from table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
         [
-            (
-                t.residual,
-                t.block,
-                str(t.rows),
-                str(t.columns),
-                str(t.nonzeros),
-                f"{t.nonzeros / max(1, t.rows * t.columns):.0%}",
-                f"{t.norm:.3g}",
-            )
+            (t.residual, t.block, *map(str, (t.rows, t.columns, t.nonzeros)), share, norm)
             for t in d.terms
             if t.nonzeros
+            for share, norm in [(f"{t.nonzeros / (t.rows * t.columns):.0%}", f"{t.norm:.3g}")]
         ],
     )
     yield f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows"
@@ -466,7 +459,8 @@ def _weak(d: "Diagnosis") -> Iterator[str]:
     ):
         if rows:
             yield f"a whole characteristic scale along each changes the residuals by {words}"
-            yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in rows])
+            numbered = [(f"{x.change:.2g}", x.name) for x in rows]
+            yield from table(("|J d|", "direction"), numbered, numbers=(0,))
     if shown and d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
 
@@ -492,8 +486,8 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
         )
     if d.leverage is not None:
         top = np.argsort(-d.leverage)[:3]
-        rows = ", ".join(f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top)
-        yield f"rows with the largest leverage (at most 1): {rows}"
+        largest = [f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top]
+        yield f"rows with the largest leverage (at most 1): {', '.join(largest)}"
 
 
 def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:

@@ -14,7 +14,6 @@ from numpy.linalg import norm
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Index
-from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.storage import distance
@@ -172,14 +171,3 @@ def _same(here: Linearization, rows: slice, others: slice) -> bool:
         if np.hypot(*apart) < 1e-10:
             return True
     return False
-
-
-def pose_moves_template(problem: Problem) -> bool:
-    """Whether a free pose moves the surface of a body that has pose blend shapes."""
-    free = set(problem.free.names)
-    return any(
-        isinstance(source, BodySource)
-        and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.arguments.pose))
-        and source.bent
-        for source in (points.source for points in problem.points)
-    )
