@@ -33,8 +33,7 @@ class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
     Directions that bounds and constraints forbid at this point count as determined, in rank, null
-    directions and sigmas. Whether a direction is weak is judged relative to yardsticks: see
-    `point`.
+    directions and sigmas. Whether a direction is weak is judged in characteristic scales: see `scales`.
 
     `str` gives a summary, `report()` everything in words, `data()` the same as JSON.
 
@@ -45,6 +44,7 @@ class Diagnosis:
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
+        scales: by block, the characteristic scales that were said.
     """
 
     problem: Problem = field(repr=False)
@@ -53,6 +53,7 @@ class Diagnosis:
     wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
     gauges: tuple[Gauge, ...] = field(default=(), repr=False)
+    scales: Values = field(default_factory=dict, repr=False)
 
     @property
     def free(self) -> Layout:
@@ -66,8 +67,8 @@ class Diagnosis:
 
     @cached_property
     def point(self) -> Point:
-        """The active constraints at this point, and the yardstick of each unknown."""
-        return Point(self.problem, self.values, self.here, self.priors)
+        """The active constraints at this point, and the characteristic scale of each unknown."""
+        return Point(self.problem, self.values, self.here, self.priors, self.scales)
 
     @cached_property
     def structure(self) -> Structure:
@@ -121,7 +122,7 @@ class Diagnosis:
 
     @property
     def by_elimination(self) -> EliminatedJacobian | None:
-        """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
+        """The Jacobian by parts, in scales; None where there are singular values instead."""
         return self.point.by_elimination
 
     @property
@@ -190,16 +191,16 @@ class Diagnosis:
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
-        """Directions along which a yardstick changes residuals by less than a sigma, weakest first.
+        """Directions along which a scale changes residuals by less than a sigma, weakest first.
 
-        The vectors have length 1 once every unknown is measured by its own yardstick. With
+        The vectors have length 1 once every unknown is measured by its own scale. With
         `by_elimination` these are the weakest 12.
         """
         return null_space.weak_directions(self.point, self.structure.pattern)
 
     @cached_property
     def weak_count(self) -> int:
-        """How many directions change the residuals by less than a sigma per yardstick."""
+        """How many directions change the residuals by less than a sigma per scale."""
         return null_space.count_weak(self.point)
 
     @cached_property
@@ -226,7 +227,7 @@ class Diagnosis:
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
-        """The directions of the smallest nonzero singular values, in yardsticks."""
+        """The directions of the smallest nonzero singular values, in scales."""
         return conditioning.weakest(self.point)
 
     @cached_property
@@ -241,7 +242,7 @@ class Diagnosis:
             self.point.constrained,
             self.point.is_prior,
             self.point.prior_sigma,
-            self.point.yardsticks.sizes,
+            self.point.scales.sizes,
             self.structure.unread,
             self.structure.under.columns,
         )
@@ -251,7 +252,7 @@ class Diagnosis:
         """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        sizes = self.point.yardsticks.sizes
+        sizes = self.point.scales.sizes
         return contributions(self.point.constrained, sizes, self.problem.rows, self.free)
 
     @cached_property

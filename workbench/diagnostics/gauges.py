@@ -29,6 +29,7 @@ from workbench.problem import Problem
 from workbench.problem.nonzeros import tied_columns
 
 SAME = 1e-6  # of its length: a motion that misses the null space by less lies in it
+NEW = 1e-3  # of its length: what a motion has outside of those before, to be a new one
 CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up to SAME
 PART = 1e-5  # of the largest coefficient: less takes no part
 MANY = 400  # groups up to which combinations of few are looked for
@@ -98,7 +99,7 @@ class NullSpace:
 
         Then it says nothing of a motion that others undo it.
         """
-        return len(places) - _range(self.basis[places], self.same)[0].shape[1]
+        return len(places) - len(_range(self.basis[places], self.same)[1])
 
     def moved(self, generator: Generator, c: Array, x: Array | None = None) -> Array:
         """How y (n,) moves with a combination c (g,) of the generator's columns."""
@@ -162,17 +163,15 @@ def nothing(A: Array, same: float) -> Array:
 class Found:
     """The motions that were found so far, as orthonormal coefficients (d, k)."""
 
-    def __init__(self, space: NullSpace, known: Array | None = None) -> None:
+    def __init__(self, space: NullSpace) -> None:
         self.space = space
-        d = space.basis.shape[1]
-        self.known = np.zeros((d, 0)) if known is None else known
-        self.before = self.known.shape[1]  # how many have names elsewhere
+        self.known = np.zeros((space.basis.shape[1], 0))
         self.told: set[frozenset[str]] = set()  # the blocks that each gauge moves
-        self.new = SAME if space.exact else 2 * space.same  # of its length: less is nothing new
+        self.new = max(NEW, 2 * space.same)  # of its length: less is nothing new
 
     def all(self) -> bool:
         """Whether nothing is left to be found."""
-        return self.known.shape[1] >= self.known.shape[0]
+        return len(self.known.T) >= len(self.known)
 
     def adds(self, a: Array) -> bool:
         """Whether coefficients a (d,) are those of a new motion, which then counts as found."""
@@ -407,8 +406,8 @@ def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
     first, g = 0, len(Q)
     known = np.zeros((g, 0))
     for segment in generator.segments:
-        own = slice(first, first + segment.count)
-        first += segment.count
+        own = slice(first, first + segment.width)
+        first += segment.width
         if generator.single:
             unit = np.eye(g)[:, own]
             yield from ((segment, c) for c in unit[:, _inside(Q, unit)].T)

@@ -18,6 +18,7 @@ groups     offsets and factors of blocks, slices or entries, in a ratio that is 
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ class Segment(NamedTuple):
     """Some columns of a generator, one after another: their kind, and words for a combination."""
 
     kind: str
-    count: int
+    width: int
     words: Callable[[Array], str]
 
 
@@ -351,8 +352,9 @@ def shifts(free: Layout, spatial: Sequence[Block]) -> Iterator[Generator]:
             )
 
 
-def _identity(size: int) -> Callable[[Array], Array]:
-    return lambda x: np.eye(size)
+def _identity(size: int, rows: int = 1) -> Callable[[Array], Array]:
+    """The columns by which each of these rows may be shifted."""
+    return lambda x: np.tile(np.eye(size), (rows, 1))
 
 
 def _along(c: Array) -> str:
@@ -370,11 +372,15 @@ def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> I
             w = x[at].reshape(-1, 3)
             return np.asarray(sign * slopes_by_turns(sign * w).reshape(-1, 3))
 
-        segment = Segment("rotation", 3, lambda c, said=said: f"{said} {axis_of(c)}")
+        segment = Segment("rotation", 3, partial(_about_axis, said))
         with_others = len(at) == 3 and not few
         yield Generator(
             block.name, (block.name,), at, columns, (segment,), False, frames, few, with_others
         )
+
+
+def _about_axis(said: str, c: Array) -> str:
+    return f"{said} {axis_of(c)}"
 
 
 def vector(free: Layout, block: Block, others: Index | None) -> Generator:
@@ -482,10 +488,8 @@ def rest(problem: Problem) -> Iterator[Generator]:
         names = [n for n in (scans[0].template, scans[0].joints) if n in free.slices]
         if names:
             at = together(free, names)
-            uniform = np.tile(np.eye(3), (len(at) // 3, 1))
-            yield Generator(
-                listed(names), tuple(names), at, lambda x, u=uniform: u, (shift,), others=back
-            )
+            uniform = _identity(3, len(at) // 3)
+            yield Generator(listed(names), tuple(names), at, uniform, (shift,), others=back)
         if scans[0].joints in free.slices:
             at = places_of(free, scans[0].joints)[:3]
             name = f"{scans[0].joints}[root]"
@@ -507,21 +511,23 @@ def _turned_rest(free: Layout, scans: Sequence[Rest], back: Index) -> Iterator[G
         parts = []
         for name in names:
             value = x[free.slices[name]].reshape(free[name].shape)
-            for_each = _turned_pose if name in poses else np.cross
-            if name in shapes:
-                for_each = _turned_posedirs
-            moves = [
-                for_each(value, w) if for_each is not np.cross else np.cross(w, value)
-                for w in np.eye(3)
-            ]
-            parts.append(np.stack([move.ravel() for move in moves], axis=1))
+            move: Callable[[Array, Array], Array] = _turned
+            if name in poses:
+                move = _turned_pose
+            elif name in shapes:
+                move = _turned_posedirs
+            parts.append(np.stack([move(value, w).ravel() for w in np.eye(3)], axis=1))
         return np.concatenate(parts)
 
-    segment = Segment("rotation", 3, lambda c: f"a rotation about {axis_of(c)}")
+    segment = Segment("rotation", 3, partial(_about_axis, "a rotation about"))
     at = together(free, names)
     yield Generator(
         "everything at rest", tuple(names), at, columns, (segment,), single=True, others=back
     )
+
+
+def _turned(X: Array, w: Array) -> Array:
+    return np.asarray(np.cross(w, X))
 
 
 def _turned_pose(pose: Array, w: Array) -> Array:

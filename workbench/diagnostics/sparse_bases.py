@@ -9,6 +9,7 @@ from workbench.arrays import Array
 
 MANY = 400  # entries up to which a linear program looks for few of them
 FRESH = 1e-6  # sine of the angle to the directions so far, above which a direction is new
+APART = 1e-3  # the same sine, below which a vector of few entries is one of those before
 TRIED = 3  # times as many pivots as vectors: of some the sparsest vector is there already
 CLEARLY_FRESH = 0.1  # the same sine, above which vectors are kept as they are
 
@@ -53,7 +54,7 @@ def sparsest(basis: Array, known: Array) -> Array:
     space = space / np.linalg.norm(space, axis=0)
     k = space.shape[1]
     chosen: list[Array] = []
-    done = known
+    done = np.linalg.qr(known)[0] if known.shape[1] else known
     for pivot in pivots[: TRIED * d]:
         if len(chosen) == d:
             break
@@ -69,10 +70,11 @@ def sparsest(basis: Array, known: Array) -> Array:
             method="highs",
         )
         v = np.zeros(n) if answer.x is None else space @ answer.x[:k]
-        fresh = beyond(done, v[:, None] / (float(np.linalg.norm(v)) or 1.0))[0]
-        if fresh.shape[1]:
+        fresh = v - done @ (done.T @ v)
+        fresh -= done @ (done.T @ fresh)
+        if np.linalg.norm(fresh) > APART * np.linalg.norm(v):
             chosen.append(_polished(v, space))
-            done = np.column_stack([done, fresh])
+            done = np.column_stack([done, fresh / np.linalg.norm(fresh)])
     left = beyond(done, basis)[0][:, : d - len(chosen)]
     return np.column_stack([*(v[:, None] for v in chosen), left])
 
