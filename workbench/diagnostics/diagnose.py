@@ -43,9 +43,9 @@ def diagnose(
     or as one number: `{"radius": 7e6}`. What is called weak or identified is compared with them,
     and suggested priors are as wide. Without them they are chosen as the module `scales` says.
 
-    Raises UnknownName for a name that no residual has, or no free block, BadArgument for anything but a problem,
-    TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no small parts,
-    and whatever `Problem.split` raises for the values.
+    Raises UnknownName for a name that no residual has, or no free block, BadArgument for anything
+    but a problem, TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no
+    small parts, and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     declared = several("gauges", gauges, Gauge, BadArgument)

@@ -33,7 +33,8 @@ class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
     Directions that bounds and constraints forbid at this point count as determined, in rank, null
-    directions and sigmas. Whether a direction is weak is judged in characteristic scales: see `scales`.
+    directions and sigmas. Whether a direction is weak is judged in characteristic scales; see the
+    module `scales`.
 
     `str` gives a summary, `report()` everything in words, `data()` the same as JSON.
 
