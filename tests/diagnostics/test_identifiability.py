@@ -281,7 +281,8 @@ def test_scales_can_be_said() -> None:
     d = diagnose(problem, at, scales={"focal": 3.0, "shift": [0.1, 0.2]})
     assert d.point.scales.sizes.tolist() == [3.0, 0.1, 0.2]
     assert str(d.point.scales) == "for focal: 3 px, as given; for shift: 0.1 to 0.2 m, as given"
-    assert any("focal" in s.what and "3 px" in s.what for s in d.suggestions if s.kind == "prior")
+    priors = [s.what for s in diagnose(problem, at, scales={"shift": 0.25}).suggestions]
+    assert "add a Gaussian prior on shift (sigma 0.25 m)" in priors
     with pytest.raises(BadArgument, match="above zero"):
         diagnose(problem, at, scales={"focal": -1.0})
     with pytest.raises(UnknownName, match="focus"):
