@@ -33,7 +33,7 @@ NEW = 1e-3  # of its length: what a motion has outside of those before, to be a 
 CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up to SAME
 PART = 1e-5  # of the largest coefficient: less takes no part
 MANY = 400  # groups up to which combinations of few are looked for
-SINGLE = 30  # blocks up to which each is asked whether it undoes a motion alone
+LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
 MATRICES = ((3, 3), (3, 4), (4, 4))  # that act on homogeneous coordinates
 EXCHANGED = 8  # rows that may be exchanged, at the most
 SMALL = 400  # unknowns up to which exchanges are tried
@@ -216,6 +216,10 @@ def gauges(
         yield from (m for m in _declared(gauge, free, values, space) if found.adds(m.coefficients))
     if found.all():
         return
+    for generator in generators.rest(problem):
+        yield from _of_generator(generator, free, found, again=False)
+    if found.all():
+        return
     blocks, islands, points = _looked_at(problem, space, pattern)
     of_points = {b.name for cloud in points for b in cloud.blocks}
     groups = list(generators.block_groups(free, blocks, islands))
@@ -285,7 +289,6 @@ def _catalogue(
     coefficients = [m[:3] for m in matrices if not m[3] and generators.may_mix(*m[1:3])]
     yield chain(
         (generators.similarity(cloud) for cloud in points),
-        generators.rest(problem),
         (generator for what, generator in factors if what),
     )
     yield chain(
@@ -446,7 +449,8 @@ def _ways(
     along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
     choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
     choices = [some for some in choices if some.size][:: -1 if again else 1]
-    single = [nobody] if len(choices) > SINGLE else [nobody, *choices]
+    few = len(v) * len(choices) <= LABOUR
+    single = [nobody, *choices] if few else [nobody]
     alone = False
     for some in single:
         if space.undone(along, some).shape[1]:
@@ -457,7 +461,7 @@ def _ways(
     if alone or generator.few:
         return
     left = choices
-    for one in reversed(choices if len(choices) <= SINGLE else []):
+    for one in reversed(choices if few else []):
         fewer = [some for some in left if some is not one]
         if space.undone(along, np.concatenate([nobody, *fewer])).shape[1]:
             left = fewer
