@@ -11,7 +11,7 @@ from tests.tiers import few
 from workbench import Block, Camera, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.bodies.catalogue import load_body
 from workbench.diagnostics.identifiability import EntryIdentifiability
-from workbench.errors import UnknownName
+from workbench.errors import BadArgument, UnknownName
 
 
 def gaussian_problem(
@@ -256,6 +256,35 @@ def test_every_block_has_a_scale(unit: str, values: list[float], size: float, sa
     scales = diagnose(Problem([r], "x"), at).point.scales
     np.testing.assert_allclose(scales.sizes, size)
     assert str(scales) == f"for x: {said}"
+
+
+@pytest.mark.parametrize(
+    ("size", "sigma", "identified"), [(1e-6, 3.7e-3, False), (7e6, 3.7, True), (1.7, 0.5, True)]
+)
+def test_lengths_unlike_people_are_compared_with_their_size(
+    size: float, sigma: float, identified: bool
+) -> None:
+    x = Block("radius", (), "m")
+    problem = Problem([Residual("seen", x.symbol - size, sigma, "m", blocks=(x,))], "radius")
+    d = diagnose(problem, {"radius": np.array(size)})
+    assert (d.identifiability.verdicts[0] == EntryIdentifiability.IDENTIFIED) == identified
+    assert d.point.scales.sizes == pytest.approx(1.0 if size == 1.7 else size)
+
+
+def test_scales_can_be_said() -> None:
+    f, g = Block("focal", (), "px"), Block("shift", (2,), "m")
+    r = Residual("seen", f.symbol * (g.symbol[0] - g.symbol[1]), 1.0, "px", blocks=(f, g))
+    problem = Problem([r], ("focal", "shift"), blocks=(f, g))
+    at = {"focal": np.array(1000.0), "shift": np.array([0.1, 0.3])}
+    d = diagnose(problem, at, scales={"focal": 3.0, "shift": [0.1, 0.2]})
+    assert d.point.scales.sizes.tolist() == [3.0, 0.1, 0.2]
+    assert str(d.point.scales) == "for focal: 3 px, as given; for shift: 0.1 to 0.2 m, as given"
+    priors = [s.what for s in diagnose(problem, at, scales={"shift": 0.25}).suggestions]
+    assert "add a Gaussian prior on shift (sigma 0.25 m)" in priors
+    with pytest.raises(BadArgument, match="above zero"):
+        diagnose(problem, at, scales={"focal": -1.0})
+    with pytest.raises(UnknownName, match="focus"):
+        diagnose(problem, at, scales={"focus": 1.0})
 
 
 def test_a_suggested_prior_is_as_wide_as_the_scales() -> None:

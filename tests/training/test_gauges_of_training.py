@@ -51,25 +51,21 @@ def test_gauges_of_the_data_alone_are_named() -> None:
     assert d.shape == (4320, 2700)
     names = [direction.name for direction in d.null_directions]
     expected = [
-        f"a shift of subject {s}/template and subject {s}/joints, undone by "
-        f"scan {POSES * s}/trans, scan {POSES * s + 1}/trans and 4 others, along {axis}"
+        f"a translation along {axis} of {what}, undone by scan {POSES * s}/trans to "
+        f"scan {POSES * s + POSES - 1}/trans"
         for s in range(SUBJECTS)
+        for what in (f"subject {s}/template and subject {s}/joints", f"subject {s}/joints[root]")
         for axis in "xyz"
     ]
     expected += [
-        f"subject {s}/joints[root] along {axis}, undone by scan {POSES * s}/trans, "
-        f"scan {POSES * s + 1}/trans and 4 others"
-        for s in range(SUBJECTS)
-        for axis in "xyz"
-    ]
-    expected += [
-        f"a turn of everything at rest about {axis}, undone by the rotation of every root"
-        for axis in "xyz"
-    ]
-    expected += [
-        f"posedirs that push the whole surface along the joint's axis by {how}, undone by every "
-        "translation"
+        f"a push of the whole surface along the joint's axis by {how} of posedirs, undone by "
+        f"scan 0/trans to scan {SUBJECTS * POSES - 1}/trans"
         for how in ("sin", *(f"(1 - cos) times the axis's {axis}" for axis in "xyz"))
+    ]
+    expected += [  # everything at rest, against every root
+        f"a rotation about {axis} of subject 0/template, undone by posedirs, subject 0/joints, "
+        "subject 1 to subject 3 and 1 more"
+        for axis in "xyz"
     ]
     assert sorted(names) == sorted(expected)
     assert d.rank == 2700 - len(expected)
@@ -88,7 +84,7 @@ def test_gauges_of_the_data_alone_are_named() -> None:
 def test_priors_fix_gauges(terms: tuple[str, ...], left: int) -> None:
     d = diagnosed(*terms)
     assert len(d.null_directions) == d.shape[1] - d.rank == left
-    assert all(direction.kind in ("shift", "gauge") for direction in d.null_directions)
+    assert all(direction.kind in ("translation", "gauge") for direction in d.null_directions)
 
 
 def test_rank_is_full_without_gauges() -> None:

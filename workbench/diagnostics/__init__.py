@@ -6,11 +6,11 @@ and data. Everything about columns comes from one small triangular R with R'R = 
 large sparse Jacobian is factorized instead (`sparse_jacobian`), and the unknowns of a long sequence
 are eliminated frame after frame (`sequences`), where the same name in many frames is said once.
 
-Null directions are looked for in small named subspaces, the smallest first, so that the twist of
-one bone is found by itself and not as a part of a larger motion: first the gauges of bodies whose
-arrays are free (`rest_gauges`), then those of any problem (`gauges`), then single joints and limbs.
-Whether one is weak is measured in characteristic scales (`scales`), so that units change no
-judgement and no name. Every remedy is tried before it is suggested (`remedies`).
+A null space has no basis of its own. Its directions are searched for by the motions that have a
+name, the most general first: `generators` is their catalogue, a function for each kind, `gauges`
+asks which of them others undo, `joint_motions` are those of joints and limbs, and what is left is
+said in units. Whether a direction is weak is measured in characteristic `scales`, so that units
+change no judgement and no name. Every remedy is tried before it is suggested.
 """
 
 from workbench.diagnostics.derivatives import DerivativeCheck, Suspect

@@ -240,11 +240,11 @@ class ConstrainedJacobian:
         """Some of the residuals' rows, under the same constraints."""
         return ConstrainedJacobian(self.here.rows(part), self.rows)
 
-    def measured(self, yardsticks: Array) -> "ConstrainedJacobian":
-        """This Jacobian in unknowns y with x = yardsticks * y."""
-        if (yardsticks == 1).all():
+    def measured(self, scales: Array) -> "ConstrainedJacobian":
+        """This Jacobian in unknowns y with x = scales * y."""
+        if (scales == 1).all():
             return self
-        return ConstrainedJacobian(self.here.scaled(yardsticks), self.rows * yardsticks)
+        return ConstrainedJacobian(self.here.scaled(scales), self.rows * scales)
 
 
 def constrained_jacobian_at(

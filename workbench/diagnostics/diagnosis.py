@@ -34,8 +34,8 @@ class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
     Directions that bounds and constraints forbid at this point count as determined, in rank, null
-    directions and sigmas. Whether a direction is weak is judged relative to yardsticks: see
-    `point`.
+    directions and sigmas. Whether a direction is weak is judged in characteristic scales; see the
+    module `scales`.
 
     `str` gives a summary, `report()` everything in words, `data()` the same as JSON.
 
@@ -46,6 +46,7 @@ class Diagnosis:
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
+        scales: by block, the characteristic scales that were said.
     """
 
     problem: Problem = field(repr=False)
@@ -54,6 +55,7 @@ class Diagnosis:
     wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
     gauges: tuple[Gauge, ...] = field(default=(), repr=False)
+    scales: Values = field(default_factory=dict, repr=False)
 
     @property
     def free(self) -> Layout:
@@ -67,8 +69,8 @@ class Diagnosis:
 
     @cached_property
     def point(self) -> Point:
-        """The active constraints at this point, and the yardstick of each unknown."""
-        return Point(self.problem, self.values, self.here, self.priors)
+        """The active constraints at this point, and the characteristic scale of each unknown."""
+        return Point(self.problem, self.values, self.here, self.priors, self.scales)
 
     @cached_property
     def structure(self) -> Structure:
@@ -117,7 +119,7 @@ class Diagnosis:
 
     @property
     def by_elimination(self) -> SparseJacobian | None:
-        """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
+        """By a sparse factorization, in scales; None where there are singular values instead."""
         return self.point.by_elimination
 
     @property
@@ -186,16 +188,16 @@ class Diagnosis:
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
-        """Directions along which a yardstick changes residuals by less than a sigma, weakest first.
+        """Directions along which a scale changes residuals by less than a sigma, weakest first.
 
-        The vectors have length 1 once every unknown is measured by its own yardstick. With
+        The vectors have length 1 once every unknown is measured by its own scale. With
         `by_elimination` these are the weakest 12.
         """
         return null_space.weak_directions(self.point, self.structure.pattern)
 
     @cached_property
     def weak_count(self) -> int:
-        """How many directions change the residuals by less than a sigma per yardstick."""
+        """How many directions change the residuals by less than a sigma per scale."""
         return null_space.count_weak(self.point)
 
     @cached_property
@@ -217,7 +219,7 @@ class Diagnosis:
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
-        """The directions of the smallest nonzero singular values, in yardsticks."""
+        """The directions of the smallest nonzero singular values, in scales."""
         return conditioning.weakest(self.point)
 
     @cached_property

@@ -18,6 +18,7 @@ def diagnosis_of(
     here: Linearization,
     priors: tuple[str, ...] = (),
     gauges: tuple[Gauge, ...] = (),
+    scales: Values | None = None,
 ) -> Diagnosis:
     """The diagnosis of a problem from its linearization; see `Diagnosis` for the arguments."""
-    return Diagnosis(problem, at, here, WORDING, priors, gauges)
+    return Diagnosis(problem, at, here, WORDING, priors, gauges, scales or {})

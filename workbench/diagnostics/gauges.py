@@ -30,10 +30,11 @@ from workbench.problem import Problem
 from workbench.problem.nonzeros import tied_columns
 
 SAME = 1e-6  # of its length: a motion that misses the null space by less lies in it
+NEW = 1e-3  # of its length: what a motion has outside of those before, to be a new one
 CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up to SAME
 PART = 1e-5  # of the largest coefficient: less takes no part
 MANY = 400  # groups up to which combinations of few are looked for
-SINGLE = 30  # blocks up to which each is asked whether it undoes a motion alone
+LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
 MATRICES = ((3, 3), (3, 4), (4, 4))  # that act on homogeneous coordinates
 EXCHANGED = 8  # rows that may be exchanged, at the most
 SMALL = 400  # unknowns up to which exchanges are tried
@@ -99,7 +100,7 @@ class NullSpace:
 
         Then it says nothing of a motion that others undo it.
         """
-        return len(places) - _range(self.basis[places], self.same)[0].shape[1]
+        return len(places) - len(_range(self.basis[places], self.same)[1])
 
     def moved(self, generator: Generator, c: Array, x: Array | None = None) -> Array:
         """How y (n,) moves with a combination c (g,) of the generator's columns."""
@@ -163,17 +164,15 @@ def nothing(A: Array, same: float) -> Array:
 class Found:
     """The motions that were found so far, as orthonormal coefficients (d, k)."""
 
-    def __init__(self, space: NullSpace, known: Array | None = None) -> None:
+    def __init__(self, space: NullSpace) -> None:
         self.space = space
-        d = space.basis.shape[1]
-        self.known = np.zeros((d, 0)) if known is None else known
-        self.before = self.known.shape[1]  # how many have names elsewhere
+        self.known = np.zeros((space.basis.shape[1], 0))
         self.told: set[frozenset[str]] = set()  # the blocks that each gauge moves
-        self.new = SAME if space.exact else 2 * space.same  # of its length: less is nothing new
+        self.new = max(NEW, 2 * space.same)  # of its length: less is nothing new
 
     def all(self) -> bool:
         """Whether nothing is left to be found."""
-        return self.known.shape[1] >= self.known.shape[0]
+        return len(self.known.T) >= len(self.known)
 
     def adds(self, a: Array) -> bool:
         """Whether coefficients a (d,) are those of a new motion, which then counts as found."""
@@ -216,6 +215,10 @@ def gauges(
     free, space = problem.free, found.space
     for gauge in declared:
         yield from (m for m in _declared(gauge, free, values, space) if found.adds(m.coefficients))
+    if found.all():
+        return
+    for generator in generators.rest(problem):
+        yield from _of_generator(generator, free, found, again=False)
     if found.all():
         return
     blocks, islands, points = _looked_at(problem, space, pattern)
@@ -287,7 +290,6 @@ def _catalogue(
     coefficients = [m[:3] for m in matrices if not m[3] and generators.may_mix(*m[1:3])]
     yield chain(
         (generators.similarity(cloud) for cloud in points),
-        generators.rest(problem),
         (generator for what, generator in factors if what),
     )
     yield chain(
@@ -408,8 +410,8 @@ def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
     first, g = 0, len(Q)
     known = np.zeros((g, 0))
     for segment in generator.segments:
-        own = slice(first, first + segment.count)
-        first += segment.count
+        own = slice(first, first + segment.width)
+        first += segment.width
         if generator.single:
             unit = np.eye(g)[:, own]
             yield from ((segment, c) for c in unit[:, _inside(Q, unit)].T)
@@ -448,7 +450,8 @@ def _ways(
     along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
     choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
     choices = [some for some in choices if some.size][:: -1 if again else 1]
-    single = [nobody] if len(choices) > SINGLE else [nobody, *choices]
+    few = len(v) * len(choices) <= LABOUR
+    single = [nobody, *choices] if few else [nobody]
     alone = False
     for some in single:
         if space.undone(along, some).shape[1]:
@@ -459,7 +462,7 @@ def _ways(
     if alone or generator.few:
         return
     left = choices
-    for one in reversed(choices if len(choices) <= SINGLE else []):
+    for one in reversed(choices if few else []):
         fewer = [some for some in left if some is not one]
         if space.undone(along, np.concatenate([nobody, *fewer])).shape[1]:
             left = fewer

@@ -18,6 +18,7 @@ groups     offsets and factors of blocks, slices or entries, in a ratio that is 
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ class Segment(NamedTuple):
     """Some columns of a generator, one after another: their kind, and words for a combination."""
 
     kind: str
-    count: int
+    width: int
     words: Callable[[Array], str]
 
 
@@ -351,8 +352,9 @@ def shifts(free: Layout, spatial: Sequence[Block]) -> Iterator[Generator]:
             )
 
 
-def _identity(size: int) -> Callable[[Array], Array]:
-    return lambda x: np.eye(size)
+def _identity(size: int, rows: int = 1) -> Callable[[Array], Array]:
+    """The columns by which each of these rows may be shifted."""
+    return lambda x: np.tile(np.eye(size), (rows, 1))
 
 
 def _along(c: Array) -> str:
@@ -370,11 +372,15 @@ def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> I
             w = x[at].reshape(-1, 3)
             return np.asarray(sign * slopes_by_turns(sign * w).reshape(-1, 3))
 
-        segment = Segment("rotation", 3, lambda c, said=said: f"{said} {axis_of(c)}")
+        segment = Segment("rotation", 3, partial(_about_axis, said))
         with_others = len(at) == 3 and not few
         yield Generator(
             block.name, (block.name,), at, columns, (segment,), False, frames, few, with_others
         )
+
+
+def _about_axis(said: str, c: Array) -> str:
+    return f"{said} {axis_of(c)}"
 
 
 def vector(free: Layout, block: Block, others: Index | None) -> Generator:
@@ -456,10 +462,9 @@ def rest(problem: Problem) -> Iterator[Generator]:
     """What registrations cannot tell of a body whose arrays are unknown: the gauges of training.
 
     A subject's template and joints move, and every place moves back; so does the root joint, as far
-    as its rotation moves it. Everything at rest turns by Q about the origin, and every root turns
-    back: templates and joints become Q T and Q J, rotations of joints Q R_k Q', that of the root
-    R_0 Q', and pose blend shapes P(R) become Q P(Q' R Q). Blend shapes of a single joint push the
-    whole surface along the axis of its rotation, which the places undo.
+    as its rotation moves it. Blend shapes of a single joint push the whole surface along the axis
+    of its rotation, which the places undo. (That all templates may turn, and with them joints and
+    blend shapes, is a rotation of points.)
 
     Loper et al. (SMPL, 2015, section 4.1) keep joints near the rings between segments, since data
     do not determine the root.
@@ -482,62 +487,19 @@ def rest(problem: Problem) -> Iterator[Generator]:
         names = [n for n in (scans[0].template, scans[0].joints) if n in free.slices]
         if names:
             at = together(free, names)
-            uniform = np.tile(np.eye(3), (len(at) // 3, 1))
+            uniform = _identity(3, len(at) // 3)
             yield Generator(
-                listed(names), tuple(names), at, lambda x, u=uniform: u, (shift,), others=back
+                listed(names), tuple(names), at, uniform, (shift,), others=back, with_others=True
             )
         if scans[0].joints in free.slices:
             at = places_of(free, scans[0].joints)[:3]
             name = f"{scans[0].joints}[root]"
-            yield Generator(name, (), at, _identity(3), (shift,), others=back)
+            yield Generator(
+                name, (scans[0].joints,), at, _identity(3), (shift,), others=back, with_others=True
+            )
     for scans in families.values():
         back = together(free, list(dict.fromkeys(one.trans for one in scans)))
-        yield from _turned_rest(free, scans, back)
         yield from _pushes(free, scans, back)
-
-
-def _turned_rest(free: Layout, scans: Sequence[Rest], back: Index) -> Iterator[Generator]:
-    moved = {n for one in scans for n in (one.template, one.joints, one.posedirs, one.pose)}
-    names = [name for name in free.names if name in moved and free[name].whole is None]
-    if not {one.template for one in scans} <= set(names):
-        return
-    poses, shapes = {one.pose for one in scans}, {one.posedirs for one in scans}
-
-    def columns(x: Array) -> Array:
-        parts = []
-        for name in names:
-            value = x[free.slices[name]].reshape(free[name].shape)
-            for_each = _turned_pose if name in poses else np.cross
-            if name in shapes:
-                for_each = _turned_posedirs
-            moves = [
-                for_each(value, w) if for_each is not np.cross else np.cross(w, value)
-                for w in np.eye(3)
-            ]
-            parts.append(np.stack([move.ravel() for move in moves], axis=1))
-        return np.concatenate(parts)
-
-    segment = Segment("rotation", 3, lambda c: f"a rotation about {axis_of(c)}")
-    at = together(free, names)
-    yield Generator(
-        "everything at rest", tuple(names), at, columns, (segment,), single=True, others=back
-    )
-
-
-def _turned_pose(pose: Array, w: Array) -> Array:
-    """How rotation vectors (K, 3) change with a turn of the rest: Q R_k Q', and R_0 Q'."""
-    change = np.cross(w, pose)
-    change[0] = -slopes_by_turns(-pose[0]) @ w
-    return change
-
-
-def _turned_posedirs(posedirs: Array, w: Array) -> Array:
-    """How P (N, 3, 9 (K - 1)) changes: w x P(M) - P([w] M - M [w]), M being a rotation less I."""
-    W = np.cross(np.eye(3), w).T
-    P = posedirs.reshape(*posedirs.shape[:2], -1, 3, 3)
-    change = np.einsum("ab,nbkrc->nakrc", W, P)
-    change -= np.einsum("nakrc,rq->nakqc", P, W) - np.einsum("nakrc,qc->nakrq", P, W)
-    return np.asarray(change.reshape(posedirs.shape))
 
 
 def _pushes(free: Layout, scans: Sequence[Rest], back: Index) -> Iterator[Generator]:
@@ -555,4 +517,6 @@ def _pushes(free: Layout, scans: Sequence[Rest], back: Index) -> Iterator[Genera
     words = "a push of the whole surface along the joint's axis by {}"
     segment = Segment("gauge", 4, lambda c: words.format(said[int(np.argmax(abs(c)))]))
     at = places_of(free, name)
-    yield Generator(name, (name,), at, lambda x: uniform, (segment,), single=True, others=back)
+    yield Generator(
+        name, (name,), at, lambda x: uniform, (segment,), single=True, others=back, with_others=True
+    )

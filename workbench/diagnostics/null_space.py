@@ -108,17 +108,14 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
         return ()
     here, sizes = point.measured.stacked, point.scales.sizes
     values, vectors, rank = here.spectrum.s, here.spectrum.Vt.T, here.spectrum.rank
-    first = int(np.sum(values > WEAK))
-    weak, d = rank - first, vectors.shape[1] - first
-    if not weak:
+    weak = vectors[:, int(np.sum(values > WEAK)) : rank]
+    if not weak.shape[1]:
         return ()
-    space = NullSpace(point.problem.split(point.values)[0], 1 / sizes, vectors[:, first:], NEARLY)
-    found = Found(space, np.eye(d)[:, weak:])  # the null directions have their own names
+    space = NullSpace(point.problem.split(point.values)[0], 1 / sizes, weak, NEARLY)
+    found = Found(space)
     motions = [*_named(point, pattern, found), *_left(point, found)]
-    for k, one in enumerate(motions):  # the part of it that is weak
-        motions[k] = one._replace(coefficients=np.where(np.arange(d) < weak, one.coefficients, 0.0))
     held, free = point.constrained.stacked, point.problem.free
-    directions = [_direction(m, space, held, point.here, free) for m in motions[:weak]]
+    directions = [_direction(m, space, held, point.here, free) for m in motions]
     return tuple(sorted(directions, key=lambda one: one.change))
 
 
@@ -199,8 +196,7 @@ def _of_joints(motions: Sequence[JointMotion], free: Layout, found: Found) -> It
         several = new.shape[1] > 1
         if several:
             new = _sparse(space, new, found.known)
-        own = found.known[:, : found.before]  # the null directions, where these are weak
-        for a in (new - own @ (own.T @ new)).T:
+        for a in new.T:
             v = space.basis @ a
             if not found.adds(a):
                 continue
@@ -223,7 +219,7 @@ def _left(point: Point, found: Found) -> Iterator[Motion]:
     if len(space.basis) > MANY and space.exact:
         yield from _of_rows(point, found)
     rest = null_basis(found.known.T, 0.5)
-    for a in _sparse(space, rest, found.known[:, found.before :]).T if rest.size else ():
+    for a in _sparse(space, rest, found.known).T if rest.size else ():
         if found.adds(a):
             yield _unnamed(point, space, a)
     for a in null_basis(found.known.T, 0.5).T:  # such as rounding took away

@@ -84,7 +84,14 @@ class Point:
     def scales(self) -> Scales:
         """The characteristic scale of each unknown."""
         read = self.problem.known.values()
-        return scales(self.problem.free, read, self.values, self.prior_sigma, self.given_scales)
+        return scales(
+            self.problem.free,
+            read,
+            self.values,
+            self.prior_sigma,
+            self.given_scales,
+            of_people=bool(self.problem.trees),
+        )
 
     @property
     def yardsticks(self) -> Scales:

@@ -84,8 +84,8 @@ def scales(
         if block.name in given:
             sizes[part] = block.taken(np.broadcast_to(given[block.name], block.base.shape)).ravel()
             few = [f"{size:.4g}" for size in np.unique(sizes[part])[:4]]
-            size = few[0] if len(few) == 1 else f"{few[0]} to {sizes[part].max():.4g}"
-            words[block.name] = f"{size}{'' if unit == '1' else f' {unit}'}, as given"
+            span = few[0] if len(few) == 1 else f"{few[0]} to {sizes[part].max():.4g}"
+            words[block.name] = f"{span}{'' if unit == '1' else f' {unit}'}, as given"
         elif unit in NATURAL:
             sizes[part], words[block.name] = NATURAL[unit]
         elif unit in METRES and with_metre:
