@@ -93,7 +93,7 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints.
 
     Directions about as weak, within a factor of three, are separated into vectors that have few
-    entries each, unless the unknowns were eliminated part after part.
+    entries each, unless the Jacobian is sparse.
     """
     if point.by_elimination is not None:
         return _weakest_of(point.by_elimination, most)
@@ -114,7 +114,7 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
 
 
 def _weakest_of(jacobian: SparseJacobian, most: int) -> tuple[WeakestDirection, ...]:
-    """The same of a Jacobian that was eliminated part after part, each direction by itself."""
+    """The same of a sparse Jacobian, each direction by itself."""
     s, vectors = jacobian.weakest(most)
     return tuple(_weak(jacobian.here, float(x), d) for x, d in zip(s, vectors.T, strict=True))
 

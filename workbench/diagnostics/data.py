@@ -23,7 +23,7 @@ CHECKED = (
 def as_data(d: "Diagnosis") -> dict[str, Any]:
     """All parts of a diagnosis; infinite and undefined numbers are null.
 
-    There are no singular values where the unknowns were eliminated part after part.
+    There are no singular values of a sparse Jacobian, which is factorized.
     """
     data: dict[str, Any] = {
         "schema": SCHEMA,

@@ -55,7 +55,7 @@ class Identifiability:
         correlations: pairs of entries and their correlation, the strongest first.
         data_share: c^2 (rank,), falling: the data's share of the information on each direction,
             from 1 (the data alone) to 0 (the priors alone);
-            None where unknowns were eliminated part after part, without singular values.
+            None where a sparse Jacobian was factorized, without singular values.
         effective: effective degrees of freedom: how many directions the data decide, the sum of
             c^2.
         better_from_data: how many directions the data determine better than the priors do.

@@ -76,7 +76,7 @@ class Point:
 
     @cached_property
     def by_elimination(self) -> SparseJacobian | None:
-        """The same without singular values, where the unknowns were eliminated part after part."""
+        """The same by a sparse factorization, where the Jacobian is sparse."""
         found = self.constrained.by_elimination
         return None if found is None else found.scaled(self.scales.sizes)
 

@@ -63,20 +63,17 @@ def named(
     """Names of the null vectors (n, d) of a sequence: gauges of all frames first."""
     frame_of, place = frames.places
     over_all, vectors = _over_all_frames(vectors, frames, declared)
+    reached = _frames_reached(vectors, frame_of)
+    shared = [j for j, some in enumerate(reached) if some[0] < 0]
+    tied = [j for j, some in enumerate(reached) if some[0] >= 0 and len(some) > 1]
     local: dict[int, list[int]] = {}
-    tied, shared = [], []
-    for j, (first, last) in enumerate(zip(vectors.indptr[:-1], vectors.indptr[1:], strict=True)):
-        reached = np.unique(frame_of[vectors.indices[first:last]])
-        if reached[0] < 0:
-            shared.append(j)
-        elif len(reached) > 1:
-            tied.append(j)
-        else:
-            local.setdefault(int(reached[0]), []).append(j)
+    for j, some in enumerate(reached):
+        if some[0] >= 0 and len(some) == 1:
+            local.setdefault(int(some[0]), []).append(j)
     dictionary = Dictionary.of(frames.layout, joint_motions(frames.layout, frames.trees))
-    found = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
+    several = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
     if tied:
-        found += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
+        several += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
     groups: dict[tuple[str, str, tuple[str, ...]], dict[int, int]] = {}
     for t, columns in sorted(local.items()):
         here = frame_of == t
@@ -89,7 +86,12 @@ def named(
         (kind, NullDirections(name, joints, tuple(counts), sum(counts.values())))
         for (kind, name, joints), counts in groups.items()
     ]
-    return (*found, *_gathered(single))
+    return (*several, *_gathered(single))
+
+
+def _frames_reached(vectors: csc_array, frame_of: Index) -> list[Index]:
+    """The frames that each of the vectors (n, d) moves, rising; -1 is what all frames share."""
+    return [np.unique(frame_of[vectors.indices[i:j]]) for i, j in pairwise(vectors.indptr)]
 
 
 def _over_all_frames(
@@ -100,8 +102,7 @@ def _over_all_frames(
     They are looked for among the vectors that move several frames, or what frames share.
     """
     frame_of, _ = frames.places
-    moved = [vectors.indices[i:j] for i, j in pairwise(vectors.indptr)]
-    several = [len(np.unique(frame_of[at])) > 1 or bool((frame_of[at] < 0).any()) for at in moved]
+    several = [len(some) > 1 or some[0] < 0 for some in _frames_reached(vectors, frame_of)]
     over = np.flatnonzero(several)
     if not 0 < over.size <= vectors.shape[0] or over.size * vectors.shape[0] > LARGE:
         return [], vectors
@@ -123,7 +124,7 @@ def _over_all_frames(
             break
     if not found:
         return [], vectors
-    rest = basis @ _apart(basis.T @ known)
+    rest = basis @ np.linalg.svd(basis.T @ known)[0][:, known.shape[1] :]
     own = csc_array(vectors[:, np.flatnonzero(~np.array(several))])
     return found, csc_array(hstack([own, _by_frame(rest, frame_of)]))
 
@@ -136,11 +137,6 @@ def _by_frame(rest: Array, frame_of: Index) -> csc_array:
     combined = rest @ Vt.T
     combined[abs(combined) < TAKES_PART] = 0.0
     return csc_array(combined)
-
-
-def _apart(A: Array) -> Array:
-    """An orthonormal basis of what is at right angles to the columns of A (d, k)."""
-    return np.asarray(np.linalg.svd(A, full_matrices=True)[0][:, A.shape[1] :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,8 +238,7 @@ def _of_shared(vectors: csc_array, frames: "SingleFrames") -> list[NullDirection
     if not vectors.shape[1]:
         return []
     frame_of, place = frames.places
-    S = np.zeros((frames.shared.size, vectors.shape[1]))
-    S[place[frame_of < 0]] = vectors.toarray()[frame_of < 0]
+    S = vectors.toarray()[frame_of < 0][np.argsort(place[frame_of < 0])]
     dictionary = Dictionary.of(frames.shared, joint_motions(frames.shared, ()))
     V = _by_frames(vectors, frames)
     found = []

@@ -148,7 +148,10 @@ class SharedUnknowns:
         ).reshape(rows.count, len(rows.shared))
         per_unit = lengths * rows.lengths[rows.shared] * sizes.sizes
         hidden = null_vectors.tocsr()[rows.shared].toarray()
-        ranks = {name: at.stop - at.start - _rank(hidden[at]) for name, at in layout.slices.items()}
+        ranks = {
+            name: at.stop - at.start - int(np.linalg.matrix_rank(hidden[at], tol=FRESH))
+            for name, at in layout.slices.items()
+        }
         seen = lengths > rows.tolerance
         return SharedUnknowns(layout, sizes, seen, seen & (per_unit >= WEAK), sigma, ranks)
 
@@ -496,15 +499,7 @@ class SequenceDiagnosis:
             "rank": self.rank,
             "tolerance": self.tolerance,
             "null_directions": [
-                {
-                    "name": one.name,
-                    "joints": one.joints,
-                    "frames": one.frames,
-                    "directions": one.count,
-                    "tied": one.tied,
-                    "shared": one.shared,
-                }
-                for one in self.null_directions
+                {"directions": one.count, **vars(one)} for one in self.null_directions
             ],
             "shared": [
                 {
@@ -541,8 +536,3 @@ def _beside(R: Array, own: int, tolerance: float) -> Array:
     U = U[:, s > tolerance]
     B = R[:, own:]
     return np.asarray(np.linalg.norm(B - U @ (U.T @ B), axis=0))
-
-
-def _rank(A: Array) -> int:
-    """The rank of parts of vectors of length 1."""
-    return int(np.sum(np.linalg.svd(A, compute_uv=False) > FRESH)) if A.size else 0
