@@ -8,7 +8,17 @@ import pytest
 
 from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
 from tests.tiers import few
-from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, load_body, residuals
+from workbench import (
+    Block,
+    Diagnosis,
+    Problem,
+    Residual,
+    Values,
+    diagnose,
+    load_body,
+    residuals,
+    sequence,
+)
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.gauges import SAME
 from workbench.diagnostics.null_space import Direction, named_by_joints
@@ -257,3 +267,38 @@ def test_a_nearly_singular_point_is_told() -> None:
     assert text.endswith("its direction is along x[1]")
     assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
     assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1
+
+
+# A short sequence is diagnosed as every problem is, and its directions are named by frame.
+
+
+def film(free: tuple[str, ...], *, smooth: bool) -> tuple[Problem, Values]:
+    """The small body in two frames, all of whose joints are observed."""
+    body = load_body("small")
+    pose, betas, trans = body.blocks()
+    joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    seen = Residual("joints", cs.vec(joints.symbol), 0.01, "m", points=(joints,))
+    between = [residuals.smooth("pose", sigma=0.1)] if smooth else []
+    whole = sequence([Problem([seen], free)] * 2, shared=("betas",), between=between)
+    rng = np.random.default_rng(0)
+    blocks = {b.name: b.base for b in (*whole.free.blocks, *whole.fixed.blocks)}
+    return whole, {name: rng.normal(scale=0.3, size=b.shape) for name, b in blocks.items()}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("smooth", [False, True])
+def test_short_sequences_are_diagnosed_whole(smooth: bool) -> None:
+    found = diagnose(*film(("pose", "trans", "betas"), smooth=smooth))
+    assert isinstance(found, Diagnosis)
+    # 15 numbers of leaves in each frame, and 17 turns about bones without smoothness
+    assert found.shape[1] - found.rank == (15 if smooth else 2 * 32)
+    names = [direction.name for direction in found.null_directions]
+    if not smooth:
+        assert "a turn of pose[1, left_wrist] alone" in names
+        assert "pose[1, left_hand, y]" in names
+    assert "NULL DIRECTIONS" in found.report()
+
+
+@pytest.mark.thorough
+def test_rank_law_is_not_for_several_frames() -> None:
+    assert diagnose(*film(("pose",), smooth=False)).rank_law is None

@@ -119,19 +119,6 @@ def test_sparse_duplicates_and_infinities_are_found(monkeypatch: pytest.MonkeyPa
     json.dumps(found.data(), allow_nan=False)
 
 
-def test_null_directions_of_many_unknowns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Differences of neighbours, in five pieces of 100 each, too many for a linear program."""
-    always_sparse(monkeypatch)
-    x = Block("x", (500,))
-    steps = x.symbol[1:] - x.symbol[:-1]
-    within = [i for i in range(499) if (i + 1) % 100]
-    problem = Problem((Residual("steps", steps[within], 0.1),), ("x",), blocks=(x,))
-    found = diagnose(problem, {"x": np.zeros(500)})
-    assert (found.rank, len(found.null_directions)) == (495, 5)
-    pieces = sorted(np.flatnonzero(d.vector).tolist() for d in found.null_directions)
-    assert pieces == [list(range(100 * k, 100 * k + 100)) for k in range(5)]
-
-
 # One factorization against the singular values of the whole matrix.
 
 PARTS, OWN, SHARED, LINES = 30, 6, 5, 12  # parts, unknowns of each, shared ones, rows of each part
