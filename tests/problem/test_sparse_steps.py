@@ -11,8 +11,7 @@ from workbench import Linearization, residuals
 from workbench.problem import steps, storage
 from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.problem.sparsity import Assembly, Part, Pattern, merged
-from workbench.problem.steps import factorized
-from workbench.problem.steps import cholesky
+from workbench.problem.steps import cholesky, factorized
 from workbench.solvers.trust_region import box_step
 
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison, TargetOutcome
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import joined
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION

@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from workbench.diagnostics.schema import plain
+from workbench.diagnostics.data import plain
 from workbench.environment import DISTRIBUTION, version_of
 from workbench.plots.palette import solver_styles
 from workbench.solvers import SOLVERS

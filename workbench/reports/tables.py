@@ -11,8 +11,9 @@ import numpy as np
 
 from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
-from workbench.diagnostics.structure import TermBlock, gathered
-from workbench.diagnostics.tables import table as lines_of
+from workbench.diagnostics.structure import TermBlock
+from workbench.diagnostics.words import gathered
+from workbench.diagnostics.words import table as lines_of
 from workbench.errors import joined, some_of
 from workbench.experiments.relative_costs import ending_in_words
 from workbench.experiments.running import Outcome

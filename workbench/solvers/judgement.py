@@ -17,7 +17,7 @@ import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
-from workbench.blocks.directions import dominant, signed
+from workbench.blocks.directions import in_units
 from workbench.errors import some_of
 from workbench.geometry.rotation import shortest
 from workbench.problem import Linearization, Problem
@@ -252,7 +252,7 @@ def _judged(run: "Run", x: Array) -> Linearization:
 def _at_saddle(end: EndPoint, there: Saddle, result: Ending) -> Ending:
     """The direction in the words of a diagnosis, and where to start instead."""
     free, cost = end.problem.free, end.here.cost
-    along = dominant(there.direction, free, NAMED)
+    along = in_units(there.to - end.x, free, end.here.column_norms, NAMED)
     message = (
         f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
         f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
@@ -414,5 +414,6 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     if null > 1:
         return f" ({null} directions change no residual here, {so}; a diagnosis names them)"
     direction = np.zeros(len(x))
-    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1]
-    return f" (the cost hardly depends on {dominant(signed(direction), problem.free, NAMED)}, {so})"
+    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1] / lengths
+    along = in_units(direction, problem.free, here.column_norms, NAMED)
+    return f" (the cost hardly depends on {along}, {so})"
