@@ -324,7 +324,7 @@ def test_priors_that_decide_are_named_where_nothing_is_to_be_suggested() -> None
     found = diagnose(Problem([data, prior], ["x"]), {"x": np.zeros(4)}, priors="prior")
     assert not found.suggestions
     said = found.report()
-    assert "prior decide 3 of 4 directions, not the data" in said
+    assert "prior decides 3 of 4 directions, not the data" in said
     assert "--data-alone" in said
     assert "--minima" in said
     alone = diagnose(Problem([data, prior], ["x"]), {"x": np.zeros(4)})

@@ -124,8 +124,8 @@ def _seen(what: str, d: Diagnosis) -> str:
         said = f"{len(d.null_directions)} directions change no residual"
     if d.weak_count:
         said += (
-            f"; along {d.weak_count} more, a change by a whole yardstick (such as 1 rad) changes "
-            "the residuals by less than one sigma"
+            f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
+            "rad) changes the residuals by less than one sigma"
         )
     named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
     short = list(dict.fromkeys(named))[:3]

@@ -315,10 +315,10 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _null_blocks(d: "Diagnosis") -> list[str]:
     """The blocks that take part in null directions."""
-    most = np.zeros(d.free.size)
-    for direction in d.null_directions:
-        most = np.maximum(most, abs(direction.vector))
-    return [name for name, at in d.free.slices.items() if (most[at] > 1e-6).any()]
+    moved = np.zeros(d.free.size, dtype=bool)
+    for one in d.null_directions:
+        moved |= abs(one.vector) > 1e-6
+    return [name for name, at in d.free.slices.items() if moved[at].any()]
 
 
 def _null_in_scales(d: "Diagnosis") -> Array:

@@ -285,8 +285,9 @@ def further(d: "Diagnosis") -> str:
     rest = d.shape[1] - d.identifiability.better_from_data if d.here.finite and d.priors else 0
     if not rest:
         return ""
+    verb = "decides" if len(d.priors) == 1 else "decide"
     return (
-        f"{joined(d.priors)} decide {rest} of {d.shape[1]} directions, not the data: a diagnosis "
+        f"{joined(d.priors)} {verb} {rest} of {d.shape[1]} directions, not the data: a diagnosis "
         "without the priors (--data-alone) names them, and --minima 3 looks for other answers "
         "along the weakest"
     )

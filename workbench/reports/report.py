@@ -137,7 +137,7 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
         "diagnosis": found,
         "spectrum": spectrum(found),
         "directions": tables.directions_table(found),
-        "weak": tables.gathered_directions_table(found.weak_directions, "yardstick"),
+        "weak": tables.gathered_directions_table(found.weak_directions, "characteristic scale"),
     }
 
 
