@@ -63,7 +63,7 @@ def unless_no_minimum(run: Ended, here: Linearization, found: Ending, converged:
 def _at_saddle(end: EndPoint, there: Saddle, found: Ending) -> Ending:
     """The direction in the words of a diagnosis, and where to start instead."""
     free, cost = end.problem.free, end.here.cost
-    along = in_units(there.to - end.x, free, end.here.column_norms, NAMED)
+    along = in_units(there.to - end.x, free, most=NAMED)
     message = (
         f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
         f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
