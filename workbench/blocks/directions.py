@@ -6,6 +6,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.layout import Layout
 
 ALIKE = 1e-6  # entries of a direction that differ by less count as equal
+ROUNDING = 1e-12  # of the largest: less is none
 LISTED = 6  # entries that are said one by one; of the others their number and their size
 
 
@@ -16,7 +17,7 @@ def signed(v: Array) -> Array:
 
 
 def leading(v: Array, effects: Array | None = None) -> Index:
-    """The places of a direction's entries that are not zero, the one that matters most first.
+    """The places of the entries that are more than rounding, the one that matters most first.
 
     `effects` (n,) says by how much one unit of each unknown changes the residuals, |J_i|; an entry
     matters by |J_i v_i|, so that no unit counts. Without them, and among entries that change
@@ -25,7 +26,9 @@ def leading(v: Array, effects: Array | None = None) -> Index:
     size = abs(v) if effects is None else abs(v) * effects
     size = size if size.any() else abs(v)
     rank = np.round(size / (size.max() * ALIKE))  # so that rounding does not shuffle equals
-    return np.asarray([i for i in np.argsort(-rank, kind="stable") if v[i]], dtype=np.int64)
+    order = np.argsort(-rank, kind="stable")
+    moves = (size > ROUNDING * size.max()) | (abs(v) > ROUNDING * abs(v).max())
+    return np.asarray(order[moves[order]], dtype=np.int64)
 
 
 def in_units(v: Array, free: Layout, effects: Array | None = None, most: int = LISTED) -> str:
