@@ -13,7 +13,7 @@ from workbench.conversion.parts import HANDS, vertex_parts
 from workbench.conversion.sampled import counted, sampled_vertices
 from workbench.conversion.tracking import Progress, Tracker, quiet
 from workbench.errors import BadArgument
-from workbench.fitting.doubts import of_person, of_pose
+from workbench.fitting.doubts import of_person
 from workbench.fitting.mesh_start import from_correspondences
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
@@ -144,18 +144,10 @@ def doubts_of(new: Motion, target: Body, errors: Array, of: str) -> tuple[str, .
     """
     middle = float(np.nanmedian(errors)) if np.isfinite(errors).any() else np.inf
     far = (
-        ()
-        if middle <= FAR
-        else (
-            f"the body is {100 * middle:.0f} cm from {of} in the median; check which are which, "
-            "their unit, the axis that is up, and the rest pose",
-        )
+        f"the body is {100 * middle:.0f} cm from {of} in the median; check which are which, their "
+        "unit, the axis that is up, and the rest pose"
     )
-    return (
-        *far,
-        *of_person(target, new.betas_on(target)),
-        *of_pose(target, new.named(target).pose),
-    )
+    return (*([far] if middle > FAR else []), *of_person(target, new.betas_on(target)))
 
 
 def _tracker(

@@ -92,10 +92,13 @@ def doubts(
     if setup.moving is None and setup.body is not None and moments:
         found += _interval(setup, values)
     found += [*_person(setup, values), *setup.doubts(values), *_priors(setup, values)]
-    if setup.moving is None and moments and (found or again):
-        better = better_reading(setup, values, solution, doubted=bool(found))
-        return (better, *found) if better else tuple(found)
-    return tuple(found)
+    odd = [*_pose(setup, values)] if moments else []
+    if setup.moving is None and moments and (found or odd or again):
+        better = better_reading(setup, values, solution, doubted=bool(found or odd))
+        if better:
+            return (better, *found, *odd)
+    # several views show a pose, however rare it is
+    return tuple(found) if any(len(moment.views) > 1 for moment in moments) else (*found, *odd)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,11 +266,18 @@ def _person(setup: Setup, values: Values) -> Iterator[str]:
     body = setup.body if moving is None else moving.body
     if body is None:
         return
-    pose, betas, _ = (block.name for block in body.blocks())
-    free = setup.problem.free.names
-    if betas in free and betas in values:
+    betas = body.blocks()[1].name
+    if betas in setup.problem.free.names and betas in values:
         yield from of_person(body, values[betas])
-    if pose in free and POSE_PRIOR in setup.problem.rows:
+
+
+def _pose(setup: Setup, values: Values) -> Iterator[str]:
+    moving = setup.moving
+    body = setup.body if moving is None else moving.body
+    if body is None:
+        return
+    pose = body.blocks()[0].name
+    if pose in setup.problem.free.names and POSE_PRIOR in setup.problem.rows:
         yield from of_pose(body, values[pose])
 
 
@@ -362,7 +372,6 @@ def of_markers(
             "in the median; check the labels, the marker set and the body"
         )
     yield from of_person(body, betas)
-    yield from of_pose(body, pose)
 
 
 def _extent(places: Array) -> float:

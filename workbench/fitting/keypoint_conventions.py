@@ -16,6 +16,8 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.solvers import Solution, TrustRegion
 
 BETTER = 0.7  # of the cost: another reading that costs less is said
+CLOSE = 1.5  # times the cost of the best reading, up to which another may be the right one
+MIRRORED = "the images are mirrored"
 SIDES = "left and right were exchanged, or the image is mirrored"
 UPWARDS = "y points up in the image; give v from its upper border"
 HALF_TURN = "the image is upside down; turn it by 180 degrees"
@@ -97,14 +99,17 @@ def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted:
     if setup.body is None or not views:
         return ""
     known = readings(setup.body.landmark_names(views[0].landmarks))
-    head = len(views) == 1 and is_upside_down(setup, views[0], values)
-    if head:
-        known = {what: known[what] for what in (UPWARDS, HALF_TURN)}
-    elif not doubted:
-        known = {SIDES: known[SIDES]} if len(views) == 1 else {}
+    if len(views) > 1:
+        known[MIRRORED] = mirrored
+    head = all(is_upside_down(setup, view, values) for view in views)
+    if not doubted:
+        once = (UPWARDS, HALF_TURN) if head else (SIDES,) if len(views) == 1 else ()
+        known = {what: known[what] for what in once}
     costs = {what: _cost(setup, views, [*map(change, views)]) for what, change in known.items()}
     best = min(costs, key=lambda what: costs[what], default="")
-    if head:
+    if head and (up := min((UPWARDS, HALF_TURN), key=lambda what: costs[what])):
+        best = up if costs[up] < CLOSE * costs[best] or costs[best] > solution.cost else best
+    if best in (UPWARDS, HALF_TURN) and head:
         return f"the person stands on their head in the image; if they do not, {best}"
     if best and costs[best] < BETTER * solution.cost:
         share = 100 * costs[best] / solution.cost
