@@ -1,6 +1,7 @@
 """Fits that converged to something absurd are doubted, with the cause where it can be named."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +129,7 @@ def test_order_of_cameras_that_makes_views_agree_is_named() -> None:
     assert any("in the order 2, 1, 3" in d for d in fitted(from_three(exchanged(ring()))))
 
 
-READINGS = {
+READINGS: dict[str, Callable[[int, Array], Array]] = {
     "y points up in the image": lambda k, p: p * [1, -1, 1] + [0, SIZE[1], 0],
     "if the images are mirrored": lambda k, p: p * [-1, 1, 1] + [SIZE[0], 0, 0],
     "if c1 is left out": lambda k, p: (
@@ -291,7 +292,7 @@ def exchanged_labels(worn: MarkerSet, places: Array, pairs: dict[str, str]) -> A
     return places[:, order]
 
 
-MARKED = {
+MARKED: dict[str, Callable[[MarkerSet, Array], Array]] = {
     "mm were taken for m": lambda worn, places: 1000 * places,
     "inches were taken for m": lambda worn, places: places / 0.0254,
     "LELB and LKNE seem to be exchanged": lambda worn, places: exchanged_labels(

@@ -2,8 +2,11 @@
 
 A doubt is a sentence: what was seen, what it probably means, and what to do. None of them says that
 a fit is wrong; they name what a converged solver does not look at. Scans are judged by
-`registration.doubts`, in sentences of the same form. The thresholds are judgements; how many good
-fits they doubt has not been measured yet.
+`registration.doubts`, in sentences of the same form. The thresholds are judgements. They were tuned
+on other seeds and frames, and doubt 1 of 479 honest fits (synthetic people in 1 to 4 cameras, with
+their arms spread, in markers, meshes and scans; frames of `balance` in one camera, in four, and as
+clips), and all of 86 absurd inputs of 12 kinds but 8, which are single images of which left and
+right were exchanged or that were mirrored: half of these fit as well as the right ones.
 """
 
 import warnings
@@ -37,7 +40,7 @@ from workbench.solvers import Solution, Status
 
 FRACTIONS = 1.5  # px: keypoints that all lie within are fractions of the image
 MISFIT = 0.05  # m at the person's distance: a keypoint that is farther away is missed
-MOST_MISSED = 0.2  # of the keypoints
+MOST_MISSED = 0.25  # of the keypoints
 OUTLIER = 0.15  # m: a keypoint that is farther away counts as an outlier
 LIMBS = {
     f"{side} {limb}": tuple(f"{side}_{joint}" for joint in joints)
