@@ -178,7 +178,7 @@ def run(
         else (),
         surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
-        doubts=doubts(setup, values, solution) if body else (),
+        doubts=doubts(setup, values, solution),
         stages=_at(setup, values, [solution.trace[k].values for k in solution.stages]),
         hypotheses=_at(setup, values, [one.values for one in solution.hypotheses]),
     )
