@@ -119,8 +119,8 @@ def test_short_sample_exits_with_1_and_gives_no_intervals(workbench: Run) -> Non
     code, out, _ = workbench("sample", "line.py", *short)
     assert code == 1
     assert "NOT CONVERGED" in out
-    assert "95 %" not in out
-    assert "95 %" not in Path("runs/line-posterior/index.html").read_text()
+    assert "95 % interval" not in out
+    assert "95 % interval" not in Path("runs/line-posterior/index.html").read_text()
 
 
 @pytest.mark.thorough

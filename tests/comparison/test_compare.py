@@ -55,6 +55,7 @@ OUTCOMES: list[tuple[str, TargetOutcome, str]] = [
 ]
 
 
+@pytest.mark.thorough
 def test_bad_solvers_have_their_outcomes(bad: Comparison) -> None:
     for solver, verdict, said in OUTCOMES:
         name = bad.instances[0].name
@@ -76,6 +77,7 @@ def test_lost_run_keeps_what_was_seen(bad: Comparison) -> None:
         assert len(record.observed.trace) == 1
 
 
+@pytest.mark.thorough
 def test_budget_is_exceeded_by_three_evaluations_at_most(
     bad: Comparison,
 ) -> None:

@@ -153,6 +153,7 @@ def test_closing_edges_is_an_orthogonal_projection() -> None:
     np.testing.assert_allclose(CentredVertices(stitching).observed(mesh), centred, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_k_dimensional_people_have_k_components() -> None:
     rng = np.random.default_rng(8)
     betas = rng.normal(size=(12, 10))

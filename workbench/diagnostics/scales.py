@@ -37,6 +37,7 @@ NATURAL = {  # how many of the unit make one scale, and its name
     "deg": (180 / np.pi, "a radian"),
     "sd": (1.0, "a standard deviation of shape"),
 }
+NO_LENGTH = 1e-9  # metres: smaller lengths are zeros that were computed
 LIKE_PEOPLE = (0.1, 10.0)  # metres: sizes of problems in which lengths are compared with a metre
 
 
@@ -78,7 +79,7 @@ def scales(
     metres = _root_mean_square(
         [METRES[b.unit] * np.asarray(at[b.name]) for b in read if b.unit in METRES]
     )
-    with_metre = of_people or not metres or LIKE_PEOPLE[0] <= metres <= LIKE_PEOPLE[1]
+    with_metre = of_people or metres < NO_LENGTH or LIKE_PEOPLE[0] <= metres <= LIKE_PEOPLE[1]
     for block in free.blocks:
         part, unit = free.slices[block.name], block.unit
         if block.name in given:
