@@ -11,9 +11,8 @@ import numpy as np
 import workbench as wb
 from benchmarks.timing import side_by_side
 from workbench.arrays import Array, Index
-from workbench.geometry.surface_kernels import compiled, quickest
 from workbench.geometry.surface_search import IN_NUMPY, Way
-from workbench.geometry.surface_tree import SurfaceTree
+from workbench.geometry.surface_tree import SurfaceTree, compiled, quickest
 
 BODY, COUNT = "full", 40_000
 COMPILED, NUMPY, IGL = "workbench, compiled", "workbench", "libigl"

@@ -15,8 +15,8 @@ from workbench.fitting import BadScan, Scan
 from workbench.fitting.scan_cleaning import FEWEST
 from workbench.fitting.scan_files import ReadScan, read_scan
 from workbench.fitting.scan_surface import normals_of_faces
+from workbench.geometry.guesses import TURNS
 from workbench.geometry.meshes import write_mesh
-from workbench.geometry.upright import TURNS
 
 BODY = load_body("small")
 STANDING = BODY.vertices(pose=[[0, 0, 0]] * 16 + [[0, 0, -1.0], [0, 0, 1.0]] + [[0, 0, 0]] * 6)

@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 from tests.tiers import few
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
-from workbench.geometry.surface_kernels import compiled
 from workbench.geometry.surface_search import IN_NUMPY, Way
-from workbench.geometry.surface_tree import Closest, SurfaceTree
+from workbench.geometry.surface_tree import Closest, SurfaceTree, compiled
 
 CUBE = trimesh.creation.box()  # of side 1, around the origin
 

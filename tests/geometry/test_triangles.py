@@ -7,8 +7,7 @@ import pytest
 import workbench as wb
 from workbench.errors import BadMesh
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, frames, gradient_slopes, gradients, soup
+from workbench.geometry.triangles import Stitching, edges, frames, gradient_slopes, gradients, soup
 
 BODY = wb.load_body("small")
 FACES, TEMPLATE = BODY.faces, BODY.template

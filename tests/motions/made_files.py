@@ -13,7 +13,7 @@ from tests.motions.made_glb import made, write_text
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions import Motion, save_motion
 
 RNG = np.random.default_rng(7)

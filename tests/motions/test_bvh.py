@@ -10,7 +10,7 @@ import workbench as wb
 from tests.motions.made_files import bvh_rows, bvh_text, random_motion
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions import Bones, Motion, read_bvh, read_motion, write_bvh
 
 SMALL = wb.load_body("small")

@@ -9,7 +9,7 @@ from tests.motions.made_files import LABELS, MARKER_FILES, c3d_bytes, marker_pla
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import read_markers
 from workbench.fitting.marker_files import write_markers
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions import Trajectories, read_c3d, read_trc, write_trc
 
 PLACES = marker_places()

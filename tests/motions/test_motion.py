@@ -15,7 +15,7 @@ from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import MarkerFit
 from workbench.fitting.setup import Moving
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.gaps import without_gaps
 from workbench.plots import caption_motion, plot_motion

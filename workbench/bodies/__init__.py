@@ -18,7 +18,6 @@ from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.mirrored import mirrored
-from workbench.bodies.penetrations import BodySolids, Penetration, penetrations
 from workbench.bodies.pose_space import PoseSpace, pose_space
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
 from workbench.bodies.shape_space import ShapeSpace, shape_space
@@ -27,13 +26,11 @@ from workbench.bodies.skinned import SkinnedBody
 __all__ = [
     "HAND_POINTS",
     "Body",
-    "BodySolids",
     "Capsules",
     "FileCheck",
     "FileFinding",
     "HandMotion",
     "Landmarks",
-    "Penetration",
     "PoseSpace",
     "ShapeSpace",
     "SkinnedBody",
@@ -50,7 +47,6 @@ __all__ = [
     "is_hand",
     "linear_blend",
     "mirrored",
-    "penetrations",
     "pose_space",
     "shape_space",
     "skin",

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
-from workbench.geometry.closest_points import read_off
+from workbench.geometry.surface_tree import read_off
 
 
 @dataclass(frozen=True, eq=False)

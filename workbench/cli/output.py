@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from workbench.errors import BadArgument, WorkbenchError
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.tables import Table
 

@@ -19,11 +19,10 @@ from workbench.bodies.forward.evaluation import regressed
 from workbench.conversion.sampled import sampled_vertices
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.body_priors import shape_prior
-from workbench.geometry.closest_points import read_off
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import vertex_normals
-from workbench.geometry.surface_tree import SurfaceTree
+from workbench.geometry.surface_tree import SurfaceTree, read_off
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, landmarks, vertices
 from workbench.solvers import TrustRegion

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, Mask
 from workbench.errors import BadFile, listed, some
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions.c3d_files import read_c3d
 from workbench.motions.guesses import check_given, unit_of, up_of
 from workbench.motions.trajectories import Trajectories, checked_places

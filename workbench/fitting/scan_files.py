@@ -16,7 +16,7 @@ from workbench.fitting.scan_outline import outline
 from workbench.fitting.scan_surface import areas_of_faces, areas_of_neighbours, units
 from workbench.fitting.scan_units import UNITS, unit_of
 from workbench.fitting.scan_up import up_axis
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 
 FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands

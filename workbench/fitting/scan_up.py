@@ -5,7 +5,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import UnknownName
 from workbench.fitting.scan_outline import TRIM, extents
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 
 STANDING = (1.0, 2.3)  # m, from the floor to the head
 LONGER = 1.3  # times as tall as the thinnest side

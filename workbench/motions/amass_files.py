@@ -17,7 +17,7 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.files.joint_names import BODY, HANDS, family, joint_names
 from workbench.errors import BadArgument, BadFile, some
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions.bones import Bones
 from workbench.motions.gaps import without_gaps
 from workbench.motions.guesses import check_given

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile, shown
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.motions.bones import Bones, bones_of
 from workbench.motions.bvh_text import BvhText, parse_bvh
 from workbench.motions.guesses import FRAMES, UNITS, check_given, unit_of, up_of

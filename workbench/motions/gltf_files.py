@@ -12,10 +12,9 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown
-from workbench.geometry.glb_document import GlbDocument, several
-from workbench.geometry.gltf_buffers import document_of
+from workbench.geometry.gltf import GlbDocument, document_of, several
+from workbench.geometry.guesses import TURNS
 from workbench.geometry.rotation import nearest_rotation, vector_from_matrix
-from workbench.geometry.upright import TURNS
 from workbench.motions.bones import Bones
 from workbench.motions.gltf_skeleton import Nodes, Skin, skin_of
 from workbench.motions.gltf_tracks import Track, tracks_of

@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadFile, check_known, joined
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 OTHERS = {"in": 0.0254, "cmu": 0.0254 / 0.45}  # taken if they are given

@@ -11,7 +11,7 @@ from workbench.errors import BadArgument, check_known
 from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import TURNS
 from workbench.registration.fit_stage import Progress
 from workbench.registration.recipe import Recipe
 from workbench.registration.registering import Registration, register

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.geometry.closest_points import nearest, read_off
 from workbench.geometry.mirror import REFLECTION
+from workbench.geometry.surface_tree import nearest, read_off
 from workbench.synthetic.base_mesh import N_BODY, BaseMesh
 from workbench.synthetic.wheel import ObjMesh, Wheel, WheelUnreadable
 

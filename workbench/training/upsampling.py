@@ -8,7 +8,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
-from workbench.geometry.closest_points import read_off
+from workbench.geometry.surface_tree import read_off
 from workbench.training.estimate import Estimate
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most

@@ -7,8 +7,8 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies.checking.findings import FileFinding
 from workbench.bodies.checking.model_arrays import ModelArrays
+from workbench.geometry.guesses import TURNS
 from workbench.geometry.rotation import vector_from_matrix
-from workbench.geometry.upright import TURNS
 
 SIZES = {  # m, the largest extent of a model of each family
     "SMPL": (0.3, 2.6),

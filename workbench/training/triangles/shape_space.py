@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, gradient_slopes
+from workbench.geometry.triangles import Stitching, edges, gradient_slopes
 
 
 @dataclass(frozen=True, eq=False)
