@@ -18,8 +18,7 @@ from tests.bodies.laws import some_arguments
 from tests.bodies_made_up import tube_body
 from tests.tiers import few
 from workbench.bodies.files.c_code import write_c
-from workbench.bodies.files.correctives import correctives_of
-from workbench.bodies.files.gltf import write_gltf
+from workbench.bodies.files.gltf import correctives_of, write_gltf
 from workbench.bodies.triangles import blend_scape, scape
 from workbench.errors import BadArgument, BadBody, UnknownName
 

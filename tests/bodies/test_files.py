@@ -17,9 +17,9 @@ from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import Entries, decorated, entries, same
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body, load_skinned
-from workbench.bodies.files.npz_files import read_npz
+from workbench.bodies.files.layouts import body_from
+from workbench.bodies.files.reading import read_npz
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.files.smpl_layout import body_from
 from workbench.errors import BadBody, BadFile
 from workbench.writing import replacing
 

@@ -17,10 +17,16 @@ from scipy.sparse import coo_matrix, csc_array, csc_matrix, csr_matrix
 from tests.bodies.random_bodies import Entries, entries
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.files.entries import Unread
-from workbench.bodies.files.pickle_records import KNOWN, Made
-from workbench.bodies.files.pickled_arrays import read_pickled_arrays
-from workbench.bodies.files.pickles import EFFECTS, LITERALS, OPCODES, run
+from workbench.bodies.files.pickles import (
+    EFFECTS,
+    KNOWN,
+    LITERALS,
+    OPCODES,
+    Made,
+    read_pickled_arrays,
+    run,
+)
+from workbench.bodies.files.reading import Unread
 from workbench.errors import BadFile, UnsafePickle
 
 # A stand-in for the package chumpy, there while a file is written and gone when it is read.

@@ -15,7 +15,7 @@ from tests.bodies.test_triangles import MADE, made, some_arguments
 from tests.bodies_made_up import tube_body
 from tests.tiers import few
 from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned
-from workbench.bodies.files.embedded_triangles import UNTRAINED, read_embedded_triangles
+from workbench.bodies.files.embedded import UNTRAINED, read_embedded_triangles
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument, BadBody, BadFile
 from workbench.experiments import EXPERIMENTS, SUITES, find, run

@@ -6,8 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.correctives import Correctives
-from workbench.bodies.files.gltf import write_gltf
+from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.motions.motion import Motion

@@ -1,14 +1,17 @@
-"""Findings about where a model is: its unit, the axes, its sides, and which way its faces look."""
+"""Findings about where a model is: unit, axes, sides and the way its faces look; its hands."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.bodies.checking.findings import FileFinding
-from workbench.bodies.checking.model_arrays import ModelArrays
+from workbench.bodies.checking.model_arrays import FileFinding, ModelArrays
+from workbench.bodies.files.joint_names import FINGERS
 from workbench.geometry.guesses import TURNS
-from workbench.geometry.rotation import vector_from_matrix
+from workbench.geometry.mirror import AXIAL
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 SIZES = {  # m, the largest extent of a model of each family
     "SMPL": (0.3, 2.6),
@@ -166,3 +169,191 @@ def signed_volume(model: ModelArrays) -> float:
         return 0.0
     a, b, c = np.moveaxis((template - template.mean(axis=0))[faces], 1, 0)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+LONG = ("index", "middle", "ring", "pinky")
+SIDES = {"l": "left", "r": "right"}
+OPPOSED = (
+    -0.5
+)  # the correlation of stretches along x with those along y and z, below which x is turned
+CLOSE = 0.05  # of the norm of a mean: two means that differ by less are the same one
+DECIDED = 0.1  # of the largest chirality, 1: below it a hand may be either
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """One hand of a model, at rest.
+
+    Attributes:
+        letter: what the keys of its arrays end in: nothing, l or r.
+        side: left or right, as the file says; empty if it does not.
+        joints: (16, 3) the wrist and the joints of the fingers, in the order of `FINGERS`.
+        mean: (15, 3) rad, its mean pose; zeros without one.
+    """
+
+    letter: str
+    side: str
+    joints: Array
+    mean: Array
+
+    @property
+    def chirality(self) -> float:
+        """Above 0 for a left hand and below 0 for a right one, if the mean pose closes the fingers.
+
+        It is the volume that is spanned by the direction of the fingers, the direction from the
+        little finger to the index finger, and the direction in which the mean pose bends fingers.
+        """
+        rest, closed = self.joints, _posed(self.joints, self.mean)
+        rows = {name: 1 + FINGERS.index(name) for name in FINGERS}
+        fingers = rest[rows["middle1"]] - rest[0]
+        thumbwards = rest[rows["index1"]] - rest[rows["pinky1"]]
+        ends = [rows[f"{finger}3"] for finger in LONG]
+        palmwards = (closed[ends] - rest[ends]).mean(axis=0)
+        ways = [fingers, thumbwards, palmwards]
+        lengths = [float(np.linalg.norm(way)) for way in ways]
+        if min(lengths) <= 0 or lengths[2] < 0.01 * lengths[0]:
+            return 0.0
+        return float(np.linalg.det(np.array(ways)) / np.prod(lengths))
+
+
+def _posed(joints: Array, pose: Array) -> Array:
+    """The joints (16, 3) of a hand with these rotations of its fingers, the wrist being still."""
+    R, places = matrix_from_vector(pose), joints.copy()
+    for finger in range(5):
+        turn, at = np.eye(3), joints[0]
+        for i in range(3):
+            k = 1 + 3 * finger + i
+            before = joints[0] if i == 0 else joints[k - 1]
+            at = at + turn @ (joints[k] - before)
+            places[k] = at
+            turn = turn @ R[k - 1]
+    return places
+
+
+def hands_of(model: ModelArrays) -> list[Hand]:
+    """The hands that a file has: one in MANO's layout, two in SMPL-H's and SMPL-X's."""
+    joints = model.joints
+    if joints is None or len(model.names) != len(joints):
+        return []
+    at = dict(zip(model.names, joints, strict=True))
+    found = []
+    for letter, side in (("", ""), ("l", "left"), ("r", "right")):
+        prefix = f"{side}_" if side else ""
+        names = [f"{prefix}{name}" for name in ("wrist", *FINGERS)]
+        if not all(name in at for name in names):
+            continue
+        mean = model.extra(f"hands_mean{letter}")
+        pose = np.zeros(45) if mean is None or mean.size != 45 else mean.astype(np.float64)
+        said = side or side_in_name(model.where)
+        places = np.array([at[name] for name in names])
+        found.append(Hand(letter, said, places, pose.reshape(15, 3)))
+    return found
+
+
+def side_in_name(where: str) -> str:
+    """Left or right, if the name of a file says one of them."""
+    name = Path(where).stem.lower()
+    said = [side for side in SIDES.values() if side in name]
+    return said[0] if len(said) == 1 else ""
+
+
+def about_hands(model: ModelArrays) -> Iterator[FileFinding]:
+    """The sides of hands, and what belongs to their pose spaces."""
+    yield from _pose_spaces(model)
+    for hand in hands_of(model):
+        yield from _side(hand)
+    yield from _both_means(model)
+    yield from _unmirrored_shapes(model)
+
+
+def _pose_spaces(model: ModelArrays) -> Iterator[FileFinding]:
+    for letter in ("", *SIDES):
+        mean, rows = (model.extra(f"hands_{what}{letter}") for what in ("mean", "components"))
+        if mean is not None and mean.size != 45:
+            yield FileFinding(
+                f"hands_mean{letter}",
+                f"hands_mean{letter} has {mean.size} numbers, but the 15 joints of a hand have 45 "
+                "angles. Take it from the original file.",
+            )
+        if rows is not None and (rows.ndim != 2 or rows.shape[1] != 45):
+            yield FileFinding(
+                f"hands_components{letter}",
+                f"hands_components{letter} has shape {rows.shape}, but components are rows of the "
+                "45 angles of a hand. Transpose it, or take it from the original file.",
+            )
+
+
+def _side(hand: Hand) -> Iterator[FileFinding]:
+    """Fingers that the mean pose bends backwards, or a hand of the other side."""
+    chirality = hand.chirality
+    if not hand.side or abs(chirality) < DECIDED:
+        return
+    seen = "left" if chirality > 0 else "right"
+    if seen == hand.side:
+        return
+    key = f"hands_mean{hand.letter}"
+    if hand.letter:
+        text = (
+            f"{key} bends the fingers of the {hand.side} hand backwards, as that of the other hand "
+            f"would. Mirror it: multiply each rotation vector of {key} and of "
+            f"hands_components{hand.letter} by (1, -1, -1)."
+        )
+    else:
+        text = (
+            f"The name of the file says {hand.side}, but this is a {seen} hand, by the order of "
+            f"its fingers and the way in which {key} closes them. Either the file has a wrong "
+            "name, or only some of its arrays were mirrored: a mirrored hand has the other sign "
+            "of x in v_template, shapedirs and posedirs, of y and z in hands_mean and "
+            "hands_components, and reversed faces. bodies.mirrored does all of this."
+        )
+    yield FileFinding(key, text)
+
+
+def _both_means(model: ModelArrays) -> Iterator[FileFinding]:
+    """The means of two hands, which are each other's mirror images up to small differences."""
+    left, right = (model.extra(f"hands_mean{letter}") for letter in SIDES)
+    if left is None or right is None or left.size != 45 or right.size != 45:
+        return
+    if not left.any() or not right.any():
+        return
+    own, other = (mean.astype(np.float64).reshape(15, 3) for mean in (left, right))
+    allowed = CLOSE * np.linalg.norm(other)
+    same = np.linalg.norm(own - other) < allowed
+    if same and not np.linalg.norm(own - other * AXIAL) < allowed:
+        yield FileFinding(
+            "hands_meanl",
+            "hands_meanl is the same as hands_meanr, so that one of the hands bends its fingers "
+            "backwards. Multiply each rotation vector of hands_meanl, and of hands_componentsl, by "
+            "(1, -1, -1).",
+        )
+
+
+def stretches(model: ModelArrays) -> Array | None:
+    """How each shape direction stretches the model along x, y and z: (B, 3), by least squares."""
+    if model.template is None or model.shapedirs is None or not model.shapedirs.shape[2]:
+        return None
+    N = len(model.template)
+    centred = np.column_stack([model.template - model.template.mean(axis=0), np.ones(N)])
+    slopes = np.linalg.lstsq(centred, model.shapedirs.reshape(N, -1), rcond=None)[0][:3]
+    slopes = slopes.reshape(3, 3, -1)  # by the coordinate, of the displacement, of each direction
+    return np.asarray(np.einsum("iib->bi", slopes))
+
+
+def _unmirrored_shapes(model: ModelArrays) -> Iterator[FileFinding]:
+    """Shape directions of a hand whose x was not turned when the template was mirrored."""
+    if model.family != "MANO" or (found := stretches(model)) is None:
+        return
+    with np.errstate(invalid="ignore", divide="ignore"):
+        norms = np.linalg.norm(found, axis=0)
+        xy, xz, yz = (
+            float(found[:, i] @ found[:, j] / (norms[i] * norms[j]))
+            for i, j in ((0, 1), (0, 2), (1, 2))
+        )
+    if xy < OPPOSED and xz < OPPOSED and yz > -OPPOSED:
+        yield FileFinding(
+            "shapedirs",
+            "Shape directions that make the hand larger along y and z make it smaller along x: x "
+            "of shapedirs was not mirrored with v_template, which is a known mistake of MANO's "
+            "left hand. Change its sign, shapedirs[:, 0, :] *= -1; betas that were fitted before "
+            "belong to the file as it was.",
+        )

@@ -1,6 +1,6 @@
 """Reading the bodies that come with the workbench, in the compact form that the builder wrote."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -14,7 +14,10 @@ from workbench.arrays import Array
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
+from workbench.bodies.sewn_hands import with_hands
+from workbench.bodies.sewn_mesh import Sewing
 from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadFile
 from workbench.reading.arrays import (
     AGAIN,
@@ -172,3 +175,76 @@ def _totals(name: str, shares: Array | csr_array) -> Array:
     if not (totals > 0).all():
         raise BadFile(f"{name} of row {int(np.argmin(totals))} are not above zero together")
     return totals[:, None]
+
+
+LEARNED = {
+    "near": wholes("F", "J"),
+    "posedirs": STEPS("F", 3, 3, "T"),
+    "posedirs_step": reals(),
+    "card": texts(),
+}
+UNTRAINED: dict[str, tuple[str, Callable[[SkinnedBody], TriangleBody]]] = {
+    "small-scape": ("small", scape),
+    "small-blend-scape": ("small", blend_scape),
+    "default-scape": ("default", scape),
+    "default-blend-scape": ("default", blend_scape),
+}  # the skinned body whose mesh, tree and shape space each has, and the model that it follows
+
+
+def embedded_triangles(name: str) -> TriangleBody:
+    """One of the bodies in `UNTRAINED`, with its learned posedirs.
+
+    Everything but posedirs is that of the skinned body, written as deformations of triangles.
+    """
+    with as_file(files("workbench") / "data" / "bodies" / f"{name}.npz") as packed:
+        return read_embedded_triangles(packed, *UNTRAINED[name])
+
+
+def read_embedded_triangles(
+    path: Path, mesh: str, model: Callable[[SkinnedBody], TriangleBody]
+) -> TriangleBody:
+    """A model of the embedded body `mesh` with the posedirs of a file, called like the file.
+
+    Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit the body.
+    """
+    skinned = embedded(mesh)
+    body = model(skinned)
+    with opened(path, "embedded body", REPAIR) as archive:
+        arrays = read_expected(archive, LEARNED)
+        card = facts_in(arrays["card"]).entries
+        check_numbers("near", arrays["near"], body.n_joints)
+    learned = np.asarray(arrays["posedirs"] * float(arrays["posedirs_step"]), dtype=np.float64)
+    return replace(
+        body,
+        posedirs=locked(learned),
+        near=arrays["near"],
+        name=path.stem,
+        card={**card, "skinned_body": dict(skinned.card)},
+    )
+
+
+PLACED = {"bodies": texts("G"), "vertices": wholes("H"), "held": reals("G", 16, 3)}
+SEWN = {"full-hands": "full", "full-hands-female": "full-female", "full-hands-male": "full-male"}
+
+
+def embedded_with_hands(name: str) -> SkinnedBody:
+    """One of the bodies in `SEWN`, sewn together when it is asked for.
+
+    Its own file says only where the hand is on the body, and how the body holds its fingers.
+    Raises BadFile if a file is missing or is not one, BadBody if they do not fit together.
+    """
+    body = embedded(SEWN[name])
+    return with_hands(body, embedded_hand(), sewing_of(body.name), name)
+
+
+def sewing_of(body: str) -> Sewing:
+    """Where the hand is on one of the bodies that `SEWN` names. Raises BadFile."""
+    with (
+        as_file(files("workbench") / "data" / "bodies" / "full-hands.npz") as packed,
+        opened(packed, "file of a hand's place", REPAIR) as archive,
+    ):
+        arrays = read_expected(archive, PLACED)
+    names = [str(name) for name in arrays["bodies"]]
+    if body not in names:
+        raise BadFile(f"full-hands.npz does not say how {body!r} holds its fingers; {REPAIR}")
+    return Sewing(arrays["vertices"], arrays["held"][names.index(body)])

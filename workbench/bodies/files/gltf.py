@@ -12,6 +12,9 @@ A triangle body is written with bones that carry its parts (`blended_triangles`)
 lack of its surface in the poses of the file as correctives.
 """
 
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +24,174 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
 from workbench.bodies.files.blended_triangles import blended
-from workbench.bodies.files.correctives import (
-    Correctives,
-    correctives_of,
-    correctives_of_surfaces,
-)
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, BadBody
-from workbench.geometry.glb_writing import ATTRIBUTES, ELEMENTS, Chunk
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
 from workbench.writing import write_file
+
+CODES = {"float32": 5126, "uint32": 5125, "uint16": 5123, "uint8": 5121}  # glTF's component types
+KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+ATTRIBUTES, ELEMENTS = 34962, 34963  # what a buffer view is for
+
+
+class Chunk:
+    """The numbers of a file, and where each array is in them."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(self, array: ArrayLike, kind: str, target: int | None = None) -> int:
+        """The number of the accessor of an array (n,) or (n, width), stored as `kind`."""
+        rows = np.ascontiguousarray(array, dtype=kind)
+        rows = rows.reshape(len(rows), -1)
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": rows.nbytes}
+        self.views.append(view | ({} if target is None else {"target": target}))
+        self.data += rows.astype(rows.dtype.newbyteorder("<")).tobytes()
+        self.data += bytes(-len(self.data) % 4)
+        self.accessors.append(
+            {
+                "bufferView": len(self.views) - 1,
+                "componentType": CODES[kind],
+                "count": len(rows),
+                "type": KINDS[rows.shape[1]],
+                "min": rows.min(axis=0).tolist(),
+                "max": rows.max(axis=0).tolist(),
+            }
+        )
+        return len(self.accessors) - 1
+
+    def file(self, document: dict[str, Any]) -> bytes:
+        """The file: a document without the arrays, and these arrays."""
+        whole = document | {
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.data)}],
+        }
+        text = json.dumps(whole, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        parts = [(b"JSON", text), (b"BIN\0", bytes(self.data))]
+        body = b"".join(len(p).to_bytes(4, "little") + kind + p for kind, p in parts)
+        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
+
+
+NOTHING = 1e-9  # m, summed over all vertices and poses: a smaller direction is rounding
+TOGETHER = 32  # poses whose surfaces are in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class Correctives:
+    """C morph targets that stand for a body's pose blend shapes in T poses.
+
+    Attributes:
+        shapes: (C, N, 3) m, added to the rest surface, as single precision holds them.
+        shares: (T, C) how much of each, at most one in size, as single precision holds them.
+        mean: how far vertices of the posed surface are off on average, in m.
+        largest: the same for the vertex and the pose where it is most, in m.
+    """
+
+    shapes: Array
+    shares: Array
+    mean: float
+    largest: float
+
+    def __str__(self) -> str:
+        return (
+            f"{len(self.shapes)} correctives: vertices are off by {1e3 * self.mean:.2g} mm on "
+            f"average and {1e3 * self.largest:.2g} mm at most"
+        )
+
+
+def correctives_of(
+    body: SkinnedBody, poses: Array, betas: Array, count: int | None = None
+) -> Correctives:
+    """The best `count` correctives of poses (T, K, 3) rad; None: as many as make them exact.
+
+    Raises BadArgument for a count below zero.
+    """
+    _check(count)
+    people = np.tile(betas, (len(poses), 1))
+    features = body.kinematics.motions(poses, people).features  # (T, F)
+    P = body.posedirs.reshape(3 * body.n_vertices, -1)
+    if P.shape[1] == 0 or count == 0:
+        mixed, shares = np.zeros((len(poses), 0)), np.zeros((len(poses), 0))
+    else:
+        mixed, shares = _mixtures(np.linalg.qr(P, mode="r") @ features.T, count)
+    shapes = P @ (features.T @ mixed)
+    return _judged(body, poses, people, shapes, shares, lambda some: features[some] @ P.T)
+
+
+def correctives_of_surfaces(
+    body: SkinnedBody, poses: Array, betas: Array, surfaces: Array, count: int | None = None
+) -> Correctives:
+    """The best `count` correctives by which a body without blend shapes shows other surfaces.
+
+    Surfaces (T, N, 3) m belong to poses (T, K, 3) rad. Skinning moves vertex i by B_i p_i + t_i, so
+    that it is at v_i if p_i = B_i^-1 (v_i - t_i). What p lacks of the rest surface is taken for
+    what blend shapes add. No B_i may be singular. Raises BadArgument for a count below zero.
+    """
+    _check(count)
+    T, N = len(poses), body.n_vertices
+    people = np.tile(betas, (T, 1))
+    rest = body.template + body.shapedirs @ betas
+    added = np.empty((T, 3 * N))
+    for some in _batches(T):
+        M = _blended(body, poses[some], people[some])
+        away = (surfaces[some] - M[..., 3])[..., None]
+        added[some] = (np.linalg.solve(M[..., :3], away)[..., 0] - rest).reshape(-1, 3 * N)
+    mixed, shares = _mixtures(added.T, count)
+    return _judged(body, poses, people, added.T @ mixed, shares, lambda some: added[some])
+
+
+def _check(count: int | None) -> None:
+    if count is not None and (type(count) is not int or count < 0):
+        raise BadArgument(
+            f"the number of correctives is a whole number from 0, or None for all, not {count!r}"
+        )
+
+
+def _mixtures(added: Array, count: int | None) -> tuple[Array, Array]:
+    """The mixtures (T, C) of the columns of `added` (rows, T) m that are the shapes; the shares."""
+    _, sizes, turns = np.linalg.svd(added, full_matrices=False)
+    kept = int((sizes > NOTHING).sum())
+    used = turns[: kept if count is None else min(kept, count)].T  # columns of length one
+    largest = np.abs(used).max(axis=0, initial=1e-300)
+    return used * largest, used / largest
+
+
+def _judged(
+    body: SkinnedBody,
+    poses: Array,
+    people: Array,
+    shapes: Array,
+    shares: Array,
+    added: Callable[[slice], Array],
+) -> Correctives:
+    """Shapes (3 N, C) in single precision, and by how much what they lack moves the surfaces."""
+    modes, held = (a.astype(np.float32).astype(np.float64) for a in (shapes, shares))
+    total, largest, N = 0.0, 0.0, body.n_vertices
+    for some in _batches(len(poses)):
+        missing = (added(some) - held[some] @ modes.T).reshape(-1, N, 3)
+        turns = _blended(body, poses[some], people[some])[..., :3]
+        off = np.linalg.norm(np.einsum("tnij,tnj->tni", turns, missing), axis=2)
+        total, largest = total + float(off.sum()), max(largest, float(off.max()))
+    targets = np.moveaxis(modes.reshape(N, 3, -1), 2, 0)
+    return Correctives(targets, held, total / (len(poses) * N), largest)
+
+
+def _batches(T: int) -> list[slice]:
+    return [slice(first, first + TOGETHER) for first in range(0, T, TOGETHER)]
+
+
+def _blended(body: SkinnedBody, poses: Array, people: Array) -> Array:
+    """The motion (T, N, 3, 4) of each vertex."""
+    G = body.kinematics.motions(poses, people).G
+    flat = body.weights @ G.reshape(len(G), body.n_joints, 12)
+    return np.asarray(flat.reshape(len(G), body.n_vertices, 3, 4))
+
 
 STILL = 1e-9  # m: a joint that betas move by less stays where it is
 SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
