@@ -144,6 +144,12 @@ UNMIRRORED = np.array([-1, 1, 1])[:, None]
 FAULTS: dict[str, tuple[str, Change, str, str]] = {
     "weights sum to 0.98": (BODY, scaled(0.98, "weights"), "weights", "do not sum to 1"),
     "millimetres": (BODY, scaled(1000, *LENGTHS), "v_template", "in millimetres it would be"),
+    "inches": (
+        BODY,
+        scaled(1 / 0.0254, *LENGTHS),
+        "v_template",
+        "in inches it would be 1.69 m, .* Multiply .* by 0.0254",
+    ),
     "z up": (BODY, turned(0, 2, 1, signs=(1, -1, 1)), "v_template", "stands along z, but y"),
     "mirrored": (BODY, turned(0, 1, 2, signs=(-1, 1, 1)), "v_template", "are swapped"),
     "inside out": (BODY, computed("f", lambda f: f[:, ::-1]), "f", "look inwards"),
@@ -180,6 +186,12 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         on_faces(lmk_faces_idx=np.full(51, 90000)),
         "lmk_faces_idx",
         "names face 90000",
+    ),
+    "negative face": (
+        BODY,
+        on_faces(lmk_faces_idx=np.r_[-3, np.arange(50)]),
+        "lmk_faces_idx",
+        "names face -3, but",
     ),
     # The default run ends here.
     "negative weights": (

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import Array, Index
+from workbench.environment import expanded
 from workbench.errors import BadFile, BadMesh, cut, listed, shown
 from workbench.geometry.gltf import parse_glb
 from workbench.writing import write_file
@@ -79,6 +80,7 @@ def parsed_mesh(path: Path, parse: Callable[[bytes], T]) -> T:
 
     The arrays are as the file has them: positions may be NaN, and faces may name any vertex.
     """
+    path = expanded(path)
     if not path.is_file():
         raise BadFile(f"there is no mesh file {path}")
     try:

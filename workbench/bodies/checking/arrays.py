@@ -128,9 +128,10 @@ def _landmarks(model: ModelArrays) -> Iterator[FileFinding]:
             model.extra(f"{prefix}lmk_{what}") for what in ("faces_idx", "bary_coords")
         )
         if places is not None and F and (places.min() < 0 or places.max() >= F):
+            wrong = int(places.min() if places.min() < 0 else places.max())
             yield FileFinding(
                 f"{prefix}lmk_faces_idx",
-                f"{prefix}lmk_faces_idx names face {int(places.max())}, but there are faces 0 to "
+                f"{prefix}lmk_faces_idx names face {wrong}, but there are faces 0 to "
                 f"{F - 1}. The landmarks are those of another mesh: take both from one file.",
             )
         if shares is None:
@@ -141,7 +142,7 @@ def _landmarks(model: ModelArrays) -> Iterator[FileFinding]:
             yield FileFinding(
                 f"{prefix}lmk_bary_coords",
                 f"{prefix}lmk_bary_coords has shape {shares.shape}, but must have three numbers "
-                f"for each of lmk_faces_idx, which is {there}. Take both from one file.",
+                f"for each of {prefix}lmk_faces_idx, which is {there}. Take both from one file.",
             )
         elif off.any():
             yield FileFinding(

@@ -13,12 +13,12 @@ from workbench.geometry.guesses import TURNS
 from workbench.geometry.mirror import AXIAL
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
-SIZES = {  # m, the largest extent of a model of each family
-    "SMPL": (0.3, 2.6),
-    "SMPL-H": (0.3, 2.6),
-    "SMPL-X": (0.3, 2.6),
-    "MANO": (0.06, 0.4),
-    "FLAME": (0.12, 0.6),
+SIZES = {  # m, the largest extent of a model of each family: at least, usually, at most
+    "SMPL": (0.3, 1.7, 2.6),
+    "SMPL-H": (0.3, 1.7, 2.6),
+    "SMPL-X": (0.3, 1.7, 2.6),
+    "MANO": (0.06, 0.2, 0.4),
+    "FLAME": (0.12, 0.28, 0.6),
 }
 METRES = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 LARGEST_SHAPE, LARGEST_POSE = 0.3, 1.0  # of the size of a model, of an entry of shapedirs, posedirs
@@ -36,24 +36,24 @@ def about_places(model: ModelArrays) -> Iterator[FileFinding]:
 
 
 def _unit(model: ModelArrays) -> Iterator[FileFinding]:
-    size, limits = model.size, SIZES.get(model.family)
-    if limits is not None and not limits[0] <= size <= limits[1]:
-        fits = [unit for unit, m in METRES.items() if limits[0] <= size * m <= limits[1]]
-        if fits:
-            in_metres = size * METRES[fits[0]]
-            yield FileFinding(
-                "v_template",
-                f"The model is {size:.4g} large, in metres, which is too large for {model.family}; "
-                f"in {fits[0]} it would be {in_metres:.2f} m. Multiply {ALL} by "
-                f"{METRES[fits[0]]:g}.",
-            )
-        else:
-            yield FileFinding(
-                "v_template",
-                f"The model is {size:.4g} large, in metres, but {model.family} is "
-                f"{limits[0]:g} to {limits[1]:g}. Find out its unit, and multiply {ALL} by the "
-                "metres in it.",
-            )
+    size = model.size
+    least, usual, most = SIZES.get(model.family, (0.0, size, np.inf))
+    if not least <= size <= most:
+        units = [unit for unit, metres in METRES.items() if least <= size * metres <= most]
+        units.sort(key=lambda unit: abs(np.log(size * METRES[unit] / usual)))
+        fits = [f"in {unit} it would be {size * METRES[unit]:.2f} m" for unit in units]
+        what_to_do = (
+            f"{', and '.join(fits)}. Multiply {ALL} by {METRES[units[0]]:g}"
+            f"{f', if it is in {units[0]}' if len(units) > 1 else ''}."
+            if units
+            else f"{model.family} is {least:g} to {most:g}. Find out its unit, and multiply {ALL} "
+            "by the metres in it."
+        )
+        yield FileFinding(
+            "v_template",
+            f"The model is {size:.4g} large, in metres, which is not the size of {model.family}: "
+            f"{what_to_do}",
+        )
     for key, array, limit, what in (
         ("shapedirs", model.shapedirs, LARGEST_SHAPE, "one unit of a beta"),
         ("posedirs", model.posedirs, LARGEST_POSE, "a pose"),

@@ -122,7 +122,7 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     bind pose, joints at rest where they are given, capsules, card and `extras`; `load_body`
     returns the same numbers. A pickle holds numpy arrays only. The features are SMPL's or, in
     .npz alone, STAR's, which are told by the number of columns of posedirs. A TriangleBody is
-    saved as .npz, with the keys that `triangles/layout.py` lists.
+    saved as .npz, with the keys that `layouts.py` lists.
 
     The package smplx opens the .pkl of a body of 24 joints (SMPL), 52 (SMPL-H) and 16 (MANO), and
     the .npz of one of 55 (SMPL-X) that has SMPL-X's landmarks among its extras. It asks for a pose
@@ -209,7 +209,7 @@ def _pose_spaces(n_joints: int) -> dict[str, NDArray[Any]]:
 
 
 def _of_triangles(body: TriangleBody) -> dict[str, NDArray[Any]]:
-    """The body by the keys of `triangles/layout.py`."""
+    """The body by the keys of `layouts.py`."""
     own = {"shapedirs": body.shapedirs, "posedirs": body.posedirs, "near": body.near}
     own |= _sparse("weights", body.weights) | _sparse("J_regressor", body.J_regressor)
     return dict(body.extras) | own | _of_every_kind(body, STYLE)
