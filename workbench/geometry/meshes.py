@@ -3,24 +3,32 @@
 In metres, y up, as glTF has it; nothing is scaled, turned, merged or re-ordered.
 """
 
+import re
 import warnings
 from array import array
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from io import BytesIO, TextIOWrapper
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
-from struct import Struct
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.environment import expanded
 from workbench.errors import BadFile, BadMesh, cut, listed, shown
 from workbench.geometry.gltf import parse_glb
 from workbench.writing import write_file
+
+if TYPE_CHECKING:
+    import trimesh
+
+LONGEST_LINE = 10**6  # characters; a line is split into its words before these are looked at
+LONGEST_HEADER = 2**16  # bytes
+MOST_SOLIDS = 10_000  # in an .stl of text
+OFF = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
 
 T = TypeVar("T")
 
@@ -29,7 +37,12 @@ T = TypeVar("T")
 class Mesh:
     """Vertices (N, 3) in m and triangles (F, 3) of their numbers; a point cloud has none.
 
-    Raises BadMesh if they do not fit together or a number is not finite.
+    What a file or another package has, `Mesh.of` takes, and `trimesh` gives back; the order of
+    vertices and faces stays. Raises BadMesh if they do not fit together or a number is not finite.
+
+    >>> import trimesh
+    >>> Mesh.of(trimesh.creation.box()).trimesh().volume
+    1.0
     """
 
     vertices: Array
@@ -48,6 +61,37 @@ class Mesh:
             raise BadMesh(
                 f"face {face} is {self.faces[face].tolist()}, but there are {N} vertices from 0"
             )
+
+    @classmethod
+    def of(cls, mesh: "Mesh | trimesh.Trimesh", faces: ArrayLike | None = None) -> "Mesh":
+        """A mesh from a Mesh, a `trimesh.Trimesh`, or vertices (N, 3) m and faces (F, 3).
+
+        Raises BadMesh for what is none.
+        """
+        if isinstance(mesh, Mesh):
+            return mesh
+        if faces is None:
+            if not hasattr(mesh, "vertices") or not hasattr(mesh, "faces"):
+                raise BadMesh(
+                    f"a {type(mesh).__name__} is no mesh; give a Mesh, a trimesh.Trimesh, or "
+                    "vertices and faces"
+                )
+            mesh, faces = mesh.vertices, mesh.faces
+        try:
+            vertices, triangles = np.array(mesh, dtype=np.float64), np.asarray(faces)
+        except (TypeError, ValueError) as error:
+            raise BadMesh(f"vertices and faces must be arrays of numbers: {error}") from error
+        if not triangles.size:
+            triangles = np.zeros((0, 3), dtype=np.int64)
+        if triangles.dtype.kind not in "iu":
+            raise BadMesh(f"faces are {triangles.dtype}, but must be whole numbers of vertices")
+        return cls(vertices, triangles.astype(np.int64))
+
+    def trimesh(self) -> "trimesh.Trimesh":
+        """The same vertices and faces in the same order, none merged or removed."""
+        import trimesh  # a quarter of a second to import: not before it is needed
+
+        return trimesh.Trimesh(self.vertices, self.faces, process=False, validate=False)
 
 
 def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
@@ -119,26 +163,24 @@ def _canonical(faces: Index) -> bytes:
     return turned[np.lexsort(turned.T)].astype(np.int64).tobytes()
 
 
-def write_mesh(path: str | Path, vertices: ArrayLike, faces: ArrayLike) -> None:
-    """Write vertices (N, 3) in m and faces (F, 3), from 0, as the suffix of `path` says.
+def write_mesh(
+    path: str | Path, mesh: "Mesh | trimesh.Trimesh | ArrayLike", faces: ArrayLike | None = None
+) -> None:
+    """Write a Mesh, a `trimesh.Trimesh`, or vertices (N, 3) m and faces (F, 3) from 0.
 
-    .obj, .off and .ply keep every digit (float64), .glb and .stl are of single precision by
-    their definition. Whole or not at all. Points without faces go into .obj, .off and .ply.
-    Raises BadFile for another suffix or a place that cannot be written, BadMesh for numbers
-    that are no mesh.
+    The suffix of `path` says how: .obj, .off and .ply keep every digit (float64), .glb and .stl are
+    of single precision by their definition. Whole or not at all. Points without faces go into
+    .obj, .off and .ply. Raises BadFile for another suffix or a place that cannot be written,
+    BadMesh for what is no mesh.
     """
     path = Path(path)
     write = _known(path, WRITERS)
-    triangles = np.asarray(faces, dtype=np.int64)
-    if not triangles.size:
-        triangles = np.zeros((0, 3), dtype=np.int64)
-    mesh = Mesh(np.asarray(vertices, dtype=np.float64), triangles)
+    mesh = Mesh.of(mesh, faces)
     if not len(mesh.vertices):
         raise BadMesh(f"there are no vertices to write to {path}")
-    if not len(triangles) and path.suffix.lower() in (".glb", ".stl"):
+    if not len(mesh.faces) and path.suffix.lower() in (".glb", ".stl"):
         raise BadFile(f"{path}: a {path.suffix} holds triangles; write points as .ply")
-    content = write(mesh)
-    write_file(path, content)
+    write_file(path, write(mesh))
 
 
 def _known(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
@@ -169,10 +211,7 @@ def _write_off(mesh: Mesh) -> bytes:
 
 def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
     def write(mesh: Mesh) -> bytes:
-        import trimesh  # a quarter of a second to import: not before it is needed
-
-        same = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
-        content = same.export(file_type=kind)
+        content = mesh.trimesh().export(file_type=kind)
         assert isinstance(content, bytes)  # of one file, that is not text
         return content
 
@@ -182,13 +221,15 @@ def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
 def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
     """Vertices (N, 3) and triangles (F, 3), from 0; a polygon is a fan around its first corner.
 
-    Raises ValueError with the number of a line that cannot be read.
+    Readers made for drawing split a vertex wherever its texture or normal changes, and so lose the
+    order that registered meshes agree on. This one reads `v` and `f` and nothing else. Raises
+    ValueError with the number of a line that cannot be read.
     """
     vertices, faces, so_far = array("d"), array("q"), 0
     for number, line in enumerate(lines, start=1):
         match line.split():
             case ["v", *numbers]:
-                vertices.extend(_position(numbers, number))
+                vertices.extend(_position(numbers, f"line {number}"))
                 so_far += 1
             case ["f", *corners]:
                 if len(corners) < 3:
@@ -199,11 +240,11 @@ def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
     return np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
 
 
-def _position(numbers: list[str], line: int) -> list[float]:
+def _position(words: list[str], where: str) -> list[float]:
     try:
-        x, y, z = (float(n) for n in numbers[:3])  # a colour or a weight may follow
+        x, y, z = (float(word) for word in words[:3])  # a colour or a weight may follow
     except ValueError:
-        raise ValueError(f"line {line}: {shown(' '.join(numbers[:4]))} is no position") from None
+        raise ValueError(f"{where}: {shown(' '.join(words[:4]))} is no position") from None
     return [x, y, z]
 
 
@@ -227,339 +268,6 @@ def obj_text(vertices: Array, faces: Index) -> str:
     return "".join((*positions, *triangles))
 
 
-NAMES = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
-
-
-def parse_off(content: bytes) -> tuple[Array, Index]:
-    """Vertices (N, 3) and triangles (F, 3); a polygon is a fan around its first corner.
-
-    Raises ValueError with what is wrong.
-    """
-    lines = _words(content)
-    first = next(lines, [])
-    if not first or first[0].upper() not in NAMES:
-        raise ValueError("it does not begin with OFF")
-    sizes = first[1:] or next(lines, [])
-    n_vertices, n_faces = (_count(word, len(content)) for word in (sizes + ["", ""])[:2])
-    positions = array("d")
-    for _ in range(n_vertices):
-        words = next(lines, [])
-        try:
-            x, y, z = (float(word) for word in words[:3])
-        except ValueError:
-            raise ValueError(f"a position is {shown(words[:3])}") from None
-        positions.extend((x, y, z))
-    corners, counts = array("q"), array("q")
-    for face in range(n_faces):
-        words = next(lines, [])
-        try:
-            size = int(words[0])
-            corners.extend(int(word) for word in words[1 : 1 + max(size, 0)])
-            whole = len(words) > size >= 0
-        except (ValueError, IndexError, OverflowError):
-            whole = False
-        if not whole:
-            raise ValueError(f"face {face} is {shown(words[:4])}")
-        counts.append(size)
-    vertices = np.array(positions, dtype=np.float64).reshape(-1, 3)
-    return vertices, fans(vertex_numbers(np.array(corners, dtype=np.int64)), np.array(counts))
-
-
-def _words(content: bytes) -> Iterator[list[str]]:
-    """The words of each line that has any, without comments."""
-    for line in text_lines(content):
-        if words := line.partition("#")[0].split():
-            yield words
-
-
-def _count(word: str, most: int) -> int:
-    """How many lines there are; each has a byte at least."""
-    count = int(word) if word.isdecimal() and len(word) < 16 else -1
-    if not 0 <= count <= most:
-        raise ValueError(f"it claims to hold {shown(word)} vertices or faces in {most:,} bytes")
-    return count
-
-
-HEADER, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-
-
-def parse_stl(content: bytes) -> tuple[Array, Index]:
-    """Vertices (3 F, 3), three for every triangle, and triangles (F, 3).
-
-    A file is binary if its length is the one that its header gives. The first word does not decide:
-    text files begin with `solid`, and so do many binary ones. Raises ValueError with what is wrong.
-    """
-    count = int.from_bytes(content[80:HEADER], "little")
-    if len(content) == HEADER + count * ROW.itemsize:
-        rows = np.frombuffer(content, ROW, count, HEADER)
-        with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
-            vertices = rows["corners"].reshape(-1, 3).astype(np.float64)
-    elif content.lstrip()[:5].lower() == b"solid" or len(content) < HEADER:
-        vertices = _spoken(content)
-    else:
-        raise ValueError(
-            f"its header counts {count:,} triangles, which {len(content):,} bytes do not hold"
-        )
-    if len(vertices) % 3:
-        raise ValueError(f"{len(vertices):,} vertices are no triangles of three")
-    return vertices, np.arange(len(vertices)).reshape(-1, 3)
-
-
-def _spoken(content: bytes) -> Array:
-    found = array("d")
-    for number, line in enumerate(text_lines(content), start=1):
-        words = line.split()
-        if words and words[0].lower() == "vertex":
-            try:
-                x, y, z = (float(word) for word in words[1:4])
-            except ValueError:
-                raise ValueError(f"line {number}: {shown(line)} is no vertex") from None
-            found.extend((x, y, z))
-    return np.array(found, dtype=np.float64).reshape(-1, 3)
-
-
-LONGEST_HEADER = 2**16
-TYPES = {
-    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
-    **{"float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2"},
-    **{"int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8"},
-    **{"float32": "f4", "float64": "f8"},
-}
-ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
-STRUCT = {  # the same for the module struct
-    **{"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"},
-    **{"f4": "f", "f8": "d"},
-}
-CORNERS = ("vertex_indices", "vertex_index")
-POSITION, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
-
-
-@dataclass(frozen=True)
-class _Property:
-    name: str
-    dtype: np.dtype[Any]
-    count: np.dtype[Any] | None  # the type of a list's length
-
-
-@dataclass(frozen=True)
-class _Element:
-    name: str
-    length: int
-    properties: list[_Property] = field(default_factory=list)
-
-    @property
-    def smallest(self) -> int:
-        """Bytes of a row whose lists are empty."""
-        return sum((p.count or p.dtype).itemsize for p in self.properties)
-
-    @property
-    def in_text(self) -> "_Element":
-        """The element with every number, and the length of every list, as float64."""
-        real = np.dtype(np.float64)
-        alike = [_Property(p.name, real, p.count and real) for p in self.properties]
-        return _Element(self.name, self.length, alike)
-
-    @property
-    def corners(self) -> int:
-        """Which property lists the corners of a face. Raises ValueError."""
-        lists = [k for k, p in enumerate(self.properties) if p.count is not None]
-        named = [k for k in lists if self.properties[k].name in CORNERS]
-        if not named and len(lists) != 1:
-            raise ValueError(f"its faces have no list called {CORNERS[0]}")
-        return (named or lists)[0]
-
-
-def parse_ply(content: bytes) -> tuple[Array, Index]:
-    """Vertices (N, 3) and triangles (F, 3); a polygon is a fan around its first corner.
-
-    Raises ValueError with what is wrong.
-    """
-    return parse_ply_and_normals(content)[:2]
-
-
-def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
-    """The same, and the normals (N, 3) that the vertices have, of any length; None without them."""
-    order, elements, start = _header(content)
-    data = _Rows(_in_binary(content[start:]) if order == "=" else memoryview(content)[start:])
-    vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    normals: Array | None = None
-    wanted = {"vertex", "face"} & {element.name for element in elements}
-    for element in elements:
-        if not wanted:
-            break  # what follows is not read
-        columns = data.taken(element.in_text if order == "=" else element)
-        if element.name == "vertex":
-            vertices = _vectors(element, columns, POSITION)
-            if set(NORMAL) <= {p.name for p in element.properties if p.count is None}:
-                normals = _vectors(element, columns, NORMAL)
-        elif element.name == "face" and element.length:
-            corners, counts = columns[element.corners]
-            faces = fans(vertex_numbers(corners), counts)
-        wanted.discard(element.name)
-    else:
-        if len(data.left):
-            raise ValueError("it holds more than its header says, or its lines have other columns")
-    return vertices, faces, normals
-
-
-Lists = tuple[NDArray[Any], Index]  # the entries of all lists, and how many each has
-Columns = list[Any]  # of an element: numbers (length,), or Lists
-
-
-def _vectors(element: _Element, columns: Columns, names: tuple[str, ...]) -> Array:
-    where = {p.name: k for k, p in enumerate(element.properties) if p.count is None}
-    if missing := set(names) - where.keys():
-        raise ValueError(f"its vertices have no {', '.join(sorted(missing))}")
-    with np.errstate(over="ignore", invalid="ignore"):  # the mesh refuses what is no number then
-        return np.column_stack(
-            [columns[where[axis]].astype(element.properties[where[axis]].dtype) for axis in names]
-        ).astype(np.float64)
-
-
-@dataclass
-class _Rows:
-    """The bytes of rows, taken one element after the other."""
-
-    left: memoryview
-
-    def taken(self, element: _Element) -> Columns:
-        """The columns of the next element. Raises ValueError."""
-        if (found := self._alike(element)) is not None:
-            return found
-        if all(p.count is None for p in element.properties):
-            raise ValueError(
-                f"it says that it holds {element.length:,} times {shown(element.name)}, but is "
-                "shorter"
-            )
-        return self._walked(element)
-
-    def _alike(self, element: _Element) -> Columns | None:
-        """The columns, if all rows are as long as the first; None if there are no such rows."""
-        fields: list[tuple[Any, ...]] = []
-        at = 0
-        for k, p in enumerate(element.properties):
-            if p.count is None:
-                fields.append((f"{k}", p.dtype))
-                at += p.dtype.itemsize
-                continue
-            room = len(self.left) - at - p.count.itemsize
-            if element.length and room < 0:
-                raise ValueError(f"{shown(element.name)} 0 is cut off")
-            size = _length(p.count)(self.left, at)[0] if element.length else 0
-            if not 0 <= size * p.dtype.itemsize <= max(room, 0):  # nor NaN
-                raise ValueError(f"a list of {_shown(size)} numbers is cut off")
-            size = int(size)
-            fields += [(f"n{k}", p.count), (f"{k}", p.dtype, (size,))]
-            at += p.count.itemsize + size * p.dtype.itemsize
-        if not fields or not element.length:
-            return [np.zeros(0)] * len(element.properties)
-        dtype = np.dtype(fields)
-        if dtype.itemsize * element.length > len(self.left):
-            return None
-        rows = np.frombuffer(self.left, dtype, element.length)
-        lists = [k for k, p in enumerate(element.properties) if p.count is not None]
-        if any((rows[f"n{k}"] != rows[f"{k}"].shape[1]).any() for k in lists):
-            return None
-        self.left = self.left[dtype.itemsize * element.length :]
-        return [
-            rows[f"{k}"] if p.count is None else (rows[f"{k}"].ravel(), rows[f"n{k}"].astype("i8"))
-            for k, p in enumerate(element.properties)
-        ]
-
-    def _walked(self, element: _Element) -> Columns:
-        """Row by row, for each may be of a length of its own; a face has at least 3 corners."""
-        main = element.corners if element.name == "face" else -1
-        plan = [
-            (
-                p.dtype.itemsize,
-                0 if p.count is None else p.count.itemsize,
-                None if p.count is None else _length(p.count),
-                3 if k == main else 0,
-            )
-            for k, p in enumerate(element.properties)
-        ]
-        found = [bytearray() for _ in plan]
-        counts = [array("q") for _ in plan]
-        at, left, end = 0, self.left, len(self.left)
-        for row in range(element.length):
-            for (width, head, length, least), bytes_of, sizes in zip(
-                plan, found, counts, strict=True
-            ):
-                if at + (head or width) > end:
-                    raise ValueError(f"{shown(element.name)} {row} is cut off")
-                size = 1
-                if length is not None:
-                    said, at = length(left, at)[0], at + head
-                    if not least <= said <= (end - at) // width:  # nor NaN
-                        raise ValueError(f"a list in row {row} has {_shown(said)} entries")
-                    size = int(said)
-                    sizes.append(size)
-                bytes_of += left[at : at + size * width]
-                at += size * width
-        self.left = left[at:]
-        return [
-            numbers if p.count is None else (numbers, np.array(counts[k], dtype=np.int64))
-            for k, p in enumerate(element.properties)
-            for numbers in [np.frombuffer(found[k], p.dtype)]
-        ]
-
-
-def _shown(count: float) -> str:
-    return f"{count:,}" if isinstance(count, int) else f"{count:g}"
-
-
-def _length(count: np.dtype[Any]) -> Callable[[memoryview, int], tuple[Any, ...]]:
-    """Reads the length of a list somewhere in a file: faster than numpy does for single numbers."""
-    return Struct(count.str[0].replace("|", "<") + STRUCT[count.str[1:]]).unpack_from
-
-
-def _in_binary(content: bytes) -> memoryview:
-    """A text, which is nothing but numbers, as the bytes of these in float64."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how numpy says what is no number
-        try:
-            return np.fromstring(content.decode("latin1"), sep=" ").data.cast("B")
-        except (DeprecationWarning, ValueError):
-            raise ValueError("it holds what is no number") from None
-
-
-def _header(content: bytes) -> tuple[str, list[_Element], int]:
-    """The order of bytes ("=" of text), the elements, and where the data begin."""
-    head, found, _ = content[:LONGEST_HEADER].partition(b"end_header")
-    if not content[:3].lower().startswith(b"ply") or not found:
-        raise ValueError("it has no header from `ply` to `end_header`")
-    end = content.find(b"\n", len(head))
-    start = len(content) if end < 0 else end + 1
-    order, elements = "", list[_Element]()
-    for line in head.decode("latin1").splitlines()[1:]:
-        match line.split():
-            case ["format", kind, *_] if kind in ORDERS:
-                order = ORDERS[kind]
-            case ["element", name, count] if count.isdecimal() and len(count) < 16:
-                elements.append(_Element(name, int(count)))
-            case ["property", "list", size, kind, name] if elements and {size, kind} <= set(TYPES):
-                types = np.dtype(order + TYPES[kind]), np.dtype(order + TYPES[size])
-                elements[-1].properties.append(_Property(name, *types))
-            case ["property", kind, name] if elements and kind in TYPES:
-                elements[-1].properties.append(_Property(name, np.dtype(order + TYPES[kind]), None))
-            case ["comment" | "obj_info", *_] | []:
-                pass
-            case _:
-                raise ValueError(f"its header says {shown(line)}")
-    if not order:
-        raise ValueError(f"its format is none of {', '.join(ORDERS)}")
-    claimed = sum(e.length * (len(e.properties) if order == "=" else e.smallest) for e in elements)
-    if claimed > len(content):
-        raise ValueError(
-            f"its header claims {shown(max(elements, key=lambda e: e.length).name)} "
-            f"{max(e.length for e in elements):,} times, and there are {len(content):,} bytes"
-        )
-    return order, elements, start
-
-
-LONGEST_LINE = 10**6  # characters; a line is split into its words before these are looked at
-
-
 def text_lines(content: bytes) -> Iterator[str]:
     """The lines of a text. Raises ValueError for a line that is too long for a mesh file."""
     text = TextIOWrapper(BytesIO(content), encoding="utf-8", errors="replace")
@@ -571,35 +279,146 @@ def text_lines(content: bytes) -> Iterator[str]:
         yield line
 
 
-def fans(corners: Index, counts: Index) -> Index:
-    """Triangles (F, 3) of polygons: a fan around the first corner of each, in the file's order.
+def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
+    """Vertices (N, 3), triangles (F, 3), and the normals (N, 3) of vertices, of any length, if any.
 
-    `corners` are those of all polygons one after the other, `counts` how many each has. Raises
-    ValueError for a polygon of fewer than three.
+    A polygon is a fan around its first corner. If all have as many corners, the order of the faces
+    is the file's; otherwise triangles come first, which only text says. Raises ValueError with what
+    is wrong. (Greg Turk, The PLY Polygon File Format, 1994.)
     """
-    if len(counts) and counts.min() < 3:
-        face = int(np.argmin(counts))
-        raise ValueError(f"face {face} has {counts[face]} corners, and a face has at least 3")
-    ends = np.cumsum(counts)
-    first = np.repeat(ends - counts, counts - 2)  # of the polygon that each triangle is part of
-    before = np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
-    step = np.arange(len(first)) - before
-    return np.column_stack([corners[first], corners[first + step + 1], corners[first + step + 2]])
+    from trimesh.exchange.ply import load_ply
+
+    sizes, content = _ply_sizes(content)
+    try:
+        found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
+    except ValueError as error:
+        if "unexpected length" not in str(error):
+            raise
+        raise ValueError(
+            "it is cut off, or its polygons have different numbers of corners, which is read in "
+            "text alone; export triangles, or text"
+        ) from error
+    vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
+    faces, normals = np.asarray(found.get("faces", ())), found.get("vertex_normals")
+    if not faces.size:
+        faces = np.zeros((0, 3), dtype=np.int64)
+    if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] < 3:
+        raise ValueError("its faces are no lists of three or more whole numbers")
+    corners = [(0, k, k + 1) for k in range(1, faces.shape[1] - 1)]
+    faces = faces[:, corners].reshape(-1, 3).astype(np.int64)
+    _check_counts(vertices, len(faces), sizes.get("vertex", 0), sizes.get("face", 0))
+    return vertices, faces, None if normals is None else np.asarray(normals, dtype=np.float64)
 
 
-def vertex_numbers(numbers: NDArray[np.generic] | Iterable[int]) -> Index:
-    """Numbers of vertices. Raises ValueError for anything but whole numbers from 0."""
-    found = np.asarray(numbers)
-    if found.dtype.kind == "f":
-        whole = (found >= 0) & (found < 2.0**53) & (found == np.trunc(found))
-        if not whole.all():
-            raise ValueError(f"a face names the vertex {found[~whole][0]:g}")
-    return found.astype(np.int64)
+def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
+    """How many there are of each element, believed only as far as there are bytes for them.
+
+    Edges have another name in the content that is returned: of them, trimesh would make a path.
+    """
+    head, end, _ = content[:LONGEST_HEADER].partition(b"end_header")
+    lines = head.decode("latin1").splitlines()
+    if not content[:3].lower().startswith(b"ply") or not end:
+        raise ValueError("it has no header from `ply` to `end_header`")
+    if not lines[1:] or not re.fullmatch(
+        r"format (ascii|binary_(little|big)_endian) \S+", lines[1].strip()
+    ):
+        raise ValueError(f"its second line is {shown(''.join(lines[1:2]))}, and no format")
+    sizes, least, size = dict[str, int](), 0, 0
+    for line in lines[2:]:
+        match line.split():
+            case ["element", name, count] if (
+                count.isdecimal() and len(count) < 16 and name not in sizes
+            ):
+                size = sizes[name] = int(count)
+            case ["property", _, _] | ["property", "list", _, _, _] if sizes:
+                least += size
+            case ["comment" | "obj_info", *_]:
+                pass
+            case _:
+                raise ValueError(f"its header says {shown(line)}")
+    rows = content.count(b"\n", len(head)) if "ascii" in lines[1] else 0
+    if least > len(content) or rows > sum(sizes.values()) + 2:
+        raise ValueError(
+            f"its header counts {sum(sizes.values()):,} elements, and there are {len(content):,} "
+            f"bytes{f' in {rows:,} lines' if rows else ''}"
+        )
+    return sizes, head.replace(b"element edge ", b"element line ") + content[len(head) :]
+
+
+def parse_off(content: bytes) -> tuple[Array, Index]:
+    """Vertices (N, 3) and triangles (F, 3) of an Object File Format; a polygon is a fan.
+
+    What follows a position in its line, texture coordinates, colour and normal, is left in the
+    file. trimesh takes no polygons of more than four corners from it, and passes over a last face
+    that is cut off. Raises ValueError with what is wrong.
+    """
+    lines = (words for line in text_lines(content) if (words := line.partition("#")[0].split()))
+    first = next(lines, [])
+    if not first or first[0].upper() not in OFF:
+        raise ValueError("it does not begin with OFF")
+    sizes = (first[1:] or next(lines, []))[:2]
+    if len(sizes) < 2 or not all(size.isdecimal() and len(size) < 16 for size in sizes):
+        raise ValueError(f"it claims to hold {shown(sizes)} vertices and faces")
+    n_vertices, n_faces = map(int, sizes)
+    vertices, faces, read = array("d"), array("q"), 0
+    for words in islice(lines, n_vertices):
+        vertices.extend(_position(words, "vertices"))
+    for read, words in enumerate(islice(lines, n_faces), start=1):
+        try:
+            size, *corners = (int(word) for word in words[: int(words[0]) + 1])
+        except (ValueError, OverflowError):
+            size, corners = -1, []
+        if size != len(corners) or size < 3 or max(map(abs, corners)) >= 2**53:
+            raise ValueError(f"face {read - 1} is {shown(words[:4])}")
+        for second, third in pairwise(corners[1:]):
+            faces.extend((corners[0], second, third))
+    places = np.array(vertices).reshape(-1, 3)
+    _check_counts(places, read, n_vertices, n_faces)
+    return places, np.array(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def parse_stl(content: bytes) -> tuple[Array, Index]:
+    """Vertices (3 F, 3), three for every triangle, and triangles (F, 3); binary or text.
+
+    Raises ValueError with what is wrong.
+    """
+    from trimesh.exchange.stl import load_stl
+
+    text = content.lstrip()[:5].lower() == b"solid"
+    if text and content.lower().count(b"endsolid") > MOST_SOLIDS:
+        raise ValueError(f"it holds more than {MOST_SOLIDS:,} solids")
+    found = _by_trimesh(load_stl, content)
+    parts = found.get("geometry", {"": found}).values()
+    vertices = np.concatenate([np.zeros((0, 3)), *(part["vertices"] for part in parts)])
+    binary = len(content) == 84 + 50 * (len(vertices) // 3)
+    if not binary and (not text or content.lower().count(b"vertex") != len(vertices)):
+        raise ValueError("it is cut off: there are other triangles than it says")
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+
+
+def _by_trimesh(load: Callable[..., dict[str, Any]], content: bytes, **how: Any) -> dict[str, Any]:
+    """What a reader of trimesh makes of a file. Raises ValueError for whatever it stumbles over."""
+    with warnings.catch_warnings(), np.errstate(invalid="raise"):
+        # by a warning NumPy says that a text stops being numbers, and stops reading
+        warnings.filterwarnings("error", message="string or file could not be read")
+        try:
+            return load(BytesIO(content), **how)
+        except Exception as error:
+            raise ValueError(f"trimesh does not read it ({cut(error)})") from error
+
+
+def _check_counts(vertices: Array, n_read: int, n_vertices: int, n_faces: int) -> None:
+    """Raise ValueError for less than a header says, which trimesh reads without a word."""
+    if len(vertices) != n_vertices or n_read < n_faces:
+        raise ValueError(
+            f"its header says {n_vertices:,} vertices and {n_faces:,} faces, but "
+            f"{len(vertices):,} and {n_read:,} follow"
+        )
 
 
 READERS: dict[str, Callable[[bytes], tuple[Array, Index]]] = {
     ".obj": lambda content: parse_obj(text_lines(content)),
-    ".ply": parse_ply,
+    ".ply": lambda content: parse_ply_and_normals(content)[:2],
     ".glb": parse_glb,
     ".stl": parse_stl,
     ".off": parse_off,

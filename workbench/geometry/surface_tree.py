@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,9 @@ from workbench.geometry.surface_search import (
     widening,
 )
 from workbench.geometry.triangles import FLAT
+
+if TYPE_CHECKING:
+    import trimesh
 
 NAME = "surface-tree"
 EXACT = ("-O3", "-ffp-contract=off", "-fno-math-errno")  # the rounding of NumPy, loops as vectors
@@ -167,8 +171,9 @@ class Closest:
 class SurfaceTree:
     """A triangle mesh that can be asked for the place closest to a point.
 
-    vertices (N, 3) m, finite; faces (F, 3) vertices of each triangle. Triangles without area, and
-    several in one place, are allowed. Raises BadMesh for other arrays and for a mesh without faces.
+    It is a Mesh, a `trimesh.Trimesh`, or finite vertices (N, 3) m and faces (F, 3). Triangles
+    without area, and several in one place, are allowed. Raises BadMesh for other arrays and for a
+    mesh without faces.
 
     >>> import numpy as np
     >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -178,8 +183,14 @@ class SurfaceTree:
     ([[0.25, 0.25, 0.0], [1.0, 0.0, 0.0]], [0.5, 1.0])
     """
 
-    def __init__(self, vertices: Array, faces: Index, way: Callable[[], Way] = quickest) -> None:
-        mesh = Mesh(_places(vertices), _whole(faces))
+    def __init__(
+        self,
+        mesh: Mesh | trimesh.Trimesh | Array,
+        faces: Index | None = None,
+        way: Callable[[], Way] = quickest,
+    ) -> None:
+        mesh = Mesh.of(mesh, faces)
+        mesh = Mesh(_places(mesh.vertices), mesh.faces)
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
         self._way = way  # a function, as a loaded library cannot be pickled
@@ -258,13 +269,6 @@ def _places(vertices: Array) -> Array:
             f"a vertex is farther than {FARTHEST:g} m from the origin; remove or repair it"
         )
     return given
-
-
-def _whole(faces: Index) -> Index:
-    given = np.asarray(faces)
-    if given.dtype.kind not in "iu":
-        raise BadMesh(f"faces are {given.dtype}, but must be whole numbers of vertices")
-    return np.array(given, dtype=np.int64, order="C")
 
 
 def _rows(given: Array, what: str) -> Array:
