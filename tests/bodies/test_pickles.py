@@ -22,7 +22,7 @@ from workbench.bodies.files.pickles import (
     KNOWN,
     LITERALS,
     OPCODES,
-    Made,
+    PickledCall,
     read_pickled_arrays,
     run,
 )
@@ -221,7 +221,7 @@ def command(marker: Path) -> bytes:
 
 
 def attacks(marker: Path) -> dict[str, tuple[bytes, str]]:
-    """Name -> (the file, what the refusal names)."""
+    """PickledName -> (the file, what the refusal names)."""
     touch = command(marker)
     run_it = touch + b"\x85R."
     again = b"ccopy_reg\n_reconstructor\n"
@@ -247,9 +247,12 @@ def attacks(marker: Path) -> dict[str, tuple[bytes, str]]:
         "NEWOBJ_EX": (stack_global("subprocess", "Popen") + touch + b"\x85}\x92.", "subprocess."),
         "reconstructor": (again + b"(csubprocess\nPopen\nc__builtin__\nobject\nNtR.", "Popen"),
         "unnamed class": (again + b"(S'posix'\nc__builtin__\nobject\nNtR.", "calls a str"),
-        "call of a call": (b"\x80\x02cbuiltins\nobject\n)R" + run_it, "calls a Made"),
+        "call of a call": (b"\x80\x02cbuiltins\nobject\n)R" + run_it, "calls a PickledCall"),
         "call of a text": (b"\x80\x02X\x02\x00\x00\x00os" + run_it, "calls a str"),
-        "BUILD on a name": (b"\x80\x02cnumpy\nndarray\n}X\x01\x00\x00\x00aK\x01sb.", "of a Name"),
+        "BUILD on a name": (
+            b"\x80\x02cnumpy\nndarray\n}X\x01\x00\x00\x00aK\x01sb.",
+            "of a PickledName",
+        ),
         "BUILD on a dict": (b"\x80\x02}}b.", "inside of a dict"),
         "EXT1": (b"\x80\x02\x82\x01.", "EXT1"),
         "EXT4": (b"\x80\x02\x84\x01\x00\x00\x00.", "EXT4"),
@@ -324,7 +327,7 @@ def test_known_names_make_records_alone() -> None:
     for module, name in KNOWN:
         if name != "_reconstructor":
             made = run(b"c" + module.encode() + b"\n" + name.encode() + b"\n(S'x'\ntR.")
-            assert isinstance(made, Made)
+            assert isinstance(made, PickledCall)
 
 
 # What is damaged, or made to be.

@@ -12,17 +12,17 @@ from scipy.spatial.transform import Rotation
 from tests.tiers import few
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
-from workbench.geometry.surface_search import IN_NUMPY, Way
+from workbench.geometry.surface_search import IN_NUMPY, SearchBackend
 from workbench.geometry.surface_tree import Closest, SurfaceTree, compiled
 
 CUBE = trimesh.creation.box()  # of side 1, around the origin
 
 
-def in_numpy() -> Way:
+def in_numpy() -> SearchBackend:
     return IN_NUMPY
 
 
-def in_c() -> Way:
+def in_c() -> SearchBackend:
     way = compiled()
     if way is None:
         pytest.skip("no C compiler on the PATH")
@@ -30,7 +30,7 @@ def in_c() -> Way:
 
 
 BOTH = pytest.mark.parametrize("way", [in_numpy, in_c])
-Ways = Callable[[], Way]
+Ways = Callable[[], SearchBackend]
 
 
 def soup(rng: np.random.Generator) -> tuple[Array, Index]:

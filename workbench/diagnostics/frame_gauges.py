@@ -22,7 +22,7 @@ from workbench.diagnostics.undoing import (
     undoing,
     undone,
 )
-from workbench.geometry.rotation import slopes_by_turns
+from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.problem import Problem
 
 ANGLES = ("rad", "deg")
@@ -122,7 +122,7 @@ def _turned_vector(x: Array) -> Array:
 
 def _turning(w: Array, sign: float) -> Array:
     """How rotation vectors (3 K,) move with a turn before them, or after them: (3 K, 3)."""
-    return sign * slopes_by_turns(sign * w.reshape(-1, 3)).reshape(-1, 3)
+    return sign * inverse_left_jacobian(sign * w.reshape(-1, 3)).reshape(-1, 3)
 
 
 def _threes(block: Block) -> bool:

@@ -63,22 +63,25 @@ class Mesh:
             )
 
     @classmethod
-    def of(cls, mesh: "Mesh | trimesh.Trimesh", faces: ArrayLike | None = None) -> "Mesh":
+    def of(
+        cls, mesh: "Mesh | trimesh.Trimesh | ArrayLike", faces: ArrayLike | None = None
+    ) -> "Mesh":
         """A mesh from a Mesh, a `trimesh.Trimesh`, or vertices (N, 3) m and faces (F, 3).
 
         Raises BadMesh for what is none.
         """
         if isinstance(mesh, Mesh):
             return mesh
+        places: Any = mesh
         if faces is None:
             if not hasattr(mesh, "vertices") or not hasattr(mesh, "faces"):
                 raise BadMesh(
                     f"a {type(mesh).__name__} is no mesh; give a Mesh, a trimesh.Trimesh, or "
                     "vertices and faces"
                 )
-            mesh, faces = mesh.vertices, mesh.faces
+            places, faces = mesh.vertices, mesh.faces
         try:
-            vertices, triangles = np.array(mesh, dtype=np.float64), np.asarray(faces)
+            vertices, triangles = np.array(places, dtype=np.float64), np.asarray(faces)
         except (TypeError, ValueError) as error:
             raise BadMesh(f"vertices and faces must be arrays of numbers: {error}") from error
         if not triangles.size:
@@ -141,10 +144,10 @@ def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:
     Raises BadFile for an .stl as well: it holds triangles that share no vertices, so the numbers
     of a mesh that was written to one are lost.
     """
-    if Path(path).suffix.lower() in SOUPS:
+    if Path(path).suffix.lower() in UNSHARED:
         raise BadFile(
             f"{path}: an .stl holds three vertices of its own for every triangle, so which vertex "
-            f"is which is lost; give the mesh as {listed(REGISTERED)}"
+            f"is which is lost; give the mesh as {listed(WITH_VERTEX_ORDER)}"
         )
     return read_mesh(path, points_alone=points_alone)
 
@@ -430,5 +433,5 @@ WRITERS: dict[str, Callable[[Mesh], bytes]] = {
     ".glb": _write_with_trimesh("glb"),
     ".stl": _write_with_trimesh("stl"),
 }
-SOUPS = (".stl",)  # what holds triangles, and no vertices that they share
-REGISTERED = tuple(sorted(READERS.keys() - set(SOUPS)))
+UNSHARED = (".stl",)  # what holds triangles, and no vertices that they share
+WITH_VERTEX_ORDER = tuple(sorted(READERS.keys() - set(UNSHARED)))

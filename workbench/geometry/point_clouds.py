@@ -8,6 +8,7 @@ compression is LZF, by Marc Lehmann.)
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,17 +120,9 @@ def _in_rows(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
     there = len(content) - header.start
     if header.bytes > there:
         raise ValueError(_short(header, there))
-    offsets = np.cumsum([0, *(field.bytes for field in header.fields)])
-    rows = np.frombuffer(content, np.uint8, header.bytes, header.start)
-    rows = rows.reshape(header.n_points, int(offsets[-1]))
-    return np.column_stack(
-        [
-            _numbers(
-                np.ascontiguousarray(rows[:, int(offsets[k]) : int(offsets[k + 1])]), header, k
-            )
-            for k in (_at(header, name) for name in names)
-        ]
-    )
+    fields = [(str(k), f.dtype, (f.count,)) for k, f in enumerate(header.fields)]
+    rows = np.frombuffer(content, fields, header.n_points, header.start)
+    return _columns([rows[str(_at(header, name))][:, 0] for name in names])
 
 
 def _in_columns(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
@@ -140,20 +133,20 @@ def _in_columns(content: bytes, header: _Header, names: tuple[str, ...]) -> Arra
         raise ValueError("its compressed points are cut off")
     if header.bytes != sizes[1] or header.bytes > min(LARGEST_RATIO * sizes[0], MOST_BYTES):
         raise ValueError(_short(header, int(sizes[1])))
-    unpacked = np.frombuffer(unpacked_lzf(packed[: int(sizes[0])], header.bytes), np.uint8)
-    ends = np.cumsum([0, *(header.n_points * field.bytes for field in header.fields)])
-    return np.column_stack(
+    unpacked = unpacked_lzf(packed[: int(sizes[0])], header.bytes)
+    starts = np.cumsum([0, *(header.n_points * field.bytes for field in header.fields)])
+    places = [_at(header, name) for name in names]
+    return _columns(
         [
-            _numbers(unpacked[int(ends[k]) : int(ends[k + 1])], header, k)
-            for k in (_at(header, name) for name in names)
+            np.frombuffer(unpacked, header.fields[k].dtype, header.n_points, int(starts[k]))
+            for k in places
         ]
     )
 
 
-def _numbers(data: NDArray[np.uint8], header: _Header, k: int) -> Array:
-    """The numbers (N,) of field k, out of its bytes for all points."""
+def _columns(numbers: list[NDArray[Any]]) -> Array:
     with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
-        return data.reshape(-1).view(header.fields[k].dtype).astype(np.float64)
+        return np.column_stack(numbers).astype(np.float64)
 
 
 def _at(header: _Header, name: str) -> int:

@@ -29,7 +29,7 @@ def face_vectors(vertices: Array, faces: Index) -> Array:
     return np.asarray(np.cross(b - a, c - a) / 2)
 
 
-def sums_around(of_faces: Array, faces: Index, n_vertices: int) -> Array:
+def sums_over_faces(of_faces: Array, faces: Index, n_vertices: int) -> Array:
     """The sums (N, C) over the faces around each vertex of what faces (F, C) have."""
     corners = faces.ravel()
     sums = [np.bincount(corners, np.repeat(each, 3), minlength=n_vertices) for each in of_faces.T]
@@ -41,7 +41,7 @@ def vertex_normals(vertices: Array, faces: Index) -> Array:
 
     A vertex in no face has the normal 0.
     """
-    total = sums_around(face_vectors(vertices, faces), faces, len(vertices))
+    total = sums_over_faces(face_vectors(vertices, faces), faces, len(vertices))
     lengths = np.linalg.norm(total, axis=1, keepdims=True)
     return np.asarray(total / np.where(lengths > 0, lengths, 1.0))
 
@@ -84,7 +84,7 @@ def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.Su
     pairs = np.concatenate([edges, edges[:, ::-1]])
     flow = np.tile(1 / np.maximum(lengths(vertices, edges), 1e-6) ** 2, 2)
     A = csr_array((flow, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
-    L = diags_array(np.asarray(A.sum(axis=1)).ravel()) - A
+    L: csr_array = diags_array(np.asarray(A.sum(axis=1)).ravel()) - A
     return scipy.sparse.linalg.splu(csc_array(diags_array(np.ones(N)) + 0.5 * spread**2 * L))
 
 

@@ -1,7 +1,11 @@
-"""Closest triangles by NumPy: the tree is descended for many points at once, level by level.
+"""Closest triangles of a mesh, found by a tree of boxes around them; here by NumPy.
 
-Every formula is written so that compiled code can say the same to the last bit: sums of three
-products from left to right, nothing that depends on how NumPy adds up.
+The tree halves the triangles again and again, across the longest side of their centroids' box,
+until at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE
+children. All leaves are on one level, so that where a node's children are needs no pointers.
+Neighbours in space are neighbours in memory. The tree is descended for many points at once, level
+by level. Every formula is written so that compiled code can say the same to the last bit: sums of
+three products from left to right, nothing that depends on how NumPy adds up.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ CORNERS = ((1, 2), (2, 0), (0, 1))  # of a triangle's edges: edge k is opposite 
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
+class TriangleTree:
     """Which triangles of a mesh are in which leaf, whatever its vertices do.
 
     Attributes:
@@ -35,7 +39,7 @@ class Order:
     leaves: Index
 
     @staticmethod
-    def of(vertices: Array, faces: Index) -> Order:
+    def of(vertices: Array, faces: Index) -> TriangleTree:
         """The order in which a mesh is split where its vertices are now."""
         F = len(faces)
         halvings = max(0, (-(-F // WIDE) - 1).bit_length())
@@ -55,7 +59,7 @@ class Order:
         order = np.sort(order, axis=1)
         leaves = np.full((len(order), WIDE), NONE)
         leaves[:, :each] = np.where(order < F, order, NONE)
-        return Order(faces, len(vertices), leaves)
+        return TriangleTree(faces, len(vertices), leaves)
 
     @cached_property
     def levels(self) -> tuple[int, ...]:
@@ -86,13 +90,13 @@ class Order:
         return np.take_along_axis(self.faces, self.rising, axis=1)
 
     @cached_property
-    def features(self) -> Features:
+    def features(self) -> MeshAdjacency:
         """What the faces share."""
-        return Features.of(self.faces, self.n_vertices)
+        return MeshAdjacency.of(self.faces, self.n_vertices)
 
 
 @dataclass(frozen=True, eq=False)
-class Features:
+class MeshAdjacency:
     """The edges and vertices of a mesh, edges first, and the corners of faces around them.
 
     Attributes:
@@ -108,7 +112,7 @@ class Features:
     corners: Index
 
     @staticmethod
-    def of(faces: Index, n_vertices: int) -> Features:
+    def of(faces: Index, n_vertices: int) -> MeshAdjacency:
         """The features of a mesh of n_vertices."""
         ends = np.sort(faces[:, CORNERS], axis=2)
         keys = (ends[..., 0] * n_vertices + ends[..., 1]).ravel()
@@ -117,7 +121,7 @@ class Features:
         counts = np.bincount(of_corners, minlength=len(unique) + n_vertices)
         corners = np.argsort(of_corners, kind="stable") % faces.size
         starts = np.concatenate([[0], np.cumsum(counts)])
-        return Features(edges.reshape(faces.shape), len(unique), starts, corners)
+        return MeshAdjacency(edges.reshape(faces.shape), len(unique), starts, corners)
 
 
 ROWS = 18  # numbers of a triangle: corners a, b, c (9), 1 / |edge|^2 of ab, ac, bc (3), slopes (6)
@@ -127,7 +131,7 @@ MARGIN = 1e-14  # of the largest coordinate: boxes are wider by so much, more th
 
 
 @dataclass(frozen=True, eq=False)
-class Boxes:
+class TreeBoxes:
     """The triangles and boxes of a tree.
 
     Attributes:
@@ -141,7 +145,7 @@ class Boxes:
         turns: (F, 3) m^2, the product of the two edges that leave each corner.
     """
 
-    order: Order
+    order: TriangleTree
     vertices: Array
     triangles: Array
     nodes: Array
@@ -150,7 +154,7 @@ class Boxes:
     turns: Array
 
     @staticmethod
-    def of(order: Order, vertices: Array) -> Boxes:
+    def of(order: TriangleTree, vertices: Array) -> TreeBoxes:
         """The boxes around vertices (N, 3) m."""
         there = order.leaves != NONE
         corners = np.where(there, order.ends.T[:, order.leaves], 0)  # (3, L, WIDE)
@@ -179,7 +183,7 @@ class Boxes:
         )
         np.put_along_axis(turns, order.rising, _by_face(order, rising), axis=1)
         areas = _by_face(order, area[None])[:, 0]
-        return Boxes(order, vertices, triangles, nodes, normals, areas, turns)
+        return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
 
     @cached_property
     def angles(self) -> Array:
@@ -192,7 +196,7 @@ def widening(vertices: Array) -> float:
     return float(MARGIN * np.abs(vertices).max())
 
 
-def _by_face(order: Order, values: Array) -> Array:
+def _by_face(order: TriangleTree, values: Array) -> Array:
     """(k, L, WIDE) -> (F, k)."""
     return np.ascontiguousarray(values.reshape(len(values), -1)[:, order.lanes].T)
 
@@ -229,7 +233,7 @@ BETWEEN = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Query:
     """What is searched for.
 
     Attributes:
@@ -246,7 +250,7 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """Where the closest triangles are.
 
     Attributes:
@@ -263,7 +267,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class SearchBackend:
     """The two functions of a search, in NumPy or compiled.
 
     Attributes:
@@ -271,11 +275,11 @@ class Way:
         search: finds what is asked for, in boxes that `boxes` has made.
     """
 
-    boxes: Callable[[Order, Array], Boxes]
-    search: Callable[[Boxes, Asked], Found]
+    boxes: Callable[[TriangleTree, Array], TreeBoxes]
+    search: Callable[[TreeBoxes, Query], SearchResult]
 
 
-def by_numpy(boxes: Boxes, asked: Asked) -> Found:
+def by_numpy(boxes: TreeBoxes, asked: Query) -> SearchResult:
     """The closest triangle of each point, and the place in it."""
     M = len(asked.points)
     search = _Search(boxes, asked, np.full(M, asked.within**2), np.full(M, len(boxes.order.faces)))
@@ -287,15 +291,15 @@ def by_numpy(boxes: Boxes, asked: Asked) -> Found:
     shares[some] = _shares(boxes, faces[some], asked.points[some])
     normals = np.zeros((M, 3))
     normals[some] = _normals(boxes, faces[some], shares[some])
-    return Found(faces, shares, squares, normals)
+    return SearchResult(faces, shares, squares, normals)
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The best found so far: squared distances (M,) and faces (M,), which change."""
 
-    boxes: Boxes
-    asked: Asked
+    boxes: TreeBoxes
+    asked: Query
     squares: Array
     faces: Index
 
@@ -387,7 +391,7 @@ def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
     return found, [v, w, *places]
 
 
-def _shares(boxes: Boxes, faces: Index, points: Array) -> Array:
+def _shares(boxes: TreeBoxes, faces: Index, points: Array) -> Array:
     """Barycentric coordinates (n, 3) of the places in these faces that are closest to points."""
     leaf, lane = np.divmod(boxes.order.lanes[faces], WIDE)
     squares, (v, w, ab, ac, bc) = _candidates(boxes.triangles[leaf, :, lane].T, points.T)
@@ -401,7 +405,7 @@ def _shares(boxes: Boxes, faces: Index, points: Array) -> Array:
     return found
 
 
-def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
+def _normals(boxes: TreeBoxes, faces: Index, shares: Array) -> Array:
     """The sum of the normals of all faces that meet at places in these faces, (n, 3)."""
     features, found = boxes.order.features, boxes.normals[faces]
     corners = (shares > 0).sum(axis=1)
@@ -422,4 +426,4 @@ def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
     return found
 
 
-IN_NUMPY = Way(Boxes.of, by_numpy)
+IN_NUMPY = SearchBackend(TreeBoxes.of, by_numpy)

@@ -23,11 +23,11 @@ from workbench.geometry.surface_search import (
     NONE,
     ROWS,
     WIDE,
-    Asked,
-    Boxes,
-    Found,
-    Order,
-    Way,
+    Query,
+    SearchBackend,
+    SearchResult,
+    TreeBoxes,
+    TriangleTree,
     widening,
 )
 from workbench.geometry.triangles import FLAT
@@ -42,25 +42,25 @@ TRIED = 100  # triangles and points that a library is tried on
 Word = NDArray[np.generic] | int | float | None
 
 
-def quickest() -> Way:
+def quickest() -> SearchBackend:
     """The search by compiled code, or by NumPy where there is no compiler."""
     return compiled() or IN_NUMPY
 
 
 @cache
-def compiled() -> Way | None:
+def compiled() -> SearchBackend | None:
     """The search by compiled code, loaded once per process; None where there is no compiler."""
     source = source_beside(__package__, "surface_tree.c")
     found = library_or_none(NAME, source, _agrees, "closest points are found by NumPy", EXACT)
     if found is None:
         return None
     loaded = Loaded(found)
-    return Way(loaded.boxes, loaded.search)
+    return SearchBackend(loaded.boxes, loaded.search)
 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """Boxes and searches of a loaded library.
+    """TreeBoxes and searches of a loaded library.
 
     Attributes:
         library: the compiled functions.
@@ -68,8 +68,8 @@ class Loaded:
 
     library: ctypes.CDLL
 
-    def boxes(self, order: Order, vertices: Array) -> Boxes:
-        """The boxes around vertices (N, 3) m, with the same numbers as `Boxes.of`."""
+    def boxes(self, order: TriangleTree, vertices: Array) -> TreeBoxes:
+        """The boxes around vertices (N, 3) m, with the same numbers as `TreeBoxes.of`."""
         F, levels = len(order.faces), order.levels
         triangles = np.empty((len(order.leaves), ROWS, WIDE))
         nodes = np.empty((sum(levels[:-1]), 6, WIDE))
@@ -78,12 +78,12 @@ class Loaded:
         self._run("fit", *where, FLAT, triangles, normals, areas, turns)
         counts = np.array(levels, np.intp)
         self._run("enclose", len(levels), counts, triangles, widening(vertices), nodes)
-        return Boxes(order, vertices, triangles, nodes, normals, areas, turns)
+        return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
 
-    def search(self, boxes: Boxes, asked: Asked) -> Found:
+    def search(self, boxes: TreeBoxes, asked: Query) -> SearchResult:
         """The closest triangle of each point, with the same numbers as `by_numpy`."""
         order, M = boxes.order, len(asked.points)
-        found = Found(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
+        found = SearchResult(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
         offsets, features = np.cumsum((0, *order.levels), dtype=np.intp), order.features
         self._run(
             "closest",
@@ -117,11 +117,11 @@ def _agrees(loaded: ctypes.CDLL) -> bool:
         rng.integers(TRIED // 2, size=(TRIED, 3)),
     )
     faces = np.concatenate([faces, faces[::7, [1, 2, 0]]])
-    order = Order.of(vertices, faces)
+    order = TriangleTree.of(vertices, faces)
     boxes, expected = way.boxes(order, vertices), IN_NUMPY.boxes(order, vertices)
     points, normals = rng.standard_normal((2, TRIED, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    tried = (Asked(points, 1.0, None, 0.0), Asked(points, np.inf, normals, 0.5))
+    tried = (Query(points, 1.0, None, 0.0), Query(points, np.inf, normals, 0.5))
     answers = [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
     return all(
         np.array_equal(getattr(got, name), getattr(right, name))
@@ -187,14 +187,14 @@ class SurfaceTree:
         self,
         mesh: Mesh | trimesh.Trimesh | Array,
         faces: Index | None = None,
-        way: Callable[[], Way] = quickest,
+        way: Callable[[], SearchBackend] = quickest,
     ) -> None:
         mesh = Mesh.of(mesh, faces)
         mesh = Mesh(_places(mesh.vertices), mesh.faces)
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
         self._way = way  # a function, as a loaded library cannot be pickled
-        self._boxes = way().boxes(Order.of(mesh.vertices, mesh.faces), mesh.vertices)
+        self._boxes = way().boxes(TriangleTree.of(mesh.vertices, mesh.faces), mesh.vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -233,10 +233,10 @@ class SurfaceTree:
             raise BadArgument(f"within is {within}, but must be a distance in m, not negative")
         if np.isnan(facing):
             raise BadArgument(f"facing is {facing}, but must be a cosine, from -1 to 1")
-        found = self._way().search(self._boxes, Asked(p, float(within), n, float(facing)))
+        found = self._way().search(self._boxes, Query(p, float(within), n, float(facing)))
         return self._closest(p, float(within), found)
 
-    def _closest(self, points: Array, within: float, found: Found) -> Closest:
+    def _closest(self, points: Array, within: float, found: SearchResult) -> Closest:
         there = found.faces != NONE
         corners = self._boxes.vertices[self._boxes.order.faces[found.faces]]
         s = found.shares
@@ -294,7 +294,7 @@ def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
     return np.asarray(distances, np.float64), np.asarray(numbers, np.int64)
 
 
-def read_off(vertices: Array, faces: Index, points: Array) -> csr_array:
+def barycentric_weights(vertices: Array, faces: Index, points: Array) -> csr_array:
     """Each point (M, 3) m as the mean of the corners of the closest triangle: (M, N).
 
     Rows sum to one. A point at a vertex (N, 3) m follows that vertex alone.

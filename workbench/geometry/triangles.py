@@ -4,6 +4,14 @@ With corners T_0, T_1, T_2 a triangle's edges are e_0 = T_2 - T_0 and e_1 = T_1 
 Anguelov et al. 2005). Two edges leave a 3 x 3 matrix undecided, so a third axis goes with them:
 n / sqrt(|n|) with n = e_1 x e_0, which is normal to the triangle and as long as the square root
 of twice its area, so that it grows with the triangle (Sumner and Popovic 2004).
+
+Stitching finds the mesh whose edges are nearest to those of triangles deformed one by one,
+
+    V = argmin sum over faces f and edges i of |X_f e_fi - (A V)_fi|^2
+
+linear least squares with one sparse matrix A for all three coordinates (SCAPE, eq. 1). A sees
+differences only, so of each connected component three directions stay open, its translation: they
+are closed by saying where the component's centroid is.
 """
 
 from dataclasses import dataclass
@@ -64,7 +72,7 @@ def gradients(template: ArrayLike, vertices: ArrayLike, faces: Index) -> Array:
     return np.asarray(frames(vertices, faces) @ _inverse_frames(template, faces))
 
 
-def gradient_slopes(template: ArrayLike, directions: ArrayLike, faces: Index) -> Array:
+def gradient_derivatives(template: ArrayLike, directions: ArrayLike, faces: Index) -> Array:
     """How X_f begins to change as the template moves along `directions` (N, 3, B): (F, 3, 3, B).
 
     Within the face's plane X_f is linear in the vertices, so these slopes are exact there at any

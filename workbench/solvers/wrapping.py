@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.geometry.rotation import shortest
+from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Problem
 
 BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two, and no reason to change
@@ -45,7 +45,7 @@ def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
     found = []
     for start in first[angles > BEYOND]:
         at = slice(int(start), int(start) + 3)
-        short = shortest(x[at])
+        short = wrapped_to_pi(x[at])
         if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
             found.append((at, short))
     return found

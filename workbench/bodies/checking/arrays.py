@@ -128,11 +128,11 @@ def _landmarks(model: ModelArrays) -> Iterator[FileFinding]:
             model.extra(f"{prefix}lmk_{what}") for what in ("faces_idx", "bary_coords")
         )
         if places is not None and F and (places.min() < 0 or places.max() >= F):
-            wrong = int(places.min() if places.min() < 0 else places.max())
             yield FileFinding(
                 f"{prefix}lmk_faces_idx",
-                f"{prefix}lmk_faces_idx names face {wrong}, but there are faces 0 to "
-                f"{F - 1}. The landmarks are those of another mesh: take both from one file.",
+                f"{prefix}lmk_faces_idx names face {_first_outside(places)}, but there are "
+                f"faces 0 to {F - 1}. The landmarks are those of another mesh: take both from one "
+                "file.",
             )
         if shares is None:
             continue
@@ -153,6 +153,11 @@ def _landmarks(model: ModelArrays) -> Iterator[FileFinding]:
             )
 
 
+def _first_outside(numbers: Index) -> int:
+    """The number that is below zero, or else the largest."""
+    return int(numbers.min() if numbers.min() < 0 else numbers.max())
+
+
 def _texture(model: ModelArrays) -> Iterator[FileFinding]:
     corners, places = model.extra("ft"), model.extra("vt")
     if corners is None or corners.ndim != 2 or model.faces is None:
@@ -167,8 +172,8 @@ def _texture(model: ModelArrays) -> Iterator[FileFinding]:
     elif places is not None and (corners.min() < 0 or corners.max() >= len(places)):
         yield FileFinding(
             "ft",
-            f"ft names texture coordinate {int(corners.max())}, but vt has {len(places):,}. Take "
-            "both from one file, or subtract 1 if ft counts from 1.",
+            f"ft names texture coordinate {_first_outside(corners)}, but vt has {len(places):,}. "
+            "Take both from one file, or subtract 1 if ft counts from 1.",
         )
 
 

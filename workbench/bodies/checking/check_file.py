@@ -23,7 +23,7 @@ from workbench.bodies.checking.places import (
     about_places,
     axis_of,
     directions,
-    hands_of,
+    hands_in_file,
 )
 from workbench.bodies.files.layouts import (
     INSTEAD,
@@ -31,13 +31,13 @@ from workbench.bodies.files.layouts import (
     is_triangle_body,
     triangle_body_from,
 )
+from workbench.bodies.files.pickles import Contents
 from workbench.bodies.files.reading import (
     CAPSULES,
     MIRROR,
     OURS,
     REQUIRED,
     SETS,
-    Contents,
     Entries,
     contents_of,
     is_npz,
@@ -120,7 +120,7 @@ def _axes(model: ModelArrays) -> str:
 
 
 def _side(model: ModelArrays) -> str:
-    for hand in hands_of(model):
+    for hand in hands_in_file(model):
         if abs(hand.chirality) > DECIDED:
             return f"a {'left' if hand.chirality > 0 else 'right'} hand, by its mean pose"
     return "unknown: there is no mean pose that closes the fingers"

@@ -15,7 +15,8 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.files.joint_names import family, joint_names
-from workbench.bodies.files.reading import REQUIRED, SPARSE_PARTS, Contents, Entries, Unread
+from workbench.bodies.files.pickles import Contents, Unread
+from workbench.bodies.files.reading import REQUIRED, SPARSE_PARTS, Entries
 from workbench.errors import BadFile, cut
 
 

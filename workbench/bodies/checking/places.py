@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies.checking.model_arrays import FileFinding, ModelArrays
 from workbench.bodies.files.joint_names import FINGERS
-from workbench.geometry.guesses import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.mirror import AXIAL
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
@@ -125,9 +125,9 @@ def _axes(model: ModelArrays) -> Iterator[FileFinding]:
         yield FileFinding(
             "v_template",
             f"The model stands along {up}, but y points up here. Export it again with y up, or "
-            f"begin every pose with the root turned by {_turn(TURNS[up])} rad. Turning v_template, "
-            "shapedirs and posedirs alone is not enough: the 9 columns of each joint in posedirs "
-            "belong to rotations about the old axes.",
+            f"begin every pose with the root turned by {_turn(UP_TO_Y[up])} rad. Turning "
+            "v_template, shapedirs and posedirs alone is not enough: the 9 columns of each joint "
+            "in posedirs belong to rotations about the old axes.",
         )
     elif axes.get("left", "x") != "x":
         x, _, z = ways["left"]
@@ -230,7 +230,7 @@ def _posed(joints: Array, pose: Array) -> Array:
     return places
 
 
-def hands_of(model: ModelArrays) -> list[Hand]:
+def hands_in_file(model: ModelArrays) -> list[Hand]:
     """The hands that a file has: one in MANO's layout, two in SMPL-H's and SMPL-X's."""
     joints = model.joints
     if joints is None or len(model.names) != len(joints):
@@ -260,7 +260,7 @@ def side_in_name(where: str) -> str:
 def about_hands(model: ModelArrays) -> Iterator[FileFinding]:
     """The sides of hands, and what belongs to their pose spaces."""
     yield from _pose_spaces(model)
-    for hand in hands_of(model):
+    for hand in hands_in_file(model):
         yield from _side(hand)
     yield from _both_means(model)
     yield from _unmirrored_shapes(model)

@@ -23,6 +23,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.joint_names import family, joint_names
+from workbench.bodies.files.pickles import Contents
 from workbench.bodies.files.reading import (
     CAPSULES,
     LANDMARKS,
@@ -31,7 +32,6 @@ from workbench.bodies.files.reading import (
     REQUIRED,
     SKINNED,
     TRIANGLES,
-    Contents,
     Entries,
     sorted_out,
 )

@@ -1,9 +1,11 @@
 """Reading a pickle as data: a stack machine that imports nothing and calls nothing.
 
 Python's own unpickler runs whatever code a file asks for. This one reads the same instructions
-and only writes down what they ask for: a name becomes a `Name`, a call becomes a `Made`, and
-`workbench.bodies.files.pickles` decides what a few of them mean. Names that a body model has
-no use for are refused where they stand.
+and only writes down what they ask for: a name becomes a `PickledName`, a call a `PickledCall`.
+Names that a body model has no use for are refused where they stand. What the other calls mean are
+NumPy's and SciPy's arrays, and three of chumpy's values. One may be part of many others, and of
+one of them many times: what it means is therefore found once, and every array is paid for from the
+`Allowance` of its file before it is made.
 
 The work is bounded by the number of instructions, which are counted, because none of them copies,
 compares, hashes or writes out what others have built. What is hashed, the keys of dictionaries and
@@ -37,7 +39,7 @@ DAMAGE = (ValueError, TypeError, IndexError, KeyError, OverflowError, AttributeE
 
 
 def read_pickle(path: Path) -> Any:
-    """What the pickle at `path` says: plain values, lists, dicts, `Name` and `Made`.
+    """What the pickle at `path` says: plain values, lists, dicts, `PickledName` and `PickledCall`.
 
     Python 2's strings come as latin-1 text, sets as lists. Raises UnsafePickle for any name
     but those that hold arrays, and BadFile if the file is cut off, damaged, over 2 GB or has more
@@ -155,7 +157,7 @@ class _Machine:
 
     def build(self) -> None:
         state = self.pop()
-        if not isinstance(self.top(), Made):
+        if not isinstance(self.top(), PickledCall):
             what = type(self.top()).__name__
             raise UnsafePickle(f"it changes the inside of a {what}; nothing was run")
         self.top().state = state
@@ -259,7 +261,7 @@ class Unread:
 
 
 @dataclass(frozen=True)
-class Name:
+class PickledName:
     """Something in a module, as the file names it; it was not looked up."""
 
     module: str
@@ -270,19 +272,19 @@ class Name:
 
 
 @dataclass(eq=False, repr=False, slots=True)
-class Made:
+class PickledCall:
     """A call that the file asks for, and the state it would give the outcome; nothing ran.
 
     It is compared by identity and has no text of its own: what it holds may hold the same thing
     twice on every level, and a text of that would never end.
     """
 
-    name: Name
+    name: PickledName
     arguments: tuple[Any, ...]
     state: Any = None
 
 
-def permitted(module: str, name: str) -> Name:
+def permitted(module: str, name: str) -> PickledName:
     """The name, if a body model has a use for it. Raises UnsafePickle."""
     if len(module) + len(name) > LONGEST_NAME:
         raise UnsafePickle(
@@ -296,18 +298,18 @@ def permitted(module: str, name: str) -> Name:
             f"it asks for {cut(f'{module}.{name}', 100)}, which is no part of a body model; it was "
             "not run. Only numpy arrays, scipy.sparse matrices and chumpy values are read"
         )
-    return Name(module, name)
+    return PickledName(module, name)
 
 
-def called(name: Any, arguments: Any) -> Made:
+def called(name: Any, arguments: Any) -> PickledCall:
     """The record of a call. Raises UnsafePickle unless a permitted name is called."""
-    if not isinstance(name, Name):
+    if not isinstance(name, PickledName):
         raise UnsafePickle(f"it calls a {type(name).__name__}, which is no name; it was not run")
     if not isinstance(arguments, tuple):
         raise ValueError(f"{name} is called with a {type(arguments).__name__}")
     if name.name == "_reconstructor":  # Python 2: a class, its base, and the base's value
         return called(arguments[0], ())
-    return Made(name, arguments)
+    return PickledCall(name, arguments)
 
 
 MOST_ROWS = 10**7  # of a sparse matrix, whose shape takes no bytes in the file
@@ -381,7 +383,7 @@ class _Reading:
         Raises ValueError and its kin for a record that stands for no array, BadFile for one that
         takes more than the allowance.
         """
-        if not isinstance(value, Made):
+        if not isinstance(value, PickledCall):
             return value
         if id(value) not in self.found:  # the file's content holds it, so that no other gets its id
             self.allowance.pay_record()
@@ -412,7 +414,7 @@ def _read(path: Path, reading: _Reading, value: Any) -> Any:
         return Unread(f"a {_kind(value)} that cannot be read ({cut(error)})")
 
 
-def _meaning(reading: _Reading, made: Made, depth: int) -> Any:
+def _meaning(reading: _Reading, made: PickledCall, depth: int) -> Any:
     if depth > DEEPEST:
         raise ValueError(f"it is nested more than {DEEPEST} deep")
     where = made.name.module, made.name.name
@@ -428,10 +430,10 @@ def _meaning(reading: _Reading, made: Made, depth: int) -> Any:
 
 
 def _kind(value: Any) -> str:
-    return str(value.name) if isinstance(value, Made) else type(value).__name__
+    return str(value.name) if isinstance(value, PickledCall) else type(value).__name__
 
 
-def _state(made: Made) -> dict[str, Any]:
+def _state(made: PickledCall) -> dict[str, Any]:
     """The attributes that an object was pickled with; of several, the first are its own."""
     state = made.state[0] if isinstance(made.state, tuple) else made.state
     if not isinstance(state, dict):
@@ -439,9 +441,9 @@ def _state(made: Made) -> dict[str, Any]:
     return state
 
 
-def _array(reading: _Reading, made: Made) -> NDArray[Any]:
+def _array(reading: _Reading, made: PickledCall) -> NDArray[Any]:
     """An ndarray from its type, shape and bytes; the file's shape allocates nothing."""
-    if made.arguments[:1] != (Name("numpy", "ndarray"),):
+    if made.arguments[:1] != (PickledName("numpy", "ndarray"),):
         kind = _kind_named(made.arguments[:1])
         raise UnsafePickle(f"it makes an array of a kind that is not read: {kind}")
     if not (isinstance(made.state, tuple) and 4 <= len(made.state) <= 5):
@@ -451,15 +453,19 @@ def _array(reading: _Reading, made: Made) -> NDArray[Any]:
 
 
 def _kind_named(arguments: tuple[Any, ...]) -> str:
-    return str(arguments[0]) if arguments and isinstance(arguments[0], Name) else shown(arguments)
+    return (
+        str(arguments[0])
+        if arguments and isinstance(arguments[0], PickledName)
+        else shown(arguments)
+    )
 
 
-def _from_buffer(reading: _Reading, made: Made) -> NDArray[Any]:
+def _from_buffer(reading: _Reading, made: PickledCall) -> NDArray[Any]:
     content, dtype, shape, order = made.arguments
     return _shaped(reading, content, dtype, shape, order)
 
 
-def _scalar(reading: _Reading, made: Made) -> Any:
+def _scalar(reading: _Reading, made: PickledCall) -> Any:
     dtype, content = made.arguments
     return _shaped(reading, content, dtype, (), "C")[()]
 
@@ -484,7 +490,7 @@ def _shaped(reading: _Reading, content: Any, dtype: Any, shape: Any, order: Any)
 
 
 def _dtype(made: Any) -> np.dtype[Any]:
-    if not (isinstance(made, Made) and made.name == Name("numpy", "dtype")):
+    if not (isinstance(made, PickledCall) and made.name == PickledName("numpy", "dtype")):
         raise ValueError("its type is no numpy.dtype")
     code = made.arguments[0]
     if not (isinstance(code, str) and PLAIN.fullmatch(code)):
@@ -497,7 +503,7 @@ def _dtype(made: Any) -> np.dtype[Any]:
 
 def _held(content: Any) -> bytes | bytearray | str:
     """The bytes of an array, or a text with one byte per character, as Python 2 wrote them."""
-    if isinstance(content, Made) and content.name.name in ("encode", "bytearray"):
+    if isinstance(content, PickledCall) and content.name.name in ("encode", "bytearray"):
         if content.arguments[1:] not in ((), ("latin1",), ("latin-1",)):
             raise ValueError("its bytes are encoded in another way than latin-1")
         content = content.arguments[0]
@@ -551,7 +557,7 @@ CHUMPY: dict[str, Callable[[_Reading, dict[str, Any], int], Any]] = {
     "Select": _select,
     "transpose": _transpose,
 }
-MEANINGS: dict[tuple[str, str], Callable[[_Reading, Made], Any]] = {
+MEANINGS: dict[tuple[str, str], Callable[[_Reading, PickledCall], Any]] = {
     **{(f"{numpy}.multiarray", "_reconstruct"): _array for numpy in NUMPY},
     **{(f"{numpy}.multiarray", "scalar"): _scalar for numpy in NUMPY},
     **{(f"{numpy}.numeric", "_frombuffer"): _from_buffer for numpy in NUMPY},

@@ -25,7 +25,7 @@ from workbench.writing import replacing, write_arrays
 
 
 @dataclass(frozen=True)
-class Extra:
+class SmplxVertex:
     """A point on the skin: a landmark, or else the skin of some joints farthest in a direction.
 
     Attributes:
@@ -50,28 +50,28 @@ def _finger(name: str) -> tuple[str, ...]:
 # The name in smplx with the letter of its side, and what it is on the left. Directions are those in
 # a T-pose, palms down; they matter only for bodies without such landmarks.
 SIDED = (
-    ("{0}eye", Extra("eye", HEAD, (0.5, 0.5, 1.0))),
-    ("{0}ear", Extra("ear", HEAD, (1.0, 0.0, 0.0))),
-    ("{1}BigToe", Extra("big_toe", FOOT, (-0.3, 0.0, 1.0))),
-    ("{1}SmallToe", Extra("small_toe", FOOT, (0.7, 0.0, 1.0))),
-    ("{1}Heel", Extra("heel", FOOT, (0.0, -0.3, -1.0))),
-    ("{0}thumb", Extra("thumb", _finger("thumb"), (0.5, 0.0, 1.0))),
-    ("{0}index", Extra("index", _finger("index"), (1.0, 0.0, 0.4))),
-    ("{0}middle", Extra("middle", _finger("middle"), (1.0, 0.0, 0.1))),
-    ("{0}ring", Extra("ring", _finger("ring"), (1.0, 0.0, -0.2))),
-    ("{0}pinky", Extra("pinky", _finger("pinky"), (1.0, 0.0, -0.6))),
+    ("{0}eye", SmplxVertex("eye", HEAD, (0.5, 0.5, 1.0))),
+    ("{0}ear", SmplxVertex("ear", HEAD, (1.0, 0.0, 0.0))),
+    ("{1}BigToe", SmplxVertex("big_toe", FOOT, (-0.3, 0.0, 1.0))),
+    ("{1}SmallToe", SmplxVertex("small_toe", FOOT, (0.7, 0.0, 1.0))),
+    ("{1}Heel", SmplxVertex("heel", FOOT, (0.0, -0.3, -1.0))),
+    ("{0}thumb", SmplxVertex("thumb", _finger("thumb"), (0.5, 0.0, 1.0))),
+    ("{0}index", SmplxVertex("index", _finger("index"), (1.0, 0.0, 0.4))),
+    ("{0}middle", SmplxVertex("middle", _finger("middle"), (1.0, 0.0, 0.1))),
+    ("{0}ring", SmplxVertex("ring", _finger("ring"), (1.0, 0.0, -0.2))),
+    ("{0}pinky", SmplxVertex("pinky", _finger("pinky"), (1.0, 0.0, -0.6))),
 )
 SIDES = (("l", "left", 1.0), ("r", "right", -1.0))
 
 
-def extras() -> dict[str, Extra]:
+def extras() -> dict[str, SmplxVertex]:
     """The 21 names that smplx asks for, each with what it is on a body."""
-    found = {"nose": Extra("nose", HEAD, (0.0, 0.0, 1.0))}
+    found = {"nose": SmplxVertex("nose", HEAD, (0.0, 0.0, 1.0))}
     for letter, side, sign in SIDES:
         for name, left in SIDED:
             joints = HEAD if left.joints == HEAD else tuple(f"{side}_{j}" for j in left.joints)
             x, y, z = left.direction
-            extra = Extra(f"{side}_{left.landmark}", joints, (sign * x, y, z))
+            extra = SmplxVertex(f"{side}_{left.landmark}", joints, (sign * x, y, z))
             found[name.format(letter, letter.upper())] = extra
     return found
 
@@ -103,7 +103,7 @@ def _nearest(template: Array, point: Array) -> int:
     return int(np.argmin(np.linalg.norm(template - point, axis=1)))
 
 
-def _farthest(body: SkinnedBody, extra: Extra) -> int:
+def _farthest(body: SkinnedBody, extra: SmplxVertex) -> int:
     """Among the vertices that move mostly with the joints; among all, if there are none."""
     mine = np.isin(np.array(body.joint_names)[body.weights.argmax(axis=1)], extra.joints)
     along = body.template @ np.array(extra.direction)
