@@ -84,7 +84,7 @@ def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.Su
     pairs = np.concatenate([edges, edges[:, ::-1]])
     flow = np.tile(1 / np.maximum(lengths(vertices, edges), 1e-6) ** 2, 2)
     A = csr_array((flow, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
-    L: csr_array = diags_array(np.asarray(A.sum(axis=1)).ravel()) - A
+    L = csr_array(diags_array(np.asarray(A.sum(axis=1)).ravel()) - A)
     return scipy.sparse.linalg.splu(csc_array(diags_array(np.ones(N)) + 0.5 * spread**2 * L))
 
 

@@ -10,8 +10,8 @@ from workbench.arrays import Array
 from workbench.bodies.checking.model_arrays import FileFinding, ModelArrays
 from workbench.bodies.files.joint_names import FINGERS
 from workbench.geometry.guesses import UP_TO_Y
-from workbench.geometry.mirror import AXIAL
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.geometry.solids import volume
 
 SIZES = {  # m, the largest extent of a model of each family: at least, usually, at most
     "SMPL": (0.3, 1.7, 2.6),
@@ -142,16 +142,15 @@ def _axes(model: ModelArrays) -> Iterator[FileFinding]:
 
 def _turn(rotation: Array) -> str:
     """A rotation as the rotation vector of a root joint, for a sentence."""
-    return "(" + ", ".join(f"{x:.4f}".rstrip("0").rstrip(".") for x in _vector(rotation)) + ")"
-
-
-def _vector(rotation: Array) -> list[float]:
-    return [float(x) + 0.0 for x in np.round(vector_from_matrix(rotation), 4)]
+    numbers = (float(x) + 0.0 for x in np.round(vector_from_matrix(rotation), 4))
+    return "(" + ", ".join(f"{x:.4f}".rstrip("0").rstrip(".") for x in numbers) + ")"
 
 
 def _inwards(model: ModelArrays) -> Iterator[FileFinding]:
-    volume = signed_volume(model)
-    if volume < 0:
+    faces, template = model.faces, model.template
+    if faces is None or template is None or not len(faces):
+        return
+    if faces.min() >= 0 and faces.max() < len(template) and volume(template, faces) < 0:
         yield FileFinding(
             "f",
             "The faces look inwards: seen from outside, their corners run clockwise, so that the "
@@ -160,23 +159,10 @@ def _inwards(model: ModelArrays) -> Iterator[FileFinding]:
         )
 
 
-def signed_volume(model: ModelArrays) -> float:
-    """The volume that the faces enclose, negative if they look inwards; 0 if it cannot be found."""
-    faces, template = model.faces, model.template
-    if faces is None or template is None or not len(faces):
-        return 0.0
-    if faces.min() < 0 or faces.max() >= len(template):
-        return 0.0
-    a, b, c = np.moveaxis((template - template.mean(axis=0))[faces], 1, 0)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-
-
 LONG = ("index", "middle", "ring", "pinky")
 SIDES = {"l": "left", "r": "right"}
-OPPOSED = (
-    -0.5
-)  # the correlation of stretches along x with those along y and z, below which x is turned
-CLOSE = 0.05  # of the norm of a mean: two means that differ by less are the same one
+# the correlation of stretches along x with those along y and z, below which x is turned
+OPPOSED = -0.5
 DECIDED = 0.1  # of the largest chirality, 1: below it a hand may be either
 
 
@@ -262,7 +248,6 @@ def about_hands(model: ModelArrays) -> Iterator[FileFinding]:
     yield from _pose_spaces(model)
     for hand in hands_in_file(model):
         yield from _side(hand)
-    yield from _both_means(model)
     yield from _unmirrored_shapes(model)
 
 
@@ -307,25 +292,6 @@ def _side(hand: Hand) -> Iterator[FileFinding]:
             "hands_components, and reversed faces. bodies.mirrored does all of this."
         )
     yield FileFinding(key, text)
-
-
-def _both_means(model: ModelArrays) -> Iterator[FileFinding]:
-    """The means of two hands, which are each other's mirror images up to small differences."""
-    left, right = (model.extra(f"hands_mean{letter}") for letter in SIDES)
-    if left is None or right is None or left.size != 45 or right.size != 45:
-        return
-    if not left.any() or not right.any():
-        return
-    own, other = (mean.astype(np.float64).reshape(15, 3) for mean in (left, right))
-    allowed = CLOSE * np.linalg.norm(other)
-    same = np.linalg.norm(own - other) < allowed
-    if same and not np.linalg.norm(own - other * AXIAL) < allowed:
-        yield FileFinding(
-            "hands_meanl",
-            "hands_meanl is the same as hands_meanr, so that one of the hands bends its fingers "
-            "backwards. Multiply each rotation vector of hands_meanl, and of hands_componentsl, by "
-            "(1, -1, -1).",
-        )
 
 
 def stretches(model: ModelArrays) -> Array | None:

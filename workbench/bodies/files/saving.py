@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.arrays import Array
 from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import SPARSE_PARTS
@@ -82,25 +81,19 @@ def vertex_ids(body: SkinnedBody) -> dict[str, int]:
     The vertex nearest to the body's landmark of that name in the template, or, where it has
     none, a guess from the template's geometry.
     """
-    points = _landmarks(body)
-    found = {}
-    for name, extra in extras().items():
-        known = [one for one in (extra.landmark, f"{extra.landmark}_tip") if one in points]
-        place = _nearest(body.template, points[known[0]]) if known else _farthest(body, extra)
-        found[name] = place
-    return found
-
-
-def _landmarks(body: SkinnedBody) -> dict[str, Array]:
-    return {
+    points = {
         name: point
         for landmarks in body.landmarks.values()
         for name, point in zip(landmarks.names, landmarks.regressor @ body.template, strict=True)
     }
-
-
-def _nearest(template: Array, point: Array) -> int:
-    return int(np.argmin(np.linalg.norm(template - point, axis=1)))
+    numbers = {}
+    for name, extra in extras().items():
+        point = points.get(extra.landmark, points.get(f"{extra.landmark}_tip"))
+        if point is None:
+            numbers[name] = _farthest(body, extra)
+        else:
+            numbers[name] = int(np.argmin(np.linalg.norm(body.template - point, axis=1)))
+    return numbers
 
 
 def _farthest(body: SkinnedBody, extra: SmplxVertex) -> int:
