@@ -216,7 +216,7 @@ def test_distances_are_negative_inside(way: Ways, shape: Callable[[], tuple[Arra
 
 @BOTH
 def test_normals_of_a_cube(way: Ways) -> None:
-    tree = SurfaceTree(np.array(CUBE.vertices), np.array(CUBE.faces), way)
+    tree = SurfaceTree(CUBE, way=way)  # as trimesh has it
     points = np.array([[1.0, 1, 1], [1, 1, 0.1], [1, 0.2, 0.1], [0.4, 0.1, 0.1], [-1, -1, 1]])
     found = tree.closest(points)
     expected = unit(np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 0], [1, 0, 0], [-1, -1, 1]]))

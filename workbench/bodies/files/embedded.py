@@ -119,11 +119,17 @@ def read_embedded(path: Path) -> SkinnedBody:
 
 def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of SkinnedBody, from the arrays of a file."""
-    N, joint_names = len(arrays["template"]), _names(arrays["joint_names"])
+    N, joint_names = len(arrays["template"]), tuple(map(str, arrays["joint_names"]))
     weights = np.zeros((N, len(joint_names)))
     check_numbers("weight_joints", arrays["weight_joints"], len(joint_names))
     np.put_along_axis(weights, arrays["weight_joints"], arrays["weight_shares"], axis=1)
     posedirs = np.ascontiguousarray(arrays["posedirs"].T) * float(arrays["posedirs_step"])
+    # of a hand the tips of its fingers, and its pose space under the names that MANO's files use
+    hand = "hands_mean" in arrays
+    extras = ("hands_mean", "hands_components", "hands_deviations") if hand else ()
+    marks = "tips" if hand else "coco"
+    names = tuple(map(str, arrays[f"{marks}_names"]))
+    landmarks = Landmarks(names, _regressor(arrays, marks, (len(names), N)))
     return {
         "template": locked(arrays["template"]),
         "shapedirs": locked(arrays["shapedirs"] * float(arrays["shapedirs_step"])),
@@ -133,31 +139,11 @@ def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[
         "parents": tuple(int(parent) for parent in arrays["parents"]),
         "faces": arrays["faces"],
         "joint_names": joint_names,
-        **(_of_hand(arrays, N) if "hands_mean" in arrays else _of_body(arrays, N)),
-        "card": {"synthetic": HAND_SYNTHETIC if "hands_mean" in arrays else SYNTHETIC} | dict(card),
-    }
-
-
-def _of_body(arrays: dict[str, NDArray[Any]], N: int) -> dict[str, Any]:
-    return {"mirror": arrays["mirror"], "landmarks": {"coco": _landmarks(arrays, "coco", N)}}
-
-
-def _of_hand(arrays: dict[str, NDArray[Any]], N: int) -> dict[str, Any]:
-    """The tips of its fingers, and its pose space under the names that MANO's files use."""
-    extras = ("hands_mean", "hands_components", "hands_deviations")
-    return {
-        "landmarks": {"tips": _landmarks(arrays, "tips", N)},
+        "mirror": arrays.get("mirror"),
+        "landmarks": {marks: landmarks},
         "extras": {name: arrays[name] for name in extras},
+        "card": {"synthetic": HAND_SYNTHETIC if hand else SYNTHETIC} | dict(card),
     }
-
-
-def _landmarks(arrays: dict[str, NDArray[Any]], name: str, N: int) -> Landmarks:
-    names = _names(arrays[f"{name}_names"])
-    return Landmarks(names, _regressor(arrays, name, (len(names), N)))
-
-
-def _names(array: NDArray[Any]) -> tuple[str, ...]:
-    return tuple(str(name) for name in array)
 
 
 def _regressor(arrays: dict[str, NDArray[Any]], name: str, shape: tuple[int, int]) -> csr_array:
