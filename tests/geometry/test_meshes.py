@@ -231,6 +231,9 @@ VALID: dict[str, Callable[[], bytes]] = {
     ),
     "little.ply": lambda: binary(LITTLE),
     "big.ply": lambda: binary(BIG),
+    "comments.ply": lambda: ply(claims(4, 2), SQUARE + b"3 0 1 2\n3 0 2 3\n").replace(
+        b"format", b"comment gr\xf6\xdfe\nformat"
+    ),
     "triangles.ply": lambda: ply(claims(4, 2), SQUARE + b"3 0 1 2\n3 0 2 3\n"),
     "a quad.ply": lambda: ply(claims(4, 1), SQUARE + b"4 0 1 2 3\n").replace(b"\n", b"\r\n"),
     "normals.off": lambda: (

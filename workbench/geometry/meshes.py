@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 LONGEST_LINE = 10**6  # characters; a line is split into its words before these are looked at
 LONGEST_HEADER = 2**16  # bytes
+COMMENTS = ("comment", "obj_info")  # in the header of a .ply
 MOST_SOLIDS = 10_000  # in an .stl of text
 OFF = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
 
@@ -301,8 +302,11 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
             "it is cut off, or its polygons have different numbers of corners, which is read in "
             "text alone; export triangles, or text"
         ) from error
-    vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
-    faces, normals = np.asarray(found.get("faces", ())), found.get("vertex_normals")
+    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+        vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
+        normals = found.get("vertex_normals")
+        normals = None if normals is None else np.asarray(normals, dtype=np.float64)
+    faces = np.asarray(found.get("faces", ()))
     if not faces.size:
         faces = np.zeros((0, 3), dtype=np.int64)
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] < 3:
@@ -310,16 +314,18 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     corners = [(0, k, k + 1) for k in range(1, faces.shape[1] - 1)]
     faces = faces[:, corners].reshape(-1, 3).astype(np.int64)
     _check_counts(vertices, len(faces), sizes.get("vertex", 0), sizes.get("face", 0))
-    return vertices, faces, None if normals is None else np.asarray(normals, dtype=np.float64)
+    return vertices, faces, normals
 
 
 def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
     """How many there are of each element, believed only as far as there are bytes for them.
 
-    Edges have another name in the content that is returned: of them, trimesh would make a path.
+    The content that is returned has no comments in its header, whose letters trimesh may not know,
+    and another name for edges, of which it would make a path.
     """
     head, end, _ = content[:LONGEST_HEADER].partition(b"end_header")
     lines = head.decode("latin1").splitlines()
+    lines = [line for line in lines if line.strip() and line.split()[0] not in COMMENTS]
     if not content[:3].lower().startswith(b"ply") or not end:
         raise ValueError("it has no header from `ply` to `end_header`")
     if not lines[1:] or not re.fullmatch(
@@ -335,8 +341,6 @@ def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
                 size = sizes[name] = int(count)
             case ["property", _, _] | ["property", "list", _, _, _] if sizes:
                 least += size
-            case ["comment" | "obj_info", *_]:
-                pass
             case _:
                 raise ValueError(f"its header says {shown(line)}")
     rows = content.count(b"\n", len(head)) if "ascii" in lines[1] else 0
@@ -345,7 +349,8 @@ def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
             f"its header counts {sum(sizes.values()):,} elements, and there are {len(content):,} "
             f"bytes{f' in {rows:,} lines' if rows else ''}"
         )
-    return sizes, head.replace(b"element edge ", b"element line ") + content[len(head) :]
+    plain = "\n".join([*lines, ""]).replace("element edge ", "element line ")
+    return sizes, plain.encode("ascii", "replace") + content[len(head) :]
 
 
 def parse_off(content: bytes) -> tuple[Array, Index]:
@@ -392,7 +397,8 @@ def parse_stl(content: bytes) -> tuple[Array, Index]:
         raise ValueError(f"it holds more than {MOST_SOLIDS:,} solids")
     found = _by_trimesh(load_stl, content)
     parts = found.get("geometry", {"": found}).values()
-    vertices = np.concatenate([np.zeros((0, 3)), *(part["vertices"] for part in parts)])
+    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+        vertices = np.concatenate([np.zeros((0, 3)), *(part["vertices"] for part in parts)])
     binary = len(content) == 84 + 50 * (len(vertices) // 3)
     if not binary and (not text or content.lower().count(b"vertex") != len(vertices)):
         raise ValueError("it is cut off: there are other triangles than it says")
@@ -401,7 +407,7 @@ def parse_stl(content: bytes) -> tuple[Array, Index]:
 
 def _by_trimesh(load: Callable[..., dict[str, Any]], content: bytes, **how: Any) -> dict[str, Any]:
     """What a reader of trimesh makes of a file. Raises ValueError for whatever it stumbles over."""
-    with warnings.catch_warnings(), np.errstate(invalid="raise"):
+    with warnings.catch_warnings(), np.errstate(over="ignore", invalid="raise"):
         # by a warning NumPy says that a text stops being numbers, and stops reading
         warnings.filterwarnings("error", message="string or file could not be read")
         try:
