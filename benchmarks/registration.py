@@ -92,7 +92,7 @@ def judged(
         "hidden": float(error[~there].mean()) if (~there).any() else None,
         "CPU seconds": took,
         "iterations": fit.iterations,
-        "warnings": [one.part for one in found],
+        "warnings": list(found),
         "expected": 1e3 * known.expected_error,
         "gap": _gap(fit),
     }

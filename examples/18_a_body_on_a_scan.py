@@ -42,7 +42,7 @@ def errors(vertices: np.ndarray) -> tuple[float, float]:
 model = errors(fit.vertices())
 print(f"model: {model[0]:.1f} mm where it was seen, {model[1]:.1f} mm elsewhere")
 for warning in warnings:
-    print("warning:", warning.text)
+    print("warning:", warning)
 
 registered = FreeVertices(body, simulated.scan).register(fit.values, VERTEX_STAGES[2:])
 free = errors(registered.vertices)

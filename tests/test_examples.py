@@ -131,7 +131,7 @@ def each_term_of_training_closes_directions(example: Any) -> None:
     assert example.data.shape == (4320, 2700)
     assert example.open_with == {"E_D": 31, "E_D + E_T": 16, "E_D + E_T + E_P": 12}
     kinds = {direction.kind for direction in example.data.null_directions}
-    assert kinds == {"shift", "gauge"}  # every one of them has a name
+    assert kinds == {"translation", "rotation", "gauge"}  # every one of them has a name
 
 
 @claims_of("06_outliers")
@@ -387,6 +387,12 @@ def linear_blending_fails_as_the_laws_say(example: Any) -> None:
     at_right_angles = example.bends.searchsorted(np.pi / 2 - 1e-9)
     lost = [-example.elbow[name][at_right_angles] for name in example.ways]
     assert max(lost[1:]) < 0.8 * lost[0]
+    linear, smpl = (example.elbow[name] for name in list(example.ways)[::2])
+    degrees = list(np.degrees(example.bends).round())
+    assert smpl[degrees.index(30)] < linear[degrees.index(30)]  # the caption says: below 38
+    assert smpl[degrees.index(40)] > linear[degrees.index(40)]
+    longest = [example.stretch[name][degrees.index(100)] for name in list(example.ways)[::2]]
+    np.testing.assert_allclose(longest, [2.95, 3.73], atol=0.01)
 
 
 @claims_of("23_predicting_blend_shapes")

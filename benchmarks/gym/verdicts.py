@@ -7,7 +7,8 @@ A point violates what CONVERGED claims in three ways, each a kind of its own:
   that it changed are zero, or if the cost rises to both sides of it;
 - `gradient`: the cosine that `Problem.optimality` measures is above the tolerance, less what
   rounding errors explain: those that the workbench estimates, and the difference of its residual
-  from the one in 50 digits;
+  from the one in 50 digits. That is no violation if the cost is level by the sizes of the unknowns:
+  a cosine says nothing of columns that are too short;
 - `saddle`: the cost has negative curvature in a direction, by more than the error of the
   differences, and is lower to both sides along it by more than its rounding error and by more than
   10 times the square of the tolerance, as a share of the cost. CONVERGED does not claim that there
@@ -26,7 +27,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import explained_by_rounding
 from workbench.problem.rounding import Rounding
 from workbench.problem.storage import dense
-from workbench.solvers.end_point import WORTH
+from workbench.solvers.no_minimum import WORTH
 
 LOST, GRADIENT, SADDLE = "lost", "gradient", "saddle"
 KINDS = (LOST, GRADIENT, SADDLE)
@@ -109,7 +110,7 @@ class _Judged:
         self.gone = (self.lengths - self.error) * self.size <= self.noise
 
     def verdict(self, tolerance: float) -> Verdict:
-        cosine, unexplained = self._cosines()
+        cosine, unexplained = self._cosines(tolerance)
         lost = tuple(
             self.problem.free.label(int(i)) for i in np.flatnonzero(self.gone) if self._is_lost(i)
         )
@@ -127,7 +128,7 @@ class _Judged:
             self.arithmetic.name, cosine, unexplained, lost, curvature, fall, tuple(kinds)
         )
 
-    def _cosines(self) -> tuple[float, float]:
+    def _cosines(self, tolerance: float) -> tuple[float, float]:
         """The largest cosine, and less what rounding and the differences' errors explain."""
         r = self.r.astype(float)
         whole = np.where(self.problem.support.changing, r, 0.0)
@@ -147,6 +148,10 @@ class _Judged:
         explained = explained + np.linalg.norm(r) * self.error / lengths
         shares = np.where(sizes > 0, sizes, 1.0)
         left = np.maximum(way - explained, 0.0)
+        length = float(np.linalg.norm(r))
+        level = way * self.lengths / np.maximum(self.lengths, length / self.size)
+        if (level <= SLACK * tolerance * length).all():
+            left = np.zeros_like(left)
         return float((way / shares).max(initial=0)), float((left / shares).max(initial=0))
 
     def _is_lost(self, i: int) -> bool:

@@ -1,19 +1,17 @@
 """Solver, Abilities: an algorithm of your own, taken wherever one of ours is."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
 import workbench as wb
-from workbench.solvers import Boxes, Callback, Derivative, Run
+from workbench.solvers import Boxes, Callback, Derivative, Limits, Run
 
 
 @dataclass(frozen=True)
-class HalfSteps:  # half of every step of Gauss and Newton's method
-    max_iterations: int = 100
-    max_evaluations: int = 500
-    max_seconds: float = 10.0
-    gradient_tolerance: float = 1e-6
+class HalfSteps(Limits):  # half of every Gauss-Newton step
+    _: KW_ONLY
+    max_seconds: float = 10.0  # the other limits keep their defaults
 
     @property
     def abilities(self) -> wb.Abilities:

@@ -19,10 +19,9 @@ from workbench.course import Picture, source
 from workbench.lectures.material.arm import arm_page
 from workbench.plots import house_style, sheet
 from workbench.problem.steps import Step
-from workbench.solvers.damped_length import step_within
-from workbench.solvers.damping import eased
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
-from workbench.solvers.trust_region import next_radius
+from workbench.solvers.levenberg_marquardt import eased
+from workbench.solvers.trust_region import next_radius, step_within
 
 # %% [markdown]
 # ## An arm and its wrist
@@ -437,13 +436,9 @@ source(next_radius)
 #
 # This is the equation of a damped step once more, with half of the curvature in the place of $e$.
 #
-# And one precaution. The first radius is the distance of the start from zero, and a first step of that length may
-# lead past the nearest minimum, into the basin of a worse one. Such an end often shows by how it was reached. Near
-# a minimum with a small residual, the last steps are Gauss-Newton steps and few. Where the residual reaches the
-# radius of curvature of the model, they are many. For a problem of at most twenty unknowns that ends in this way,
-# the workbench tries once more from the same start, with a tenth of the first radius. If that is not lower either,
-# it measures steps by the columns of $J$, as MINPACK does, with a tenth of the first radius and with all of it. The
-# lowest end counts. An attempt that has used half of its iterations and still creeps is put aside for the others.
+# The first radius is the distance of the start from zero, and a first step of that length may lead past the nearest
+# minimum, into the basin of a worse one. No rule of a single run can exclude that. Who needs to know starts from
+# several places: `wb.Starts` keeps every minimum that it found, and says how many starts led there.
 
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})

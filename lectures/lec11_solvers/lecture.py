@@ -89,8 +89,8 @@ for name in ("bard-far", "freudenstein-roth"):
 # On the second problem three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached.
 # They are not wrong: the gradient does vanish there. A *stationary point* is all that these methods can
 # see. On the first problem Gauss-Newton ends at more than two thousand times the least cost, where the
-# cost still falls a little while unknowns run off, and says `VALLEY`. So whoever counts "converged"
-# counts all stationary points, and whoever compares times lets a solver win by stopping early.
+# cost still falls a little while unknowns run off, and says `NO_FINITE_MINIMUM`. So whoever counts
+# "converged" counts all stationary points, and whoever compares times lets a solver win by stopping early.
 #
 # ## Counting what was spent
 #

@@ -519,10 +519,10 @@ for direction in whole.null_directions:
 # %% [markdown]
 # Registrations alone leave 19 directions open, and each has a name:
 #
-# - 6 **shifts**, three for each person: template and joints move, and all places move back;
+# - 6 **translations**, three for each person: template and joints move, and all places move back;
 # - 6 moves of a **root joint**: wherever the root's centre of rotation is, the place of each registration
 #   makes up for it;
-# - 3 **turns** of everything at rest, blend shapes included, which every root turns back;
+# - 3 **rotations** of everything at rest, blend shapes included, which every root turns back;
 # - 4 kinds of **blend shapes** that push the whole surface along the joint's axis, which the joint's rotation
 #   leaves as it is, and which the places undo.
 #

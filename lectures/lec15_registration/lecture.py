@@ -824,8 +824,8 @@ for name, which in (("supported", known.seen), ("the others", ~known.seen)):
         f"{name:10} {100 * which.mean():3.0f} % of the vertices: standard deviation "
         f"{1e3 * known.sd[which].mean():4.0f} mm, off by {1e3 * away[which].mean():4.0f} mm"
     )
-for finding in doubts(half, known, camera=upper.scanners[0].place):
-    print("warning:", finding.text)
+for doubt in doubts(half, known, camera=upper.scanners[0].place):
+    print("warning:", doubt)
 
 with house_style():
     figure, (ax,) = sheet(9, 4.6)

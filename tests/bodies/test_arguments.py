@@ -20,7 +20,7 @@ from workbench.blocks.affine import Affine
 from workbench.bodies.forward import arithmetic
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
 from workbench.bodies.triangles.recipes import blend_scape
-from workbench.solvers.wrapping import rewrapped
+from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)
 BODY = random_body(2, n_vertices=12, n_joints=5, n_betas=3)

@@ -114,7 +114,7 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
         "SingleFrames",
         "FrameRows",
         "Elimination",
-        "EliminatedJacobian",
+        "SparseJacobian",
     },
     "an intermediate result: `Comparison` has what is made of it": {
         "Design",

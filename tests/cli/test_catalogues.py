@@ -17,7 +17,7 @@ from workbench.cli import later
 from workbench.cli.app import NAMES, app
 from workbench.cli.later import Later, summary
 from workbench.experiments.own_file import BESIDE, ENOUGH
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.solvers.nlopt import ALGORITHMS
 
 ROOM = Path(later.__file__).parent
 HELP = """

@@ -142,9 +142,10 @@ def test_one_image_has_a_page_with_its_mean(tmp_path: Path) -> None:
         np.testing.assert_allclose(found, mean["landmarks"], atol=1e-12)
         assert mean["names"].tolist() == list(BODY.landmark_names("coco"))
         known = np.sqrt(np.mean(mean["sd"] ** 2))
+        assert "1.6 times as far from the truth" in str(mean["sd_is"])
     assert 0.01 < known < 0.2
     said = " ".join(told.output.split())
-    assert f"have a standard deviation of {1e3 * known:.0f} mm" in said
+    assert f"have a standard deviation of {1e3 * known:.0f} mm, which is too small" in said
     assert fit(*(one for one in arguments if one != "--mean")).exit_code == 0
     assert not (out / "frame0" / "mean.npz").exists()  # which was that of another fit
     summary = json.loads((out / "frame0" / "summary.json").read_text())

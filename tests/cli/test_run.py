@@ -130,6 +130,20 @@ def test_signal_ends_run_with_a_sentence(workbench: Run, number: str, code: int,
     assert not list(Path().glob("runs/*"))
 
 
+@pytest.mark.parametrize(("number", "word"), [("SIGINT", "interrupted"), ("SIGTERM", "terminated")])
+def test_signal_says_what_is_on_disk(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch, number: str, word: str
+) -> None:
+    def stored_some(*_: object, **__: object) -> None:
+        signal.raise_signal(getattr(signal, number))
+
+    monkeypatch.setattr("workbench.comparison.compare", stored_some)
+    code, _, err = workbench("compare", "landmarks", "--out", "kept")
+    assert code == {"SIGINT": 130, "SIGTERM": 143}[number]
+    assert err.startswith(f"{word} while")
+    assert "what was finished is stored in kept, and the same command continues" in err
+
+
 @pytest.mark.thorough
 def test_signal_while_the_report_is_written_leaves_nothing(
     workbench: Run, monkeypatch: pytest.MonkeyPatch

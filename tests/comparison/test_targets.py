@@ -7,6 +7,7 @@ from tests.comparison.made_up import comparison, record
 from workbench.comparison import Ending, TargetOutcome
 from workbench.comparison.pairs import duels
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
+from workbench.comparison.record import Record
 from workbench.comparison.targets import Yardstick, target_outcome
 from workbench.comparison.words import advice
 
@@ -71,17 +72,18 @@ def test_outcomes_of_runs() -> None:
         assert target_outcome(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
 
 
-SADDLE, VALLEY, LOST = TargetOutcome.SADDLE, TargetOutcome.VALLEY, TargetOutcome.LOST
+SADDLE, INSENSITIVE = TargetOutcome.SADDLE, TargetOutcome.INSENSITIVE
+NO_FINITE_MINIMUM, DIVERGED = TargetOutcome.NO_FINITE_MINIMUM, "NO_FINITE_MINIMUM"
 
 
 NO_MINIMA: list[tuple[object, bool | None, bool, TargetOutcome | None]] = [
     (record("p", "s", [5.0]), False, True, SADDLE),  # whatever the solver says
     (record("p", "s", [5.0], claim="SADDLE"), False, False, SADDLE),
     (record("p", "s", [5.0], claim="SADDLE", optimality=0.1), None, False, None),
-    (record("p", "s", [5.0], claim="VALLEY"), False, False, VALLEY),
-    (record("p", "s", [5.0], claim="VALLEY", optimality=0.1), None, False, VALLEY),
-    (record("p", "s", [5.0], claim="LOST", optimality=0.1), False, False, LOST),
-    (record("p", "s", [1.0], claim="LOST", optimality=0.1), True, False, None),
+    (record("p", "s", [5.0], claim=DIVERGED), False, False, NO_FINITE_MINIMUM),
+    (record("p", "s", [5.0], claim=DIVERGED, optimality=0.1), None, False, NO_FINITE_MINIMUM),
+    (record("p", "s", [5.0], claim="INSENSITIVE", optimality=0.1), False, False, INSENSITIVE),
+    (record("p", "s", [1.0], claim="INSENSITIVE", optimality=0.1), True, False, None),
     (record("p", "s", [1.0], claim="SADDLE"), True, True, None),
 ]
 
@@ -206,3 +208,8 @@ def test_effort_is_read_from_traces() -> None:
     np.testing.assert_array_equal(found.needed(1e-3), [[3, 3], [INF, 2]])
     duel = duels(found, 1e-3)["a", "b"]
     assert (duel.first, duel.second, duel.ties, duel.both_fail) == (0, 1, 1, 0)
+
+
+def test_older_records_have_the_present_names_of_statuses() -> None:
+    for old, new in (("LOST", "INSENSITIVE"), ("VALLEY", "NO_FINITE_MINIMUM"), ("", "")):
+        assert Record.of(record("p", "s", [1.0], claim=old).stored()).claim == new

@@ -21,7 +21,7 @@ from workbench.conversion import (
     motion_from_points,
     point_sets,
 )
-from workbench.conversion.converting import turned_on
+from workbench.conversion.converting import doubts_of, skeleton_errors, turned_on
 from workbench.conversion.parts import vertex_parts
 from workbench.conversion.points_in_space import body_points, plain_name
 from workbench.conversion.sampled import counted, sampled_vertices
@@ -47,6 +47,28 @@ def test_body_is_converted_to_itself() -> None:
     np.testing.assert_allclose(found.motion.trans, motion.trans, atol=1e-3)
     assert found.motion.origin == "converted from body 'small': made up"
     assert told[-1] == ("poses", 4, 4)
+
+
+def test_motion_is_measured_against_its_own_skeleton() -> None:
+    motion = clip(SMALL, 2).named(SMALL)
+    bones = bones_of(SMALL, motion.betas)
+    own = skeleton_errors(motion, SMALL, replace(motion, bones=bones))
+    assert own is not None
+    assert own.max() < 1e-6
+    half = replace(bones, offsets=0.5 * bones.offsets)
+    other = skeleton_errors(motion, SMALL, replace(motion, bones=half))
+    assert other is not None
+    assert other.mean() > 0.1
+    assert skeleton_errors(motion, SMALL, motion) is None
+
+
+def test_motions_that_are_far_off_are_doubted() -> None:
+    motion, errors = replace(clip(SMALL, 2), betas=np.zeros(2)), np.full((2, 5), 0.01)
+    assert doubts_of(motion, SMALL, errors, "the points") == ()
+    (far,) = doubts_of(motion, SMALL, 10 * errors, "the points")
+    assert "10 cm from the points" in far
+    shape, *_ = doubts_of(replace(motion, betas=6 * np.eye(2)[0]), SMALL, errors, "the points")
+    assert "betas[0] is 6.0 standard deviations" in shape
 
 
 @pytest.mark.thorough

@@ -13,12 +13,10 @@ from workbench.diagnostics.design import (
     Candidate,
     Quantity,
     a_optimal,
-    automatic,
     d_optimal,
     design,
     e_optimal,
     every_combination,
-    greedy,
     greedy_with_exchange,
     sd_of,
     with_candidates,
@@ -96,8 +94,8 @@ def test_numbers_are_those_of_the_covariance() -> None:
 
 
 @pytest.mark.thorough
-def test_greedy_choice_has_its_guarantee() -> None:
-    """At least 1 - 1/e of the largest information; the exchange ends at least as well."""
+def test_greedy_choice_with_exchanges_has_its_guarantee() -> None:
+    """At least 1 - 1/e of the largest information, as the greedy choice alone has."""
     exact = 0
     for seed in range(3):
         problem, several, at, _ = linear(seed, count=9)
@@ -105,11 +103,10 @@ def test_greedy_choice_has_its_guarantee() -> None:
         gains = {
             search: N
             * (before - design(problem, several, at, choose=4, search=search).after.log_sd)
-            for search in (every_combination, greedy, greedy_with_exchange)
+            for search in (every_combination, greedy_with_exchange)
         }
         best = gains[every_combination]
-        assert (1 - 1 / np.e) * best <= gains[greedy] <= gains[greedy_with_exchange] + 1e-9
-        assert gains[greedy_with_exchange] <= best + 1e-9
+        assert (1 - 1 / np.e) * best <= gains[greedy_with_exchange] <= best + 1e-9
         exact += gains[greedy_with_exchange] > best - 1e-9
     assert exact >= 2
 
@@ -126,7 +123,6 @@ def test_many_combinations_are_searched_greedily() -> None:
     assert len(set(found.chosen)) == 6
     sds = [found.before.sd, *(score.sd for score in found.steps)]
     assert sds == sorted(sds, reverse=True)
-    assert automatic is not greedy
 
 
 @pytest.mark.thorough
@@ -240,14 +236,10 @@ def test_designs_are_averaged_over_points() -> None:
     assert best == [f"{1 / k:g}" for k in rates]
     found = design(problem, several, points)
     assert found.points == 5
-    assert found.single == {(name,): 1 for name in best}
-    assert found.agreement == pytest.approx(0.2)
     assert found.best == "0.5"  # log(t exp(-k t)) has the mean log t - mean(k) t: best at 0.65
     log_sd = [np.log(design(problem, {"0.5": several["0.5"]}, at).after.sd) for at in points]
     assert found.after.log_sd == pytest.approx(np.mean(log_sd), rel=1e-10)
-    assert "best choice at 1 of 5 points" in found.report()
-    same = design(problem, several, points[:1] * 3)
-    assert same.agreement == 1
+    assert "averaged over 5 points" in found.report()
 
 
 def test_unknowns_of_a_candidates_own_are_integrated_out() -> None:
@@ -307,7 +299,7 @@ def test_bad_input_gets_a_sentence() -> None:
         ({}, "there are no candidates"),
         ({"a": ()}, "candidate 'a': a candidate has one residual or more"),
         ({"a": "poze"}, "candidate 'a'"),
-        ({3: several["c0"]}, "called by a text"),
+        ({3: several["c0"]}, "must be a string"),
     ):
         with pytest.raises(BadArgument, match=said):
             design(problem, candidates, at)

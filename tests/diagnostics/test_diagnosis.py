@@ -11,6 +11,8 @@ from tests.bodies_made_up import SMPL_NAMES, SMPL_PARENTS, random_body, smpl_lik
 from tests.diagnostics import cases
 from tests.tiers import few
 from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
+from workbench.diagnostics import Direction
+from workbench.diagnostics.report import gauges_in_words
 
 LEAVES = ("head", "left_foot", "right_foot", "left_hand", "right_hand")
 CHILDREN = {
@@ -131,7 +133,7 @@ def test_directions_within_a_block_and_across_blocks_are_told_apart() -> None:
     (direction,) = across.null_directions
     assert direction.kind == "trade-off"
     assert direction.name.startswith("a trade-off of a and b: ")
-    assert all(entry in direction.name for entry in ("0.58 a[0]", "0.58 a[1]", "0.58 b[1]"))
+    assert all(entry in direction.name for entry in ("+1 of a[0]", "-1 of a[1]", "-1 of b[1]"))
     assert "b[0]" not in direction.name
     block = linear(np.column_stack([rng.normal(size=8), A, A @ [1.0, 2, 3]]), (1,), (4,))
     (direction,) = block.null_directions
@@ -175,24 +177,18 @@ def test_terms_say_who_reads_what() -> None:
 # Suggestions.
 
 
-FAST = (cases.scale_against_depth, cases.the_same_twice, cases.naive_rodrigues, cases.uneven)
-CASES = pytest.mark.parametrize(
-    "case", few(cases.CASES, (*FAST, cases.two_pieces)), ids=lambda case: case.__name__
-)
+REMEDIED = [case for case in cases.CASES if case not in (cases.naive_rodrigues, cases.uneven)]
+FAST = [cases.scale_against_depth, cases.the_same_twice, cases.two_pieces]
 
 
-@CASES
+@pytest.mark.parametrize("case", few(REMEDIED, FAST), ids=lambda case: case.__name__)
 def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> None:
     found = cases.diagnosed(case)
     assert any(suggestion.cured for suggestion in found.suggestions)  # all have something wrong
     for suggestion in found.suggestions:
         assert suggestion.before == found.state
         after = diagnose(suggestion.problem, suggestion.values)
-        if suggestion.kind == "rescale":  # the same problem, in other units
-            s = np.linalg.svd(after.here.dense / after.here.column_norms, compute_uv=False)
-            rank, condition = len(s), s[0] / s[-1]
-        else:
-            rank, condition = after.rank, after.condition
+        rank, condition = after.rank, after.condition
         assert suggestion.after.unknowns == after.shape[1], suggestion.what
         assert suggestion.after.rank == rank, suggestion.what
         assert suggestion.after.condition == pytest.approx(condition, rel=1e-9), suggestion.what
@@ -285,3 +281,61 @@ def test_a_healthy_problem_gets_no_advice() -> None:
     assert found.findings == ()
     assert "no warnings" in found.report()
     found.assert_no_warnings()
+
+
+# Words.
+
+
+def direction(kind: str, change: float = 0.0) -> Direction:
+    return Direction(f"one of {kind}", kind, (), np.array([1.0, 0.0]), change)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "said"),
+    [
+        (["scale", "scale"], "2 changes of scale: 2 of 2 null directions are gauges"),
+        (["mixing", "mixing"], "2 mixings of factors: 2 of 2 null directions are gauges"),
+        (["mixing"], "1 mixing of factors: 1 of 1 null direction is a gauge"),
+        (["offset", "entry"], "1 common offset: 1 of 2 null directions is a gauge"),
+    ],
+    ids=" and ".join,
+)
+def test_gauges_are_counted_in_english(kinds: list[str], said: str) -> None:
+    assert (
+        gauges_in_words([direction(kind) for kind in kinds]) == f"no residual changes under {said}"
+    )
+
+
+def test_the_number_of_a_weak_direction_decides_what_is_said_of_it() -> None:
+    x = Block("x", (2,))
+    problem = Problem([Residual("r", 0.1 * x.symbol, 1.0)], ["x"], blocks=[x])
+    d = diagnose(problem, {"x": np.zeros(2)})
+    d.__dict__["weak_directions"] = (direction("weak", 0.1), direction("strong", 43.0))
+    weak, strong = d.report().split("WEAK DIRECTIONS")[1].split("one of weak")
+    assert "less than one sigma" in weak
+    assert "one sigma or more" in strong.partition("one of strong")[0]
+    assert "less than one sigma" not in strong.partition("CONDITIONING")[0]
+
+
+def test_priors_that_decide_are_named_where_nothing_is_to_be_suggested() -> None:
+    x = Block("x", (4,))
+    data = Residual("data", x.symbol[0], 0.1, blocks=(x,))
+    prior = residuals.gaussian(x.symbol, covariance=1.0, name="prior")
+    found = diagnose(Problem([data, prior], ["x"]), {"x": np.zeros(4)}, priors="prior")
+    assert not found.suggestions
+    said = found.report()
+    assert "prior decides 3 of 4 directions, not the data" in said
+    assert "--data-alone" in said
+    assert "--minima" in said
+    alone = diagnose(Problem([data, prior], ["x"]), {"x": np.zeros(4)})
+    assert "--data-alone" not in alone.report()
+
+
+def test_a_shared_number_is_held_before_entries_of_points() -> None:
+    """f x against a depth of many points: a user fixes f, though points move more."""
+    f, depth = Block("f", (), "px"), Block("depth", (12,), "m")
+    seen = Residual("seen", f.symbol / depth.symbol - 100, 1.0, "px", blocks=(f, depth))
+    at = {"f": np.array(800.0), "depth": np.full(12, 8.0)}
+    (first, *_) = diagnose(Problem([seen], ("f", "depth")), at).suggestions
+    assert (first.kind, first.acts) == ("least", 1)
+    assert first.what in ("fix f", "hold f")

@@ -16,12 +16,17 @@ from tests.diagnostics.zoo import (
     bearings_of_robots,
     joints_of_a_body,
     people_of_one_shape,
+    pixels,
     planar_arm,
+    problem_of,
     three_cameras,
     two_exponentials,
 )
+from tests.diagnostics.zoo import turned as moved
 from tests.tiers import few
 from workbench import Block, Constraint, Diagnosis, Problem, Residual, Values, diagnose, residuals
+from workbench.arrays import Array
+from workbench.blocks import Layout
 from workbench.diagnostics import Direction, Gauge
 from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.errors import BadArgument
@@ -78,6 +83,118 @@ def assert_the_first_remedy_is_least(d: Diagnosis, specimen: Specimen) -> None:
         # no more was held than was unknown: the data lose no direction
         measured = len(suggestion.problem.constraints) - len(d.problem.constraints)
         assert d.shape[1] - after.shape[1] == specimen.numbers - measured
+
+
+def read_terms(terms: str, free: Layout) -> tuple[int, Array, dict[str, tuple[int, float]]]:
+    """The first entry, those said one by one (n,), and of others by block how many, up to what."""
+    first, v, rest = -1, np.zeros(free.size), {}
+    places = {free.label(i): i for i in range(free.size)}
+    for term in re.split(r" with |, (?=[+-]\d|\d+ more of )", terms.partition(";")[0]):
+        if counted := re.fullmatch(r"(\d+) more of (.+) \(up to (\S+).*\)", term):
+            rest[counted[2]] = int(counted[1]), float(counted[3])
+        else:
+            said, _, label = term.partition(" of ")
+            v[places[label]] = float(said.split(" ")[0])
+            first = places[label] if first < 0 else first
+    return first, v, rest
+
+
+@pytest.mark.parametrize("specimen", few(ALL, 12))
+def test_what_is_printed_is_the_direction(specimen: Specimen) -> None:
+    """In units, whole: what is not said is counted; all of it changes no residual."""
+    d = diagnose(*specimen.build())
+    J, free = d.problem.linearize(d.values).jacobian, d.problem.free
+    lengths = np.linalg.norm(J, axis=0)
+    for one in d.null_directions:
+        first, said, rest = read_terms(one.terms, free)
+        shown = np.flatnonzero(said)
+        v = one.vector / one.vector[first]
+        np.testing.assert_allclose(said[shown], v[shown], rtol=6e-3)
+        counts = {
+            b.name: v[free.slices[b.name]] * (said[free.slices[b.name]] == 0) for b in free.blocks
+        }
+        assert {n: np.count_nonzero(w) for n, w in counts.items() if w.any()} == {
+            name: count for name, (count, _) in rest.items()
+        }
+        for name, (_, largest) in rest.items():
+            assert abs(counts[name]).max() == pytest.approx(largest, rel=6e-3)
+        alone = np.linalg.norm(J @ said)
+        if rest:
+            assert float(one.terms.rpartition("by ")[2].split()[0]) == pytest.approx(alone, rel=0.1)
+        else:
+            assert alone <= 6e-3 * np.linalg.norm(lengths * said)
+        assert len(shown) > 1 or not lengths[shown].any()  # a trade-off has two sides
+        if one.kind in ("trade-off", "mixed"):
+            assert one.name.endswith(one.terms)
+
+
+def names(problem: Problem, at: Values) -> list[str]:
+    return [one.name for one in diagnose(problem, at).null_directions]
+
+
+def test_an_offset_and_a_start_are_said_in_units() -> None:
+    """x0 + v (t - t0) with v = 2: half a second for a metre."""
+    x0, t0 = Block("x0", (), "m"), Block("t0", (), "s")
+    path = x0.symbol + 2 * (cs.DM(np.linspace(0, 3, 9)) - t0.symbol)
+    problem = problem_of([Residual("path", path, 0.1, "m")], x0, t0)
+    (name,) = names(problem, {"x0": np.array(0.3), "t0": np.array(0.2)})
+    assert name == "a trade-off of x0 and t0: +1 m of x0 with +0.5 s of t0"
+
+
+def test_a_common_factor_is_no_offset() -> None:
+    f, size, depth = Block("f", (), "px"), Block("size", (), "m"), Block("depth", (), "m")
+    width = Residual("width", f.symbol * size.symbol / depth.symbol, 1.0, "px")
+    at = {"f": np.array(900.0), "size": np.array(0.3), "depth": np.array(4.0)}
+    assert set(names(problem_of([width], f, size, depth), at)) == {
+        "a common factor of size and depth",
+        "a common factor of f, undone by size",
+    }
+
+
+def test_a_density_in_one_row_is_no_gauge() -> None:
+    """sqrt(2 nlp) of a proper Gaussian has level sets, as any single row; the cost is asked."""
+    x = Block("x", (3,))
+    density = Residual("nlp", cs.sqrt(cs.bilin(cs.diag(cs.DM([1.0, 2, 3])), x.symbol - 1)), 1.0)
+    d = diagnose(problem_of([density], x), {"x": np.array([1.5, 0.5, 0.0])})
+    assert [one.kind for one in d.null_directions] == ["mixed", "mixed"]
+    assert all(one.name.startswith("to first order (0.") for one in d.null_directions)
+
+
+def test_the_focal_length_leads_where_axes_are_parallel() -> None:
+    rng = np.random.default_rng(0)
+    X, f = Block("points", (20, 3), "m"), Block("focal", (1,), "px")
+    blocks, seen = [X, f], []
+    at = {"points": rng.normal(size=(20, 3)) + [0, 0, 5], "focal": np.array([800.0])}
+    for k in range(3):
+        place = Block(f"cam{k}_place", (3,), "m")
+        blocks.append(place)
+        at[place.name] = rng.normal(scale=0.3, size=3)
+        there = X.symbol + cs.repmat(place.symbol, 1, 20)
+        seen.append(Residual(f"image {k}", pixels(there, f.symbol), 1.0, "px"))
+    last = diagnose(problem_of(seen, *blocks), at).null_directions[-1]
+    assert last.name.startswith("a common factor of column 2 of points, focal[0], cam0_place[2]")
+    assert last.terms.startswith("+1 px of focal[0] with ")
+
+
+@pytest.mark.thorough
+def test_points_seen_once_leave_the_names_of_others() -> None:
+    """Ten cameras and 200 points, 40 of them in one image: they slide along their rays."""
+    rng = np.random.default_rng(0)
+    X = Block("points", (200, 3), "m")
+    blocks, at, seen = [X], {"points": rng.normal(size=(200, 3))}, []
+    for k in range(10):
+        turn, place = Block(f"cam{k}/turn", (3,), "rad"), Block(f"cam{k}/place", (3,), "m")
+        blocks += [turn, place]
+        at[turn.name] = rng.normal(scale=0.3, size=3)
+        at[place.name] = np.array([0.0, 0.0, 6.0]) + rng.normal(size=3)
+        own = [i for i in range(200) if (rng.random() < 0.6 if i < 160 else i % 10 == k)]
+        there = moved(turn.symbol, X.symbol[:, own]) + cs.repmat(place.symbol, 1, len(own))
+        seen.append(Residual(f"image {k}", pixels(there), 1.0, "px"))
+    found = diagnose(problem_of(seen, *blocks), at).null_directions
+    assert Counter(one.kind for one in found) == SIMILARITY | {"trade-off": 40}
+    slides = [one for one in found if one.kind == "trade-off"]
+    assert all(one.name.startswith("a trade-off within points: ") for one in slides)
+    assert all(np.count_nonzero(one.vector) == 3 for one in slides)
 
 
 # Declared, broken and weak ones.
@@ -225,6 +342,7 @@ def test_limbs_are_named_by_the_joints_that_move() -> None:
     checked = 0
     for direction in (*d.null_directions, *d.weak_directions):
         found = re.match(r"turns from (\w+) down|a turn of pose\[(\w+)\]:", direction.name)
+        assert direction.change < 1, direction.name  # a sigma for a whole scale
         if direction.kind == "joint" and found:
             pose = direction.vector[problem.free.slices["pose"]].reshape(-1, 3)
             angles = np.linalg.norm(pose, axis=1)
@@ -276,7 +394,8 @@ def test_no_verdict_depends_on_a_unit(unit: str) -> None:
 
 def said(d: Diagnosis | object) -> list[str]:
     assert isinstance(d, Diagnosis)
-    return [x.name for x in d.null_directions] + [s.what for s in d.suggestions if s.acts > 1]
+    names = [x.name.partition(": ")[0] for x in d.null_directions]  # what follows is in units
+    return names + [s.what for s in d.suggestions if s.acts > 1]
 
 
 @pytest.mark.parametrize("build", few([bearings_of_robots, three_cameras], 1))

@@ -1,4 +1,4 @@
-"""What is known of each number, against closed forms, and relative to its yardstick."""
+"""What is known of each number, against closed forms, and relative to its scale."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ from tests.tiers import few
 from workbench import Block, Camera, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.bodies.catalogue import load_body
 from workbench.diagnostics.identifiability import EntryIdentifiability
-from workbench.errors import UnknownName
+from workbench.errors import BadArgument, UnknownName
 
 
 def gaussian_problem(
@@ -152,7 +152,7 @@ def test_an_unknown_prior_is_refused() -> None:
         diagnose(*gaussian_problem(np.eye(2), 1.0, np.eye(2)), priors=("priro",))
 
 
-# Yardsticks: what is hardly noticed does not depend on the unit of a block.
+# Characteristic scales: what is hardly noticed does not depend on the unit of a block.
 
 
 RAYS = np.linspace(-0.4, 0.4, 20)
@@ -215,7 +215,7 @@ def test_millimetres_change_no_judgement() -> None:
     assert metres.weakest[0].change == pytest.approx(millimetres.weakest[0].change, rel=1e-6)
 
 
-def test_a_prior_is_a_yardstick() -> None:
+def test_a_prior_is_a_scale() -> None:
     """50 px of prior: data that know the focal length to 40 px tell something, to 500 px not."""
     for known_to, verdict in (
         (40.0, EntryIdentifiability.IDENTIFIED),
@@ -226,8 +226,8 @@ def test_a_prior_is_a_yardstick() -> None:
         prior = residuals.gaussian(f.symbol, mean=1000, covariance=50.0**2, name="prior")
         d = diagnose(Problem([data, prior], "focal"), {"focal": np.array(1000.0)}, priors="prior")
         assert d.identifiability.verdicts == (verdict,)
-        assert d.point.yardsticks.sizes.tolist() == [pytest.approx(50.0)]
-        assert "the standard deviation of its prior" in str(d.point.yardsticks)
+        assert d.point.scales.sizes.tolist() == [pytest.approx(50.0)]
+        assert "the standard deviation of its prior" in str(d.point.scales)
         assert d.weak_count == 0  # the prior knows it
 
 
@@ -244,9 +244,7 @@ def test_a_prior_is_a_yardstick() -> None:
         ("1", [0.0, 0.0], 1.0, "1, since it is zero here and has no prior"),
     ],
 )
-def test_every_block_has_a_yardstick(
-    unit: str, values: list[float], size: float, said: str
-) -> None:
+def test_every_block_has_a_scale(unit: str, values: list[float], size: float, said: str) -> None:
     x, other = Block("x", (2,), unit), Block("image", (2,), "px")
     r = Residual("r", cs.vertcat(x.symbol, other.symbol), 1.0, blocks=(x, other))
     at: Values = {
@@ -255,12 +253,41 @@ def test_every_block_has_a_yardstick(
     }
     if unit == "px" and not any(values):
         at["image"] = np.sqrt([2 * 600.0**2, 2 * 600.0**2])  # with the zeros of x: 600
-    yardsticks = diagnose(Problem([r], "x"), at).point.yardsticks
-    np.testing.assert_allclose(yardsticks.sizes, size)
-    assert str(yardsticks) == f"for x: {said}"
+    scales = diagnose(Problem([r], "x"), at).point.scales
+    np.testing.assert_allclose(scales.sizes, size)
+    assert str(scales) == f"for x: {said}"
 
 
-def test_a_suggested_prior_is_as_wide_as_the_yardstick() -> None:
+@pytest.mark.parametrize(
+    ("size", "sigma", "identified"), [(1e-6, 3.7e-3, False), (7e6, 3.7, True), (1.7, 0.5, True)]
+)
+def test_lengths_unlike_people_are_compared_with_their_size(
+    size: float, sigma: float, identified: bool
+) -> None:
+    x = Block("radius", (), "m")
+    problem = Problem([Residual("seen", x.symbol - size, sigma, "m", blocks=(x,))], "radius")
+    d = diagnose(problem, {"radius": np.array(size)})
+    assert (d.identifiability.verdicts[0] == EntryIdentifiability.IDENTIFIED) == identified
+    assert d.point.scales.sizes == pytest.approx(1.0 if size == 1.7 else size)
+
+
+def test_scales_can_be_said() -> None:
+    f, g = Block("focal", (), "px"), Block("shift", (2,), "m")
+    r = Residual("seen", f.symbol * (g.symbol[0] - g.symbol[1]), 1.0, "px", blocks=(f, g))
+    problem = Problem([r], ("focal", "shift"), blocks=(f, g))
+    at = {"focal": np.array(1000.0), "shift": np.array([0.1, 0.3])}
+    d = diagnose(problem, at, scales={"focal": 3.0, "shift": [0.1, 0.2]})
+    assert d.point.scales.sizes.tolist() == [3.0, 0.1, 0.2]
+    assert str(d.point.scales) == "for focal: 3 px, as given; for shift: 0.1 to 0.2 m, as given"
+    priors = [s.what for s in diagnose(problem, at, scales={"shift": 0.25}).suggestions]
+    assert "add a Gaussian prior on shift (sigma 0.25 m)" in priors
+    with pytest.raises(BadArgument, match="above zero"):
+        diagnose(problem, at, scales={"focal": -1.0})
+    with pytest.raises(UnknownName, match="focus"):
+        diagnose(problem, at, scales={"focus": 1.0})
+
+
+def test_a_suggested_prior_is_as_wide_as_the_scales() -> None:
     f, g = Block("focal", (), "px"), Block("scale", (), "1")
     r = Residual("seen", f.symbol * g.symbol - 2000, 1.0, "px", blocks=(f, g))
     d = diagnose(
@@ -270,17 +297,54 @@ def test_a_suggested_prior_is_as_wide_as_the_yardstick() -> None:
     assert "add a Gaussian prior on focal (sigma 1000 px)" in priors
 
 
-@pytest.mark.thorough
-def test_pose_blend_shapes_are_spoken_of_where_there_are_some() -> None:
-    body = load_body("small")
-    pose, betas, trans = (block.symbol for block in body.blocks())
-    surface = residuals.vertices(body.points(pose, betas, trans), body.vertices(), sigma=0.01)
-    joints = residuals.landmarks(body.joint_points(pose, betas, trans), body.joints(), sigma=0.01)
+def test_a_suggested_prior_follows_the_scale_of_each_entry() -> None:
+    """The first entry has a prior of 50 px; the second has the size of the block."""
+    x = Block("x", (3,), "px")
+    prior = residuals.gaussian(x.symbol[0], mean=30.0, covariance=50.0**2, name="prior")
+    data = Residual("data", x.symbol[2] - 30, 1.0, "px", blocks=(x,))
+    at = {"x": np.full(3, 30.0)}
+    d = diagnose(Problem([prior, data], "x"), at, priors="prior")
+    (suggested,) = (s for s in d.suggestions if s.kind == "prior")
+    assert suggested.what == "add a Gaussian prior on x (sigma 30 to 50 px)"
+    rows = suggested.problem.rows["prior on x"]
+    J = suggested.problem.linearize(at).dense[rows]
+    np.testing.assert_allclose(np.diag(J), [1 / 50, 1 / 30, 1 / 30])
+
+
+# A density in one row: no residual changes to first order, and yet the cost has a width.
+
+
+def density_in_one_row(*at: float) -> Diagnosis:
+    """sqrt(2 c) of a Gaussian exp(-c) with standard deviations 0.5, 1 and 2 around (1, 2, 3)."""
+    x = Block("x", (3,))
+    off = (x.symbol - cs.DM([1, 2, 3])) / cs.DM([0.5, 1, 2])
+    row = Residual("c", cs.sqrt(cs.sumsqr(off) + 1e-6), 1.0, blocks=(x,))
+    return diagnose(Problem([row], "x"), {"x": np.array(at)})
+
+
+@pytest.mark.parametrize("at", [(1.0, 2.0, 3.0), (0.5, 3.0, 2.0)], ids=["at its mode", "off it"])
+def test_a_density_in_one_row_has_a_width(at: tuple[float, ...]) -> None:
+    d = density_in_one_row(*at)
+    assert d.rank < 3
+    assert d.has_width
+    assert not d.warnings
+    assert not d.suggestions
+    assert "the cost rises along" in d.findings[0].text
+    said = d.report()
+    assert "gauge" not in said
+    assert "cannot determine" not in said
+    scale = d.point.scales.sizes
+    widths = np.array(d.widths) * scale[0]  # between the smallest and the largest
+    assert widths.min() >= 0.5 - 1e-3
+    assert widths.max() <= 2 + 1e-3
+
+
+def test_a_gauge_has_no_width_though_its_cost_bends() -> None:
+    """Far from the circle |x| = 1 the cost bends along it, but the circle is one of equal cost."""
     x = Block("x", (2,))
-    line = Residual("line", cs.vertcat(x.symbol[0], 1e-5 * x.symbol[0] + x.symbol[1]), 1.0)
-    assert "pose blend shapes" in diagnose(Problem([surface], "pose"), body.start()).report()
-    assert "pose blend" not in diagnose(Problem([surface], "trans"), body.start()).report()
-    assert "pose blend" not in diagnose(Problem([joints], "pose"), body.start()).report()
-    thin = diagnose(Problem([line], "x"), {"x": np.zeros(2)}).report()
-    assert "2 of them are above a thousandth of their column's largest entry; the others" in thin
-    assert "pose blend" not in thin
+    ring = Residual("ring", cs.norm_2(x.symbol) - 1, 0.1, blocks=(x,))
+    for at in ([0.6, 0.8], [1.2, 1.6]):
+        d = diagnose(Problem([ring], "x"), {"x": np.array(at)})
+        assert d.rank == 1
+        assert not d.widths
+        assert d.suggestions

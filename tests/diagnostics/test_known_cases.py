@@ -40,7 +40,7 @@ def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
         assert all(name.startswith("pose[left_knee, ") for name in entries(found, direction))
     assert len({d.name for d in found.null_directions}) == 2  # told apart
     assert found.nearby.ranks == (75, 75, 75, 75)
-    assert "the rank is 73 at this point, but 75 a tenth of a yardstick away" in warned(found)
+    assert "73 at this point, but 75 a tenth of a characteristic scale away" in warned(found)
     (turned_back,) = (s for s in found.suggestions if s.kind == "rewrap")
     assert turned_back.what == "take one turn of 2 pi off the rotation vector of left_knee"
     assert turned_back.cured
@@ -95,7 +95,8 @@ def test_a_freed_template_can_move_against_the_translation() -> None:
     found = cases.diagnosed(cases.template_and_translation)
     assert (found.rank, found.shape[1]) == (90, 93)
     assert sorted(unseen(found)) == [
-        ("shift", f"a shift of template, undone by trans, along {axis}") for axis in "xyz"
+        ("translation", f"a translation along {axis} of template, undone by trans")
+        for axis in "xyz"
     ]
     for direction in found.null_directions:
         parts = {name: direction.vector[at] for name, at in found.free.slices.items()}
@@ -180,10 +181,9 @@ def test_not_a_number_is_named_and_nothing_crashes() -> None:
     assert data["not_finite"]["count"] == 48
     assert {"row": "turned[0]", "column": "turn[x]"} in data["not_finite"]["first"]
     assert "rank" not in data
-    (move,) = found.suggestions
-    assert (move.kind, move.what) == ("move", "start a thousandth of a yardstick away in turn")
-    assert str(move.before) == "not finite"
-    assert move.cured
+    assert str(found.state) == "not finite"
+    (note,) = (finding.text for finding in found.findings if not finding.warning)
+    assert note.startswith("a thousandth of a characteristic scale away it is finite")
     with pytest.raises(AssertionError, match=r"no rank: the residual is not finite: turned\[0\]"):
         found.assert_rank(3)
     with pytest.raises(AssertionError, match="not finite"):

@@ -113,8 +113,45 @@ def test_equal_columns_are_a_trade_off() -> None:
     A[:, 4] = A[:, 1]
     found = linear(A)
     (direction,) = found.null_directions
-    assert direction.name == "a trade-off within b0: 0.71 b0[1] - 0.71 b0[4]"
+    assert direction.name == "a trade-off within b0: +1 of b0[1] with -1 of b0[4]"
     assert "1 pair of unknowns with parallel columns: b0[1] and b0[4]" in found.report()
+
+
+@pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.thorough)])
+def test_null_vectors_are_right_at_any_ratio_of_columns(count: int) -> None:
+    """None is NaN, and each is null to 1e-8 where columns have length 1; ratios up to 1e12."""
+    for case in range(count):
+        J, k = uneven_null_space(case)
+        directions = linear(J).null_directions
+        assert len(directions) == k, case
+        V = np.column_stack([one.vector for one in directions])
+        np.testing.assert_allclose(np.linalg.norm(V, axis=0), 1.0)
+        whole = np.linalg.norm(np.linalg.norm(J, axis=0)[:, None] * V, axis=0)
+        assert (np.linalg.norm(J @ V, axis=0) <= 1e-8 * whole).all(), case
+
+
+def uneven_null_space(case: int) -> tuple[np.ndarray, int]:
+    """J (m, n) with a null space of k dimensions and columns of lengths up to 1e12 times others."""
+    rng = np.random.default_rng(case)
+    n = int(rng.integers(3, 9))
+    k = int(rng.integers(1, min(4, n)))
+    V = rng.normal(size=(n, k))
+    if rng.random() < 0.5:  # few unknowns in each
+        V *= rng.random(V.shape) < 0.5
+        V[rng.permutation(n)[:k], range(k)] = 1.0
+    row_space = np.linalg.qr(V, mode="complete")[0][:, k:]
+    row_space[np.linalg.norm(row_space, axis=1) < 1e-12] = 0.0
+    A = rng.normal(size=(int(rng.integers(n, 2 * n)), n - k)) @ row_space.T
+    spread = rng.uniform(0, 12)
+    return A * 10.0 ** rng.uniform(-spread / 2, spread / 2, n), k
+
+
+def test_a_row_of_very_long_and_short_columns_has_two_null_directions() -> None:
+    J = np.array([[1e6, 1e-6, 1.0]])
+    for one in linear(J).null_directions:
+        assert np.isfinite(one.vector).all()
+        assert abs(J @ one.vector) <= 1e-14 * (abs(J) @ abs(one.vector))
+        assert np.count_nonzero(one.vector) == 2  # no unknown changes nothing by itself
 
 
 def test_one_long_row_does_not_hide_others() -> None:

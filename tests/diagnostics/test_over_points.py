@@ -1,4 +1,4 @@
-"""Diagnoses at many points: what is unseen everywhere and somewhere, and draws of priors."""
+"""Diagnoses at many points: what is null everywhere and somewhere, and draws of priors."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import workbench as wb
 from workbench.cli.app import app
-from workbench.diagnostics import PointsDiagnosis, diagnose_over, prior_draws
+from workbench.diagnostics import diagnose_over, prior_draws
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import find
 from workbench.residuals import Residual, gaussian
@@ -33,26 +33,18 @@ def crane() -> tuple[wb.Problem, list[wb.Values]]:
     return problem, points
 
 
-def found() -> PointsDiagnosis:
-    return diagnose_over(*crane())
-
-
-def test_ranks_are_those_of_each_point() -> None:
-    over = found()
+def test_ranks_and_names_are_counted_over_points() -> None:
+    over = diagnose_over(*crane())
     assert over.ranks.tolist() == [1, 3, 2, 3]
     assert over.conditions[0] == 1.0
     assert (over.conditions[1:] >= 1).all()
-
-
-def test_directions_are_counted_by_name() -> None:
-    over = found()
     assert [one.name for one in over.everywhere] == ["a trade-off within weights"]
     some = {one.name: (one.count, one.first) for one in over.somewhere}
     assert some["angles[0]"] == (1, 0)
     assert "a trade-off within weights" not in some
     told = over.report()
     assert "rank 1 at 1, 2 at 1, 3 at 2 of them; 4 would be full" in told
-    assert "unseen at every point\n  a trade-off within weights" in told
+    assert "null at every point\n  a trade-off within weights" in told
     assert "angles[0]: at 1 of 4 points, first at number 0" in told
     assert over.data()["ranks"] == [1, 3, 2, 3]
 
@@ -61,7 +53,7 @@ def test_full_rank_everywhere_is_said() -> None:
     x = wb.Block("x", (2,))
     problem = wb.Problem([Residual("x", x.symbol, 1.0)], ["x"])
     told = diagnose_over(problem, [{"x": np.zeros(2)}] * 3).report()
-    assert "every direction is seen at every point" in told
+    assert "no direction is null at any point" in told
 
 
 def test_no_points_are_refused() -> None:

@@ -8,10 +8,20 @@ import pytest
 
 from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
 from tests.tiers import few
-from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, load_body, residuals
+from workbench import (
+    Block,
+    Diagnosis,
+    Problem,
+    Residual,
+    Values,
+    diagnose,
+    load_body,
+    residuals,
+    sequence,
+)
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.named_subspaces import named_subspaces
-from workbench.diagnostics.null_space import Direction, directions
+from workbench.diagnostics.gauges import SAME
+from workbench.diagnostics.null_space import Direction, named_by_joints
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
@@ -68,9 +78,8 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     pose, trans = Block("pose", (len(parents), 3), "rad", names), Block("trans", (3,), "m")
     free = Layout((pose, trans) if translation else (pose,))
     here = Linearization(np.zeros(len(J)), J)
-    found = named_subspaces(free, (Tree("pose", names, parents),))
     null = here.spectrum.Vt[here.spectrum.rank :].T
-    return directions(here, null, free, found, here.spectrum.tolerance)
+    return named_by_joints(null, free, (Tree("pose", names, parents),), here, SAME)
 
 
 @pytest.mark.parametrize("batch", few(range(4), 1))
@@ -254,6 +263,42 @@ def test_a_nearly_singular_point_is_told() -> None:
     r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)
     problem = Problem((r,), ("x",), blocks=(x,))
     (text,) = nearly_degenerate(problem, {"x": np.array([1.0, 1e-6])})
-    assert "times smaller here than a tenth of a yardstick away; its direction is 1.00 x[1]" in text
+    assert "times smaller here than a tenth of a characteristic scale away" in text
+    assert text.endswith("its direction is along x[1]")
     assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
     assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1
+
+
+# A short sequence is diagnosed as every problem is, and its directions are named by frame.
+
+
+def film(free: tuple[str, ...], *, smooth: bool) -> tuple[Problem, Values]:
+    """The small body in two frames, all of whose joints are observed."""
+    body = load_body("small")
+    pose, betas, trans = body.blocks()
+    joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    seen = Residual("joints", cs.vec(joints.symbol), 0.01, "m", points=(joints,))
+    between = [residuals.smooth("pose", sigma=0.1)] if smooth else []
+    whole = sequence([Problem([seen], free)] * 2, shared=("betas",), between=between)
+    rng = np.random.default_rng(0)
+    blocks = {b.name: b.base for b in (*whole.free.blocks, *whole.fixed.blocks)}
+    return whole, {name: rng.normal(scale=0.3, size=b.shape) for name, b in blocks.items()}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("smooth", [False, True])
+def test_short_sequences_are_diagnosed_whole(smooth: bool) -> None:
+    found = diagnose(*film(("pose", "trans", "betas"), smooth=smooth))
+    assert isinstance(found, Diagnosis)
+    # 15 numbers of leaves in each frame, and 17 turns about bones without smoothness
+    assert found.shape[1] - found.rank == (15 if smooth else 2 * 32)
+    names = [direction.name for direction in found.null_directions]
+    if not smooth:
+        assert "a turn of pose[1, left_wrist] alone" in names
+        assert "pose[1, left_hand, y]" in names
+    assert "NULL DIRECTIONS" in found.report()
+
+
+@pytest.mark.thorough
+def test_rank_law_is_not_for_several_frames() -> None:
+    assert diagnose(*film(("pose",), smooth=False)).rank_law is None

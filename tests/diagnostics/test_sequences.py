@@ -12,8 +12,8 @@ from tests.diagnostics.zoo import body_and_camera
 from tests.tiers import few
 from workbench import Block, Problem, Values, diagnose, load_body, residuals, sequence
 from workbench.diagnostics import Diagnosis, Gauge, SequenceDiagnosis, Undiagnosed
-from workbench.diagnostics.linearized import linearized
-from workbench.diagnostics.words import diagnosis_of
+from workbench.diagnostics.active_set import linearized
+from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.errors import BadArgument, NotFinite
 from workbench.problem import frames as frame_chains
 from workbench.problem import storage
@@ -267,12 +267,12 @@ def test_frames_without_data_and_missing_residuals_are_told() -> None:
     ] * 8
     at = {"x": np.zeros((8, 2)), "shows": (np.arange(8) != 3).astype(float)}
     tied = long(sequence(blank, between=[smooth]), at)
-    assert tied.blind == {"x": (3,)}
+    assert tied.insensitive == {"x": (3,)}
     assert tied.rank == 16
     assert tied.warnings == ()
     assert "1 of 8 frames (3) sees nothing of x: there it is determined by smooth(x)" in str(tied)
     assert int(np.argmax(tied.largest_sigma["x"])) == 3
-    assert "x is least certain in frames 3 (" in tied.report()
+    assert f"{tied.largest_sigma['x'][3]:.3g} (3)" in tied.report()
     lost = long(sequence(blank), at)
     assert any(f.warning and f.text.endswith("sees nothing of x") for f in lost.findings)
 
@@ -291,7 +291,7 @@ def test_a_frame_by_itself_is_diagnosed_as_its_problem_is() -> None:
         long(video, at).frame(3)
 
 
-def test_priors_give_shared_unknowns_their_yardsticks() -> None:
+def test_priors_give_shared_unknowns_their_scales() -> None:
     x, s = Block("x", (2,), "m"), Block("s", (1,), "1")
     seen = Residual("seen", cs.vertcat(x.symbol, s.symbol), 0.5)
     prior = Residual("prior", s.symbol, 0.1)
@@ -301,7 +301,7 @@ def test_priors_give_shared_unknowns_their_yardsticks() -> None:
         {"x": np.ones((3, 2)), "s": np.ones(1)},
         priors=("prior",),
     )
-    np.testing.assert_allclose(d.shared.yardsticks.sizes, [0.1])
+    np.testing.assert_allclose(d.shared.scales.sizes, [0.1])
     assert d.shared.frames_well.tolist() == [0]
     np.testing.assert_allclose(d.shared.sigma, [(100 + 3 * 4) ** -0.5])
 
@@ -317,7 +317,7 @@ def test_values_that_are_not_finite_are_named() -> None:
     with pytest.raises(Undiagnosed, match="there is no rank"):
         d.assert_rank(6)
     assert [d.problem.row_label(i) for i, j in d.not_finite if j < 0] == ["seen[1, 1]"]
-    for part in ("rank", "sigma", "null_directions", "shared", "blind"):
+    for part in ("rank", "sigma", "null_directions", "shared", "insensitive"):
         with pytest.raises(NotFinite, match="not_finite"):
             getattr(d, part)
 

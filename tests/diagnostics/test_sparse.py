@@ -5,11 +5,13 @@ import json
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_array, random_array
+import scipy.linalg
+from scipy.sparse import csc_array, identity, random_array
 
-from tests.tiers import few
 from workbench import Block, Constraint, Diagnosis, Problem, Values, diagnose, load_body, residuals
 from workbench.arrays import Array
+from workbench.diagnostics import null_space, sparse_jacobian
+from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.null_space import LISTED
 from workbench.errors import NotFinite, TooLarge
 from workbench.problem import Linearization, storage
@@ -93,7 +95,7 @@ def test_sparse_report_says_what_is_left_out(monkeypatch: pytest.MonkeyPatch) ->
     always_sparse(monkeypatch)
     sparse = diagnose(*limited(active=False), priors=("prior",))
     text = sparse.report()
-    assert "estimated from J'J" in text
+    assert "without singular values" in text
     assert "are left out" in text
     assert "no residual depends on x[7]" in text
     data = json.loads(json.dumps(sparse.data(), allow_nan=False))
@@ -117,26 +119,13 @@ def test_sparse_duplicates_and_infinities_are_found(monkeypatch: pytest.MonkeyPa
     json.dumps(found.data(), allow_nan=False)
 
 
-def test_null_directions_of_many_unknowns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Differences of neighbours, in five pieces of 100 each, too many for a linear program."""
-    always_sparse(monkeypatch)
-    x = Block("x", (500,))
-    steps = x.symbol[1:] - x.symbol[:-1]
-    within = [i for i in range(499) if (i + 1) % 100]
-    problem = Problem((Residual("steps", steps[within], 0.1),), ("x",), blocks=(x,))
-    found = diagnose(problem, {"x": np.zeros(500)})
-    assert (found.rank, len(found.null_directions)) == (495, 5)
-    pieces = sorted(np.flatnonzero(d.vector).tolist() for d in found.null_directions)
-    assert pieces == [list(range(100 * k, 100 * k + 100)) for k in range(5)]
-
-
-# Parts that share unknowns (an arrow), and rows that tie them together.
+# One factorization against the singular values of the whole matrix.
 
 PARTS, OWN, SHARED, LINES = 30, 6, 5, 12  # parts, unknowns of each, shared ones, rows of each part
 N = PARTS * OWN + SHARED
 
 
-def jacobian(lost: int, ties: int) -> Array:
+def arrow(lost: int = 0, ties: int = 0) -> Array:
     """Rows of parts that read shared unknowns too, each part without `lost` of its directions,
     and below them full rows.
     """
@@ -150,21 +139,126 @@ def jacobian(lost: int, ties: int) -> Array:
     return 0.5 * np.vstack([J, rng.standard_normal((ties, N))])
 
 
-def constraints(kind: str) -> Array:
-    """None; within single parts, and on single unknowns; and across parts as well."""
+def pose_graph(poses: int) -> tuple[Problem, Values]:
+    """Places and headings in a plane, of which neighbours and some others see each other."""
+    rng = np.random.default_rng(0)
+    place, heading = Block("place", (poses, 2), "m"), Block("heading", (poses,), "rad")
+    i = np.append(np.arange(poses - 1), rng.integers(0, poses // 2, poses // 2)).tolist()
+    j = np.append(np.arange(1, poses), rng.integers(poses // 2, poses, poses // 2)).tolist()
+    x, turn = place.symbol, heading.symbol
+    away, c, s = x[:, j] - x[:, i], cs.cos(turn[i]).T, cs.sin(turn[i]).T
+    seen = cs.vertcat(c * away[0, :] + s * away[1, :], c * away[1, :] - s * away[0, :])
+    terms = Residual("seen", cs.vec(seen), 0.1, "m"), Residual("turned", turn[j] - turn[i], 0.05)
+    values = {"place": 10 * rng.normal(size=(poses, 2)), "heading": rng.normal(size=poses)}
+    return Problem(terms, ("place", "heading"), blocks=(place, heading)), values
+
+
+def graded() -> Array:
+    """Twenty blocks of 14 x 10 whose singular values reach from 1 to 1e-9 without a gap."""
+    rng = np.random.default_rng(1)
+    left, right = (
+        [np.linalg.qr(rng.standard_normal((k, 10)))[0] for _ in range(20)] for k in (14, 10)
+    )
+    s = rng.permutation(np.logspace(0, -9, 200)).reshape(20, 10)
+    blocks = [U * some @ V for U, some, V in zip(left, s, right, strict=True)]
+    return np.asarray(scipy.linalg.block_diag(*blocks))
+
+
+def pieces(ties: int) -> Array:
+    """Differences of neighbours in 200 pieces of three, and a few full rows."""
+    steps = np.diff(np.eye(3), axis=0)
+    full = np.random.default_rng(2).standard_normal((ties, 600))
+    return np.vstack([scipy.linalg.block_diag(*[steps] * 200), full])
+
+
+def held(across: int) -> Array:
+    """Constraints within single parts, on single unknowns, and across parts as well."""
     A = np.zeros((4, N))
     A[0, :4], A[1, 6:9], A[2, 10], A[3, N - 1] = 1, 2, 1, 3
-    across = np.random.default_rng(5).standard_normal((2, N))
-    return {"free": A[:0], "within": A, "across": np.vstack([A, across])}[kind]
+    return np.vstack([A, np.random.default_rng(5).standard_normal((across, N))])
 
 
-def diagnosed(J: Array, held: Array | None = None) -> Diagnosis:
-    """Of J x - 1, where `held` times x is zero, at zero."""
+def made(name: str) -> tuple[Array, Array]:
+    """A Jacobian and the rows of its constraints."""
+    none = np.zeros((0, N))
+    if name == "pose graph":
+        problem, values = pose_graph(80)
+        return problem.linearize(values).dense, none
+    sparse = random_array((100, 500), density=0.02, rng=np.random.default_rng(3)).toarray()
+    units = 10.0 ** np.random.default_rng(4).uniform(-6, 6, N)
+    every = {
+        "arrow": (arrow(), none),
+        "arrow without some directions": (arrow(1), none),
+        "full rows": (arrow(1, 20), none),
+        "constraints": (arrow(), held(2)),
+        "constraints and full rows": (arrow(1, 20), held(2)),
+        "any units": (arrow(1, 20) * units, none),
+        "no gap": (graded(), none),
+        "200 null directions": (pieces(0), none),
+        "195 null directions": (pieces(5), none),
+        "few rows": (sparse, none),
+    }
+    return every[name]
+
+
+@pytest.mark.parametrize(
+    ("name", "apart"),
+    [
+        ("arrow", False),
+        ("arrow without some directions", False),
+        ("pose graph", False),
+        ("full rows", False),
+        ("full rows", True),
+        ("constraints", False),
+        ("constraints and full rows", True),
+        ("any units", False),
+        ("no gap", False),
+        ("200 null directions", False),
+        ("195 null directions", True),
+        ("few rows", False),
+    ],
+)
+def test_factorization_gives_what_singular_values_give(
+    name: str, apart: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if apart:  # full rows of this size are kept apart
+        monkeypatch.setattr(sparse_jacobian, "LONG", 100)
+    J, A = made(name)
+    n = J.shape[1]
+    here = Linearization(np.zeros(len(J)), csc_array(J))
+    constrained = ConstrainedJacobian(here, A if len(A) else np.zeros((0, n)))
+    found = constrained.by_elimination
+    assert found is not None
+    S = found.factored.S.toarray()
+    _, s, Vt = np.linalg.svd(S, full_matrices=True)
+    rank = int(np.sum(s > found.factored.tolerance))
+    assert (found.rank, constrained.rank) == (rank, rank)
+    null = found.factored.null
+    assert null.shape == (n, n - rank)
+    np.testing.assert_allclose(null.T @ null, np.eye(n - rank), atol=1e-12)
+    assert np.linalg.norm(S @ null, axis=0).max(initial=0.0) < 1e-13
+    pseudo = (Vt[:rank].T / s[:rank] ** 2) @ Vt[:rank]
+    P = found.factored.covariance_times(np.eye(n))
+    assert np.linalg.norm(P - pseudo) < 1e-6 * np.linalg.norm(pseudo)
+    # along what may move, in the unknowns' own units
+    Z = constrained.tangent
+    own = np.linalg.svd(J @ Z, compute_uv=False)
+    seen = own[: rank - constrained.count][::-1]
+    if name != "any units":  # in which the smallest are rounding errors of the largest
+        np.testing.assert_allclose(found.weakest(3)[0], seen[:3], rtol=1e-6)
+        limits = [limit for limit in (0.01, 0.1, 0.5, 1.5) if abs(seen / limit - 1).min() > 1e-3]
+        assert [found.count_below(x) for x in limits] == [int(np.sum(seen < x)) for x in limits]
+    half = np.linalg.norm(found.lengths[:, None] * Z, axis=1)
+    assert np.isinf(found.variances[half > 0]).sum() == np.sum(np.sum(null**2, axis=1) > 1e-9)
+
+
+def diagnosed(J: Array, A: Array | None = None) -> Diagnosis:
+    """Of J x - 1, where A x is zero, at zero."""
     x = Block("x", (J.shape[1],), "m")
     seen = Residual("rows", cs.MX(cs.sparsify(cs.DM(J))) @ x.symbol - 1, 1.0)
     limits = []
-    if held is not None and len(held):
-        limits = [Constraint("held", cs.MX(cs.sparsify(cs.DM(held))) @ x.symbol, 0.0, 0.0)]
+    if A is not None and len(A):
+        limits = [Constraint("held", cs.MX(cs.sparsify(cs.DM(A))) @ x.symbol, 0.0, 0.0)]
     found = diagnose(
         Problem([seen], ("x",), blocks=(x,), constraints=limits), {"x": np.zeros(J.shape[1])}
     )
@@ -183,31 +277,16 @@ def without_singular_values(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lost", "ties", "kind"),
-    few(
-        [
-            pytest.param(*case, id="-".join(map(str, case)))
-            for case in (
-                (0, 20, "across"),
-                (0, 0, "free"),
-                (1, 20, "free"),
-                (1, 1, "within"),
-            )
-        ],
-        2,
-    ),
+    "name", ["constraints", pytest.param("full rows", marks=pytest.mark.thorough)]
 )
-def test_eliminated_parts_give_what_singular_values_give(
-    lost: int, ties: int, kind: str, monkeypatch: pytest.MonkeyPatch
+def test_diagnosis_by_factorization_is_the_dense_one(
+    name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    J, A = jacobian(lost, ties), constraints(kind)
+    J, A = made(name)
     dense = diagnosed(J, A)
-    unit = J / np.linalg.norm(J, axis=0)
     weak_count, condition, rank = dense.weak_count, dense.condition, dense.rank
     weakest, sigma = dense.weakest[0].singular_value, dense.identifiability.sigma
     verdicts, correlations = dense.identifiability.verdicts, dense.identifiability.correlations
-    if kind == "free":
-        assert dense.rank == min(N, PARTS * (OWN - lost) + SHARED + ties)
     always_sparse(monkeypatch)
     without_singular_values(monkeypatch)
     sparse = diagnosed(J, A)
@@ -217,33 +296,73 @@ def test_eliminated_parts_give_what_singular_values_give(
     assert sparse.identifiability.verdicts == verdicts
     assert [c[:2] for c in sparse.identifiability.correlations] == [c[:2] for c in correlations]
     vectors = np.array([d.vector for d in sparse.null_directions]).reshape(-1, N).T
-    lengths = np.linalg.norm(J, axis=0)[:, None]
-    assert abs(unit @ (vectors * lengths)).max(initial=0) < 1e-9 * lengths.max()
+    assert vectors.shape == (N, N - rank)
+    assert abs(J @ vectors).max(initial=0) < 1e-9 * np.linalg.norm(J, axis=0).max()
     assert abs(A @ vectors).max(initial=0) < 1e-9
     changes = [direction.change for direction in sparse.weak_directions]
     assert len(changes) == min(sparse.weak_count, LISTED)
     assert changes == sorted(changes)
     assert not changes or changes[0] == pytest.approx(weakest, rel=1e-4)
-    assert "without singular values" in sparse.report()
 
 
-def test_more_unknowns_than_arrays_hold_need_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_size_of_a_factor_is_known_before_it_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    J = random_array((400, 300), density=0.01, rng=np.random.default_rng(0))
+    K = csc_array(J.T @ J + identity(300))
+    pattern = cs.Sparsity(300, 300, K.indptr.tolist(), K.indices.tolist())
+    assert sparse_jacobian.factor_size(K) == pattern.ldl()[0].nnz() + 300  # and its diagonal
     always_sparse(monkeypatch)
-    monkeypatch.setattr(storage, "WIDE", 100)
-    without_singular_values(monkeypatch)
-    found = diagnosed(jacobian(0, 20))
-    assert found.rank == N
-    assert f"numerical rank {N} of {N}" in found.report()
-    full = np.random.default_rng(0).standard_normal((250, 200))  # no parts
-    with pytest.raises(TooLarge, match="singular values of a sparse Jacobian of 250 x 200"):
-        diagnosed(full)
-    full[3, 5] = np.nan
-    assert "not finite" in str(diagnosed(full))
+    monkeypatch.setattr(sparse_jacobian, "LARGEST", 100)
+    with pytest.raises(TooLarge, match=r"185 unknowns would .* entries, .*: free fewer blocks"):
+        diagnosed(arrow())
+    J = arrow()
+    J[3, 5] = np.nan
+    assert "not finite" in str(diagnosed(J))
+
+
+def test_too_many_weak_directions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    always_sparse(monkeypatch)
+    monkeypatch.setattr(sparse_jacobian, "NUMBERS", 10_000)
+    with pytest.raises(TooLarge, match=r"200 of 600 directions .*: fix some of the unknowns"):
+        diagnosed(pieces(0))
+
+
+@pytest.mark.parametrize("name", ["few rows", "200 null directions"])
+def test_null_directions_too_many_for_names_are_said_by_entries(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    always_sparse(monkeypatch)
+    monkeypatch.setattr(null_space, "SEARCHED", 100)
+    J, _ = made(name)
+    found = diagnosed(J)
+    vectors = np.column_stack([d.vector for d in found.null_directions])
+    assert np.linalg.matrix_rank(vectors) == J.shape[1] - found.rank == vectors.shape[1]
+    np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), 1.0, rtol=1e-12)
+    assert abs(J @ vectors).max() < 1e-12
+    if name == "few rows":
+        unread = np.flatnonzero(~J.any(axis=0))
+        said = [d.name for d in found.null_directions if d.kind == "entry"]
+        assert {f"x[{i}]" for i in unread} <= set(said)
+        assert found.point.constrained.null_rank(slice(0, 300)) == np.linalg.matrix_rank(
+            vectors[:300]
+        )
+    else:
+        terms = {d.terms for d in found.null_directions}
+        assert "+1 m of x[1] with +1 m of x[0], +1 m of x[2]" in terms
+
+
+@pytest.mark.thorough
+def test_a_pose_graph_of_6000_unknowns_is_diagnosed() -> None:
+    found = diagnose(*pose_graph(2000))
+    assert isinstance(found, Diagnosis)
+    assert found.shape == (8997, 6000)
+    assert [d.kind for d in found.null_directions] == ["translation", "translation", "rotation"]
+    assert max(d.change for d in found.null_directions) < 1e-10
+    assert np.isinf(found.identifiability.sigma).all()
 
 
 def test_sparse_values_that_are_not_finite_have_no_rank(monkeypatch: pytest.MonkeyPatch) -> None:
     always_sparse(monkeypatch)
-    J = jacobian(0, 20)
+    J = arrow(0, 20)
     J[7, 3] = np.inf
     found = diagnosed(J)
     assert "RANK" not in found.report()

@@ -9,8 +9,9 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 from tests.tiers import few
 from workbench import Block, Problem, Residual, diagnose, load_body, residuals
 from workbench.blocks import Layout
-from workbench.diagnostics import linearized, structure
-from workbench.diagnostics.structure import Structure, decomposed, named_groups, named_rows
+from workbench.diagnostics import active_set, structure
+from workbench.diagnostics.structure import Structure, decomposed
+from workbench.diagnostics.words import named_groups, named_rows
 
 
 def reached(pattern: np.ndarray, partner: dict[int, int], start: set[int]) -> tuple[set, set]:
@@ -143,9 +144,9 @@ def test_patterns_of_meshes_come_from_the_chain_rule(
     points = body.points(*(block.symbol for block in body.blocks()))
     observed = np.zeros((body.n_vertices, 3))
     problem = Problem((residuals.vertices(points, observed, sigma=0.1),), ("pose", "trans"))
-    by_graph = linearized.pattern_at(problem)
-    monkeypatch.setattr(linearized, "BY_GRAPH", 0)
-    by_chain = linearized.pattern_at(problem)
+    by_graph = active_set.pattern_at(problem)
+    monkeypatch.setattr(active_set, "BY_GRAPH", 0)
+    by_chain = active_set.pattern_at(problem)
     assert by_chain.nnz == problem.size * problem.free.size
     assert (by_chain.toarray() >= by_graph.toarray()).all()
     assert diagnose(problem, body.start()).structural_rank == problem.free.size

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import casadi as cs
 import numpy as np
 import pytest
 
@@ -47,3 +48,18 @@ def test_warm_up_passes_over_solvers_that_cannot_solve() -> None:
 def test_warm_up_ends_after_the_first_iterate(name: str) -> None:
     setup = find("landmarks", {"body": "small"}).setup()
     warm_up(setup, [SOLVERS[name]])
+
+
+def test_warm_up_builds_what_a_solver_asks_for_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search for a saddle asks for gradients: no solve builds a function after the warm-up."""
+    setup, built = find("landmarks").setup(), list[str]()
+    warm_up(setup, [SOLVERS["trust-region"]])
+    made = cs.Function.__init__
+
+    def noted(self: Any, *arguments: Any, **options: Any) -> None:
+        built.append(str(arguments[0]) if arguments else "")
+        made(self, *arguments, **options)
+
+    monkeypatch.setattr(cs.Function, "__init__", noted)
+    assert SOLVERS["trust-region"].solve(setup.problem, setup.start).converged
+    assert built == []

@@ -1,6 +1,7 @@
 """Fits that converged to something absurd are doubted, with the cause where it can be named."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,22 @@ import pytest
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.fitting.body_priors import usual_priors
+from workbench.fitting.calibration_files import in_degrees, read_calibration
+from workbench.fitting.clips import Clip, Film
 from workbench.fitting.depth_interval import depth_interval
-from workbench.fitting.doubts import doubts
+from workbench.fitting.doubts import doubts, of_markers, of_person
 from workbench.fitting.image_fit import image_fit
+from workbench.fitting.keypoint_conventions import ORDERS
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.marker_sets import MarkerSet, default_markers
+from workbench.fitting.meshes import mesh_fit
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.setup import Setup
+from workbench.fitting.videos import video_fit
 from workbench.geometry.camera import Camera
+from workbench.geometry.rotation import vector_from_matrix
 from workbench.solvers import TrustRegion
 
 SIZE = (1920, 1080)
@@ -120,6 +129,38 @@ def test_order_of_cameras_that_makes_views_agree_is_named() -> None:
     assert any("in the order 2, 1, 3" in d for d in fitted(from_three(exchanged(ring()))))
 
 
+READINGS: dict[str, Callable[[int, Array], Array]] = {
+    "y points up in the image": lambda k, p: p * [1, -1, 1] + [0, SIZE[1], 0],
+    "if the images are mirrored": lambda k, p: p * [-1, 1, 1] + [SIZE[0], 0, 0],
+    "if c1 is left out": lambda k, p: (
+        p + (k == 1) * np.random.default_rng(0).normal(0, 90, (17, 3)) * [1, 1, 0]
+    ),
+}
+
+
+@pytest.mark.parametrize("words", READINGS)
+def test_reading_of_images_that_makes_views_agree_is_named(words: str) -> None:
+    photos = tuple(
+        photograph(f"c{i}", SIZE, READINGS[words](i, seen(R, t)), {"K": K, "R": R, "t": t})
+        for i, (R, t) in enumerate(ring())
+    )
+    found = fitted(keypoint_fit(Observations(tuple(COCO), photos), body(), "who?"))
+    assert any(words in doubt for doubt in found), found
+
+
+def test_rotation_vectors_in_degrees_are_read_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "cameras.json"
+    wanted = [R for R, _ in ring()]
+    cameras = {
+        f"c{i}": {"K": K.tolist(), "R": np.degrees(vector_from_matrix(R)).tolist(), "t": [0, 0, 3]}
+        for i, R in enumerate(wanted)
+    }
+    path.write_text(json.dumps(cameras))
+    found = read_calibration(path)
+    np.testing.assert_allclose([camera["R"] for camera in found.values()], wanted, atol=1e-9)
+    assert "degrees" in in_degrees(path, found)[0]
+
+
 def test_exchanged_sides_in_one_view_are_named() -> None:
     photos = [seen(*one) for one in ring()]
     photos[1] = photos[1][[COCO.index(swap(name)) for name in COCO]]
@@ -151,7 +192,23 @@ def moved_leg(points: Array) -> Array:
     return points
 
 
+def in_order(points: Array, order: tuple[str, ...]) -> Array:
+    """COCO's keypoints in another order; those that COCO lacks are in the middle of its others."""
+    rows = [points[COCO.index(name)] if name in COCO else points.mean(axis=0) for name in order]
+    return np.array(rows)
+
+
+def turned(points: Array) -> Array:
+    return points * [-1, -1, 1] + [SIZE[0], SIZE[1], 0]
+
+
 ABSURD = {
+    "in the order of OpenPose": lambda p: from_one(
+        in_order(p, ORDERS["OpenPose's COCO-18 without the neck"])
+    ),
+    "in the order of Human3.6M": lambda p: from_one(in_order(p, ORDERS["Human3.6M"])),
+    "y points up in the image": lambda p: from_one(p * [1, -1, 1] + [0, SIZE[1], 0]),
+    "stands on their head": lambda p: from_one(turned(p)),
     "fractions of the image": lambda p: from_one(changed(p, by=1 / np.array(SIZE))),
     "order of the points": lambda p: from_one(changed(p, order=np.roll(np.arange(17), 5))),
     "right leg count as outliers": lambda p: from_one(moved_leg(p)),
@@ -209,3 +266,72 @@ def test_interval_of_a_camera_named_with_a_slash() -> None:
     found = depth_interval(setup, setup.start)
     assert found is not None
     assert found.low < found.mean < found.high
+
+
+def dressed(betas: float = 0.0) -> tuple[MarkerSet, Array, dict[str, Array]]:
+    """Markers on the small body, where they are seen in two frames, and the body's own values."""
+    worn = default_markers(body())
+    values = {
+        "pose": np.zeros((2, 24, 3)),
+        "betas": betas * np.eye(body().n_betas)[0],
+        "trans": np.array([[0.0, 0, 0], [0.3, 0, 0]]),
+        "offsets": worn.nominal,
+    }
+    dressed = worn.on(body())
+    return worn, dressed.landmark("markers", *values.values()), values
+
+
+def rows(worn: MarkerSet, label: str) -> int:
+    return worn.names.index(label)
+
+
+def exchanged_labels(worn: MarkerSet, places: Array, pairs: dict[str, str]) -> Array:
+    order = np.arange(len(worn.names))
+    for a, b in pairs.items():
+        order[[rows(worn, a), rows(worn, b)]] = rows(worn, b), rows(worn, a)
+    return places[:, order]
+
+
+MARKED: dict[str, Callable[[MarkerSet, Array], Array]] = {
+    "mm were taken for m": lambda worn, places: 1000 * places,
+    "inches were taken for m": lambda worn, places: places / 0.0254,
+    "LELB and LKNE seem to be exchanged": lambda worn, places: exchanged_labels(
+        worn, places, {"LELB": "LKNE"}
+    ),
+    "left and right of the markers are exchanged": lambda worn, places: exchanged_labels(
+        worn, places, {name: "R" + name[1:] for name in worn.names if name.startswith("L")}
+    ),
+}
+
+
+@pytest.mark.parametrize("words", MARKED)
+def test_absurd_markers_are_doubted(words: str) -> None:
+    worn, places, values = dressed()
+    found = [*of_markers(worn.on(body()), worn, MARKED[words](worn, places), values)]
+    assert any(words in doubt for doubt in found), found
+    assert not [*of_markers(worn.on(body()), worn, places, values)]
+
+
+def test_improbable_shape_is_doubted_in_every_fit() -> None:
+    worn, places, values = dressed(6.0)
+    found = [*of_markers(worn.on(body()), worn, places, values)]
+    assert found == [*of_person(body(), values["betas"])]
+    assert "betas[0] is 6.0 standard deviations" in found[0]
+
+
+def test_vertices_in_another_order_are_doubted() -> None:
+    model, rng = body(), np.random.default_rng(0)
+    vertices = model.vertices() + 0.002 * rng.normal(size=(model.n_vertices, 3))
+    for places, words in ((vertices, ""), (rng.permutation(vertices), "in the body's order")):
+        setup = mesh_fit(model, places, "who?", sigma=0.002, priors=usual_priors(model))
+        found = fitted(setup)
+        assert any(words in doubt for doubt in found) if words else not found, found
+
+
+def test_clip_in_fractions_is_doubted() -> None:
+    points = np.array([seen(*FRONT)] * 3)
+    for by, words in ((1.0, None), (1 / 2000, "fractions of the image")):
+        film = Film("camera", SIZE, by * points[..., :2], points[..., 2], K)
+        setup = video_fit(Clip(tuple(COCO), (film,), 30.0), body(), "who?", worth=1)
+        found = fitted(setup)
+        assert any(words in doubt for doubt in found) if words else not found, found

@@ -208,7 +208,7 @@ def _sound_solution(found: Solution) -> None:
         finite((i.values, i.seconds, i.evaluations))
         assert isinstance(i.cost, float)  # which may be NaN, and so may be kept
     assert isinstance(found.message, str), "a message that is no text"
-    assert all(isinstance(name, str) for name in (*found.lost, *found.unnoticed))
+    assert all(isinstance(name, str) for name in (*found.insensitive, *found.diverging))
     assert isinstance(found.cost, float)
     finite((found.values, float(found.seconds), found.evaluations))
 

@@ -87,7 +87,7 @@ FACTS: dict[str, tuple[str, str, dict[str, tuple[object, ...]]]] = {
             **dict.fromkeys(("optimality", "missed"), NUMBERS),
             **dict.fromkeys(("message", "solver"), TEXTS),
             "status": (*TEXTS, "GREAT", "converged"),
-            "lost": ("a", [5], None),
+            "insensitive": ("a", [5], None),
             "evaluations": (None, [], 5, {}, {"residual": -1}, {"guesses": 1}),
             "trace": (None, "rows", {}, [], [[]], [None], [[1.0] * 6], [[1.0] * 8]),
         },
@@ -124,7 +124,7 @@ def test_facts_of_other_types_are_refused(name: str, tmp_path: Path) -> None:
         for value in values:
             changed = with_facts(content, key, lambda told, v=value, f=fact: told | {f: v})
             refusal(name, tmp_path, file, changed)
-        if fact not in ("missed", "lost"):  # which older files do not say
+        if fact not in ("missed", "insensitive"):  # which older files do not say
             less = with_facts(
                 content, key, lambda told, f=fact: {k: v for k, v in told.items() if k != f}
             )

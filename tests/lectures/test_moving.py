@@ -17,8 +17,8 @@ from workbench.lectures.material.tubes import tube
 from workbench.plots import house_style, sheet
 from workbench.replay.side_by_side import GRAIN, recorded_side_by_side
 from workbench.reports.replay_page import ReplayPage, replay_page
-from workbench.solvers.damping import eased
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
+from workbench.solvers.levenberg_marquardt import eased
 
 pytestmark = pytest.mark.thorough
 

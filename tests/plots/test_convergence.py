@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 
 from tests.outcomes_made_up import outcome_made_up
+from workbench.fitting.compared_solvers import MANY
 from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
 from workbench.plots.convergence import best_cost, gap
+from workbench.plots.palette import solver_styles
 from workbench.plots.sheets import convergence_sheet
-from workbench.solvers import Evaluations, Iterate, Solution, Status
+from workbench.replay import Recording
+from workbench.reports.page import page
+from workbench.reports.tables import solvers_table
+from workbench.solvers import SOLVERS, Evaluations, Iterate, Solution, Status
 
 pytestmark = pytest.mark.browser
+
+
+NOTHING = Recording({}, {}, "")
 
 
 def solution(costs: list[float], status: Status = Status.CONVERGED) -> Solution:
@@ -40,6 +48,41 @@ def test_convergence_draws_every_iterate() -> None:
     assert ax.get_yscale() == "log"
     assert ax.get_xlabel()
     assert ax.get_ylabel()
+
+
+def test_legend_says_what_the_table_says() -> None:
+    """Of the solvers that converged, only those at the lowest cost are called converged alone."""
+    compared = {
+        "trust-region": solution([11.0, 1.0]),
+        "gauss-newton": solution([11.0, 2.0]),
+        "ipopt": solution([11.0, 3.0], Status.MAX_ITERATIONS),
+    }
+    outcome = replace(outcome_made_up(), compared=compared)
+    _, (ax,) = sheet(4, 4)
+    plot_convergence(compared, ax=ax)
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    table = [f"{row[0]}: {row[1]}" for row in solvers_table(outcome).rows]
+    assert legend == table
+    assert legend[1:] == ["gauss-newton: converged, not lowest", "ipopt: max iterations"]
+
+
+def test_a_solver_has_one_colour_everywhere() -> None:
+    every = solver_styles(SOLVERS)
+    assert len({(style.line["color"], style.linestyle) for style in every.values()}) == len(SOLVERS)
+    assert len({every[name].color for name in MANY}) == len(MANY)
+    some = solver_styles(["ipopt", "mine", "scipy-lm", "trust-region", "other"])
+    assert {name: some[name] for name in some if name in every} == {
+        name: every[name] for name in ("ipopt", "scipy-lm", "trust-region")
+    }
+    assert len({style.color for style in some.values()}) == len(some)
+    assert solver_styles(["staged ipopt"])["staged ipopt"] == every["ipopt"]
+    assert len({style.color for style in solver_styles(["staged ipopt", "ipopt"]).values()}) == 2
+    _, (ax,) = sheet(4, 4)
+    plot_convergence({"ipopt": solution([2.0, 1.0]), "gauss-newton": solution([2.0, 1.5])}, ax=ax)
+    assert ax.get_lines()[0].get_color() == every["ipopt"].color
+    assert ax.get_lines()[2].get_color() == every["gauss-newton"].color
+    html = page("replay_page.html", title="", said=(), recording=NOTHING, without="")
+    assert f'"gauss-newton": "{every["gauss-newton"].color}"' in html
 
 
 def test_gap_is_relative_to_the_best_of_all() -> None:

@@ -11,7 +11,7 @@ from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
 from workbench.problem import storage
 from workbench.problem.graph import SUMS, size_of_terms
-from workbench.problem.optimality import Limits, at_once, by_parts, nearest
+from workbench.problem.optimality import LinearLimits, projected, projected_dense, projected_sparse
 from workbench.problem.rounding import Rounding, fall
 
 EPS = np.finfo(float).eps
@@ -183,7 +183,7 @@ def test_noiseless_differences_of_large_numbers_converge(seed: int) -> None:
 
 
 def limits(seed: int, n: int = 30, k: int = 12, equations: bool = True) -> tuple:
-    """A pull, and limits that a known point meets: equations, one side, two sides, and bounds."""
+    """A target, and limits that a known point meets: equations, one side, two sides, and bounds."""
     rng = np.random.default_rng(seed)
     A = random_array((k, n), density=0.08, rng=rng, data_sampler=rng.standard_normal).toarray()
     A[np.arange(k), rng.permutation(n)[:k]] += 1.0  # no row is empty
@@ -196,25 +196,25 @@ def limits(seed: int, n: int = 30, k: int = 12, equations: bool = True) -> tuple
     up[kind == 1] = np.inf
     left, right = np.full(n, -np.inf), np.full(n, np.inf)
     left[::4], right[1::5] = inside[::4] - 0.2, inside[1::5] + 0.3
-    return 3 * rng.standard_normal(n), Limits(left, right, A, down, up)
+    return 3 * rng.standard_normal(n), LinearLimits(left, right, A, down, up)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_projection_by_parts_is_that_at_once(seed: int) -> None:
-    pull, given = limits(seed)
-    expected = at_once(pull, given)
-    found = by_parts(pull, given._replace(A=csc_array(given.A)))
+    target, given = limits(seed)
+    expected = projected_dense(target, given)
+    found = projected_sparse(target, given._replace(A=csc_array(given.A)))
     # both solve least-squares problems of condition below a hundred or so in double precision
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", few(range(3), 1))
 def test_projection_solves_a_quadratic_program(seed: int) -> None:
-    pull, given = limits(seed, n=12, k=5)
+    target, given = limits(seed, n=12, k=5)
     ended = minimize(
-        lambda d: 0.5 * np.sum((d - pull) ** 2),
+        lambda d: 0.5 * np.sum((d - target) ** 2),
         np.zeros(12),
-        jac=lambda d: d - pull,
+        jac=lambda d: d - target,
         hess=lambda d: np.eye(12),
         method="trust-constr",
         options={"gtol": 1e-12, "xtol": 1e-14, "maxiter": 5000},
@@ -223,23 +223,25 @@ def test_projection_solves_a_quadratic_program(seed: int) -> None:
             LinearConstraint(np.eye(12), given.left, given.right),
         ],
     )
-    np.testing.assert_allclose(at_once(pull, given), ended.x, atol=1e-4)
+    np.testing.assert_allclose(projected_dense(target, given), ended.x, atol=1e-4)
     np.testing.assert_allclose(
-        by_parts(pull, given._replace(A=csc_array(given.A))), ended.x, atol=1e-4
+        projected_sparse(target, given._replace(A=csc_array(given.A))), ended.x, atol=1e-4
     )
 
 
 def test_projection_keeps_free_unknowns() -> None:
     """100,000 unknowns, of which three are read: an array n x n would take 80 GB."""
     n = 100_000
-    pull = np.random.default_rng(0).standard_normal(n)
+    target = np.random.default_rng(0).standard_normal(n)
     A = csc_array(([0.6, 0.8, 1.0], ([0, 0, 1], [10, 20, 30])), shape=(2, n))
     left = np.full(n, -np.inf)
-    left[40] = pull[40] + 1.0
-    found = nearest(pull, Limits(left, np.full(n, np.inf), A, np.zeros(2), np.array([0.0, np.inf])))
-    expected = pull.copy()
-    expected[[10, 20]] -= (0.6 * pull[10] + 0.8 * pull[20]) * np.array([0.6, 0.8])
-    expected[30], expected[40] = max(pull[30], 0.0), pull[40] + 1.0
+    left[40] = target[40] + 1.0
+    found = projected(
+        target, LinearLimits(left, np.full(n, np.inf), A, np.zeros(2), np.array([0.0, np.inf]))
+    )
+    expected = target.copy()
+    expected[[10, 20]] -= (0.6 * target[10] + 0.8 * target[20]) * np.array([0.6, 0.8])
+    expected[30], expected[40] = max(target[30], 0.0), target[40] + 1.0
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-15 * 10)
 
 
@@ -258,19 +260,19 @@ def test_projection_on_contradictory_limits_is_infinite(
         monkeypatch.setattr(storage, "DENSE_FROM", 0)
     bound = np.full(2, 4.0)
     A = csc_array(np.array(rows)) if large else np.array(rows)
-    found = nearest(np.zeros(2), Limits(-bound, bound, A, np.array(down), np.array(up)))
+    found = projected(np.zeros(2), LinearLimits(-bound, bound, A, np.array(down), np.array(up)))
     assert np.isinf(found).all()
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_projection_is_invariant_to_row_lengths(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    pull, given = limits(seed)
+    target, given = limits(seed)
     lengths = np.random.default_rng(seed).uniform(1e-3, 1e3, len(given.down))
     long = given._replace(
         A=given.A * lengths[:, None], down=given.down * lengths, up=given.up * lengths
     )
-    expected = at_once(pull, given)
-    np.testing.assert_allclose(nearest(pull, long), expected, rtol=0, atol=1e-11)
+    expected = projected_dense(target, given)
+    np.testing.assert_allclose(projected(target, long), expected, rtol=0, atol=1e-11)
     monkeypatch.setattr(storage, "DENSE_FROM", 0)
     long = long._replace(A=csc_array(long.A))
-    np.testing.assert_allclose(nearest(pull, long), expected, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(projected(target, long), expected, rtol=0, atol=1e-11)

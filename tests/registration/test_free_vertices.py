@@ -26,7 +26,7 @@ from workbench.registration.free_vertices import (
     Settled,
     posterior_sd,
 )
-from workbench.solvers.iterate import Evaluations, Iterate
+from workbench.solvers.solution import Evaluations, Iterate
 
 WEAK = QUICK_VERTEX_STAGES[-1]
 

@@ -62,7 +62,7 @@ def test_person_is_registered(body: SkinnedBody, truth: Array, whole: Registrati
     assert whole.median < 0.003
     assert whole.size.name == "height"
     assert whole.size.metres == pytest.approx(np.ptp(body.template[:, 1]), rel=0.02)
-    assert not whole.findings
+    assert not whole.doubts
 
 
 def test_every_stage_lowers_the_median_distance(whole: Registration) -> None:

@@ -4,6 +4,7 @@ import base64
 import gzip
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -16,6 +17,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.experiments import find, run
 from workbench.experiments.running import Outcome
+from workbench.plots.palette import solver_styles
 from workbench.replay import Recording, recorded_diagnosis, recorded_posterior, recorded_run
 from workbench.replay.packing import KINDS, packed
 from workbench.replay.tracks import kept
@@ -38,7 +40,8 @@ ASKED = """
   press("directions");
   replay.take(1);
   answers.direction = replay.sentence.textContent;
-  press("draws");
+  answers.colour = run.colour;
+  press("Laplace's draws");
   replay.take(0);
   answers.draw = replay.sentence.textContent;
   answers.moved = [...replay.surface(replay.moved()).points];
@@ -117,6 +120,7 @@ def test_unseen_directions_change_no_data() -> None:
 @pytest.mark.browser
 def test_recorded_draws_have_the_covariance_of_the_solution() -> None:
     d = outcome().diagnosis
+    assert recording().data["draws"]["name"] == "Laplace's draws"  # and none of a sampler's
     draws = numbers(recording().data["draws"]["x"]).reshape(40, -1)
     x = d.free.pack(d.values)
     whitened = (draws - x) @ np.linalg.inv(np.linalg.cholesky(d.here.covariance)).T
@@ -150,10 +154,15 @@ def test_recorded_diagnosis_has_the_directions() -> None:
 def test_recorded_posterior_has_draws() -> None:
     setup = find("landmarks", {"body": "small"}).setup()
     posterior = wb.laplace(setup.problem, setup.start, ("trans",), draws=200)
-    found = recorded_posterior(posterior, "trans", setup.body, setup.views)
-    assert found is not None
-    assert found.data["draws"]["count"] == 40
-    assert found.data["draws"]["by"] == "the posterior of trans"
+    for method, name, by in (
+        ("laplace", "Laplace's draws", "Laplace's approximation of trans"),
+        ("emcee", "draws from the posterior", "the posterior of trans"),
+    ):
+        one = replace(posterior, method=method)
+        found = recorded_posterior(one, "trans", setup.body, setup.views)
+        assert found is not None
+        draws = found.data["draws"]
+        assert (draws["count"], draws["name"], draws["by"]) == (40, name, by)
 
 
 @pytest.fixture(scope="module")
@@ -182,6 +191,7 @@ def test_replay_says_what_it_shows(answers: Any) -> None:
     assert f"{measure.value:.1f} px off on average" in answers["camera"]
     first = recording().data["directions"][0]
     assert answers["direction"].startswith(f"Along “{first['name']}”, which is not seen")
+    assert answers["colour"] == solver_styles(["trust-region"])["trust-region"].color
     assert answers["draw"].startswith("Draw 1 of 40 from the Gaussian about the solution")
     draw = numbers(recording().data["draws"]["x"]).reshape(40, -1)[0]
     pose, betas, trans = np.split(draw, [72, 82])

@@ -15,7 +15,7 @@ from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
 from workbench.replay import recorded_posterior
 from workbench.reports import write_posterior
-from workbench.reports.posterior_summary import BlockPosterior
+from workbench.reports.posterior_summary import BlockPosterior, contradictions
 from workbench.sampling import fixed, laplace, sample
 
 C = conditioned(3, 30.0, seed=3)
@@ -89,6 +89,14 @@ def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     assert data["truth"] == pytest.approx(truth["x"])
     without, _ = written(tmp_path / "q", None, None, steps=2000)
     assert "synthetic" not in words((without / "index.html").read_text())
+
+
+def test_truth_against_a_prior_is_said() -> None:
+    """Angles of 0.3 rad are far outside of the prior of some joints; draws from it are not."""
+    assert contradictions(find("landmarks").setup()) == []
+    [text] = contradictions(find("landmarks", {"pose_sigma": 0.3}).setup())
+    assert "contradicts the pose prior: the sum of its 69 squares" in text
+    assert contradictions(replace(find("landmarks").setup(), made_of=None)) == []
 
 
 @pytest.mark.thorough

@@ -10,7 +10,6 @@ import pytest
 from tests.registration.clouds import cloud, person
 from workbench import load_body
 from workbench.bodies import SkinnedBody
-from workbench.diagnostics.wording import Finding
 from workbench.geometry.meshes import read_mesh
 from workbench.registration import (
     FailedScan,
@@ -69,11 +68,11 @@ def test_registration_folder_holds_page_and_arrays(
 def test_registration_page_says_whether_it_is_doubted(
     found: RegisteredScan, tmp_path: Path
 ) -> None:
-    sure = replace(found, registration=replace(found.registration, findings=()))
+    sure = replace(found, registration=replace(found.registration, doubts=()))
     text = write_registration(sure, tmp_path / "sure", body="small").read_text()
     assert "Nothing speaks against this registration" in text
-    findings = (Finding("tie", "another pose costs 1 % more"),)
-    doubted = replace(found, registration=replace(found.registration, findings=findings))
+    doubts = ("another pose costs 1 % more",)
+    doubted = replace(found, registration=replace(found.registration, doubts=doubts))
     text = write_registration(doubted, tmp_path / "doubted", body="small").read_text()
     assert "Nothing speaks against" not in text
     assert "Another pose costs 1 % more." in text

@@ -69,7 +69,7 @@ def test_laplace_of_one_of_two_wells_is_not_usable() -> None:
     assert "another mode with 50% of the mass" in posterior.verdict
     alone = laplace(gaussian(np.eye(2)), {"x": np.zeros(2)})
     assert alone.usable
-    assert "up to 1,000 sd away, found none" in alone.verdict
+    assert "up to 1,000 sd away, found none; a much narrower mode can be missed" in alone.verdict
 
 
 @pytest.mark.thorough
@@ -102,6 +102,40 @@ def test_plateaus_are_no_modes() -> None:
     problem = wb.Problem([fit], "z", blocks=[z])
     found = laplace(problem, {"z": 0.0})
     assert len(found.modes) == 1
+
+
+def test_draws_that_run_away_are_improper() -> None:
+    """The kernel is flat far from the data, so that the integral of the density is infinite."""
+    z = wb.Block("z")
+    fit = wb.Residual("fit", cs.DM(np.linspace(-1, 1, 3)) - z.symbol, 1.0, kernel=geman_mcclure)
+    posterior = sample(wb.Problem([fit], "z", blocks=[z]), {"z": 0.0}, walkers=16)
+    assert posterior.judgement[0] is Usability.IMPROPER
+    assert "prior or bounds" in posterior.verdict
+    assert "1,000,000,000 sd" in posterior.verdict
+    held = wb.residuals.gaussian(z.symbol, covariance=1e4**2)
+    proper = sample(wb.Problem([fit, held], "z", blocks=[z]), {"z": 0.0}, walkers=16, steps=500)
+    assert proper.judgement[0] is not Usability.IMPROPER
+
+
+def test_components_of_a_mixture_are_modes() -> None:
+    """The second component is ten times narrower, and no wide search finds it."""
+    x, shares, means = wb.Block("x", (2,)), [0.5, 0.5], [[0.0, 0.0], [6.4, 4.8]]
+    mixture = wb.residuals.log_sum_mixture(
+        x.symbol, shares=shares, means=means, covariances=[np.eye(2), 0.01 * np.eye(2)]
+    )
+    problem = wb.Problem([mixture], "x", blocks=[x])
+    drawn = sample(problem, {"x": np.zeros(2)}, steps=200)
+    assert [mode.share for mode in drawn.modes] == pytest.approx([0.5, 0.5], abs=0.01)
+    assert np.mean(drawn.flat[:, 0] > 4.5) == pytest.approx(0.5, abs=0.05)
+    told = laplace(problem, {"x": np.zeros(2)})
+    assert told.judgement[0] is Usability.MODE_MISSED
+    assert "each of 2 components" in str(told)
+    assert "much narrower" not in str(told)
+    pulled = wb.Problem([mixture, wb.Residual("data", x.symbol[0] - 3.0, 1.0)], "x", blocks=[x])
+    target = target_of(pulled, {"x": np.zeros(2)})
+    found = modes(target, mode_from(target, np.zeros(2)), np.random.default_rng(0))
+    first = sorted(mode.z[0] for mode in found.modes)
+    assert first == pytest.approx([1.5, (6.4 / 0.01 + 3.0) / (1 / 0.01 + 1)], abs=0.01)
 
 
 def test_full_turns_are_no_other_modes() -> None:

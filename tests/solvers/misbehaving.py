@@ -11,7 +11,7 @@ import casadi as cs
 import numpy as np
 
 from workbench import SOLVERS, Block, Nlopt, Problem, Residual
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.solvers.nlopt import ALGORITHMS
 
 KINDS = ("nan", "infinite", "now and then", "raises", "slow")
 SECONDS = 0.15  # of every call

@@ -1,11 +1,14 @@
-"""Constraints, by every solver that takes them; the others say no."""
+"""Constraints, by every solver that takes them, dense and sparse; the others say no."""
 
+import tracemalloc
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import casadi as cs
 import numpy as np
 import pytest
+from scipy.sparse import csc_array
 
 from tests.bodies_made_up import random_body
 from tests.solvers.problems import T, decay
@@ -14,16 +17,21 @@ from workbench import (
     SOLVERS,
     Block,
     Constraint,
+    Newton,
     Nlopt,
     Problem,
     Residual,
     Solution,
+    Sqp,
     Status,
     residuals,
 )
-from workbench.errors import NotSupported
-from workbench.solvers import Ipopt, exact_hessian
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.errors import NotSupported, TooLarge
+from workbench.problem import storage
+from workbench.problem.naming import Bounds
+from workbench.solvers import Ipopt, Solver, exact_hessian
+from workbench.solvers.newton import raised
+from workbench.solvers.nlopt import ALGORITHMS
 
 X = Block("x", (2,)).symbol
 SOLUTION = np.array([2.0, 1.0]) / np.sqrt(5)
@@ -48,7 +56,7 @@ TAKERS = ("ipopt", "sqp", "nlopt-slsqp")
 EQUATIONS = [name for name, s in LOCAL.items() if s.abilities.equations]
 
 
-def test_the_table_knows_who_takes_what() -> None:
+def test_abilities_tell_which_solvers_take_constraints() -> None:
     assert EQUATIONS == [
         "ipopt",
         "ipopt-exact",
@@ -91,14 +99,14 @@ def test_equations_are_honoured(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", few(INEQUALITIES, TAKERS))
-def test_a_constraint_that_is_not_in_the_way_changes_nothing(name: str) -> None:
+def test_inactive_constraints_change_nothing(name: str) -> None:
     solution = LOCAL[name].solve(near(Constraint("disc", cs.sumsqr(X), upper=9.0)), START)
     np.testing.assert_allclose(solution.values["x"], [2.0, 1.0], atol=1e-5)
     assert solution.violation == 0
 
 
 @pytest.mark.parametrize("name", few(INEQUALITIES, TAKERS))
-def test_what_cannot_be_met_is_said(name: str) -> None:
+def test_constraints_that_cannot_be_met_are_told(name: str) -> None:
     """A squared length below -1: the best point is the one that misses it least."""
     problem = near(Constraint("never", cs.sumsqr(X), upper=-1.0))
     limited: Any = replace(LOCAL[name], max_evaluations=500, max_seconds=30.0)  # type: ignore[type-var]
@@ -110,7 +118,7 @@ def test_what_cannot_be_met_is_said(name: str) -> None:
         assert "never" in solution.message or "constraints" in solution.message
 
 
-def test_the_others_refuse() -> None:
+def test_solvers_without_constraints_refuse_them() -> None:
     free = Problem(near(INSIDE).residuals, ("x",), constraints=(INSIDE,))
     for name in LOCAL.keys() - INEQUALITIES:
         with pytest.raises(NotSupported, match=r"takes no inequalities, .* has disc; use"):
@@ -118,7 +126,7 @@ def test_the_others_refuse() -> None:
 
 
 @pytest.mark.parametrize("name", ["nlopt-mma", "nlopt-ccsaq"])
-def test_who_takes_inequalities_need_not_take_equations(name: str) -> None:
+def test_mma_and_ccsa_refuse_equations(name: str) -> None:
     with pytest.raises(NotSupported, match="takes no equations, but the problem has circle; use"):
         LOCAL[name].solve(near(ON), START)
 
@@ -167,7 +175,7 @@ def test_a_body_stays_above_the_floor() -> None:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [n for n, a in ALGORITHMS.items() if a.inequalities])
-def test_nlopts_own_come_near(name: str) -> None:
+def test_nlopt_algorithms_come_near_a_constrained_minimum(name: str) -> None:
     """The global ones too, as far as they come."""
     solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(near(INSIDE), START)
     assert solution.violation <= 1
@@ -177,7 +185,7 @@ def test_nlopts_own_come_near(name: str) -> None:
 # What IPOPT says.
 
 
-def test_more_equations_than_unknowns_are_said() -> None:
+def test_more_equations_than_unknowns_are_told() -> None:
     three = Constraint("three", cs.vertcat(X[0] + X[1], X[0] - X[1], X[0] * X[1]), 1.0, 1.0)
     solution = LOCAL["ipopt"].solve(near(three), START)
     assert solution.status is Status.INFEASIBLE
@@ -185,7 +193,7 @@ def test_more_equations_than_unknowns_are_said() -> None:
 
 
 @pytest.mark.parametrize("name", ["ipopt", "ipopt-lbfgs", "sqp", "nlopt-slsqp"])
-def test_constraints_that_contradict_each_other_are_said(name: str) -> None:
+def test_constraints_that_contradict_each_other_are_told(name: str) -> None:
     problem = near(Constraint("a", X[0], upper=0.0), Constraint("b", X[0], lower=1.0, unit="m"))
     solution = LOCAL[name].solve(problem, START)
     assert solution.status is Status.INFEASIBLE
@@ -209,3 +217,167 @@ def test_ipopt_runs_are_as_with_a_solver_of_their_own() -> None:
             alone = Ipopt(hessian).solve(decay()[0], one)
             assert [i.cost for i in found.trace] == [i.cost for i in alone.trace]
             assert (found.status, found.evaluations) == (alone.status, alone.evaluations)
+
+
+# Sparse constraints and Hessians: what solvers make of them, they make of dense ones too.
+
+FRAMES, SIZE = 8, 5
+SPARSE = {
+    "ipopt": Ipopt(),
+    "exact": Ipopt(hessian=exact_hessian),
+    "lbfgs": Ipopt(hessian=None),
+    "sqp": Sqp(),
+    "sqp exact": Sqp(hessian=exact_hessian),
+    "slsqp": Nlopt("LD_SLSQP"),
+}
+
+
+@cache
+def unknowns(count: int) -> Block:
+    """All frames in one column."""
+    return Block("q", (count * SIZE,))
+
+
+def frames(count: int = FRAMES, bounds: Bounds | None = None) -> Problem:
+    """Frames that resemble their neighbours: in each of them a ball, a product and a plane."""
+    block = unknowns(count)
+    q = cs.reshape(block.symbol, SIZE, count)
+    seen = np.random.default_rng(0).uniform(-1.0, 1.0, (SIZE, count))
+    terms = (
+        Residual("data", cs.vec(cs.sin(q) - cs.DM(np.sin(seen))), 0.1),
+        Residual("smooth", cs.vec(q[:, 1:] - q[:, :-1]), 0.3),
+    )
+    limits = (
+        Constraint("ball", cs.sum1(q[:3, :] ** 2).T, upper=0.3),
+        Constraint("product", (q[0, :] * q[3, :]).T, lower=-0.1),
+        Constraint("plane", (q[2, :] + q[4, :]).T, 0.2, 0.2),
+    )
+    return Problem(terms, ("q",), bounds, blocks=(block,), constraints=limits)
+
+
+def start(count: int = FRAMES) -> dict[str, np.ndarray]:
+    return {"q": 0.1 * np.random.default_rng(1).standard_normal(count * SIZE)}
+
+
+def always_sparse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on what a new problem has is sparse, however small it is."""
+    monkeypatch.setattr(storage, "DENSE_FROM", 0)
+    monkeypatch.setattr(storage, "SPARSE_UP_TO", 0.99)
+
+
+@pytest.mark.parametrize("name", few(SPARSE, ("ipopt", "sqp")))
+@pytest.mark.parametrize("bounds", [None, {"q": (-0.4, 0.5)}], ids=["free", "bounded"])
+def test_sparse_problems_end_where_dense_ones_do(
+    monkeypatch: pytest.MonkeyPatch, name: str, bounds: Bounds | None
+) -> None:
+    solver: Solver = SPARSE[name]
+    expected = solver.solve(frames(bounds=bounds), start())
+    always_sparse(monkeypatch)
+    found = solver.solve(frames(bounds=bounds), start())
+    assert found.status is Status.CONVERGED is expected.status, (found.message, expected.message)
+    assert found.violation <= 1
+    # the gradient is zero to 1e-6 of the residual in both, and the cost is quadratic there
+    np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-5)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-6)
+
+
+def test_sparse_derivatives_are_those_of_dense_problems(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = frames()
+    x, fixed = problem.split(start())
+    y = np.random.default_rng(2).standard_normal(problem.stacked_constraints.size)
+    dense = problem.stacked_constraints.linearize(x, fixed)
+    H, bend = problem.hessian_at(x, fixed), problem.stacked_constraints.hessian(x, fixed, y)
+    always_sparse(monkeypatch)
+    problem = frames()
+    there = problem.stacked_constraints
+    sparse = there.linearize(x, fixed)
+    assert isinstance(dense.jacobian, np.ndarray)
+    assert there.sparse
+    assert problem.sparse
+    for found, expected, pattern in (
+        (sparse.jacobian, dense.jacobian, there.pattern),
+        (there.hessian(x, fixed, y), bend, there.hessian_pattern),
+        (problem.hessian_at(x, fixed), H, None),
+    ):
+        assert isinstance(found, csc_array)
+        assert found.nnz < expected.size / 2
+        np.testing.assert_allclose(found.toarray(), expected, rtol=1e-13, atol=1e-13)
+        if pattern is not None:
+            outside = pattern.toarray() == 0
+            assert outside.any()
+            assert not expected[outside].any()
+
+
+@pytest.mark.parametrize("bounds", [None, {"q": (-0.4, 0.5)}], ids=["free", "bounded"])
+def test_optimality_of_sparse_problems_is_that_of_dense_ones(
+    monkeypatch: pytest.MonkeyPatch, bounds: Bounds | None
+) -> None:
+    rng, problem = np.random.default_rng(4), frames(bounds=bounds)
+    points = [problem.split({"q": q}) for q in rng.uniform(-0.3, 0.4, (20, FRAMES * SIZE))]
+    solved = problem.split(Ipopt().solve(problem, start()).values)
+    expected = [problem.optimality(at[0], problem.linearize_at(*at)) for at in (*points, solved)]
+    always_sparse(monkeypatch)
+    problem = frames(bounds=bounds)
+    found = [problem.optimality(at[0], problem.linearize_at(*at)) for at in (*points, solved)]
+    # least-squares problems of condition below a hundred or so, in double precision
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
+    assert expected[-1] < 1e-6 < min(expected[:-1])
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["ipopt", "exact", "lbfgs", "sqp"])
+def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """3,000 unknowns are sparse by themselves; a dense Jacobian or Hessian is refused here."""
+
+    def never(rows: int, columns: int, *_: object) -> None:
+        if rows * columns > 10**6:
+            raise TooLarge(f"an array of {rows} x {columns}")
+
+    monkeypatch.setattr(storage, "check_fits", never)
+    monkeypatch.setattr("workbench.problem.chain.check_fits", never)
+    problem = frames(600)
+    assert problem.sparse
+    assert problem.stacked_constraints.hessian_pattern.nnz < 10**4
+    tracemalloc.start()
+    found = replace(SPARSE[name], max_iterations=3).solve(problem, start(600))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found.status is Status.MAX_ITERATIONS, found.message
+    assert most < 8 * 3000**2 / 2  # bytes that NumPy took, where one array of n x n takes twice it
+
+
+# Making a sparse Hessian positive definite.
+
+
+def convex_parts(seed: int, bend: float) -> tuple[np.ndarray, np.ndarray]:
+    """J'J and J'J + N, with an indefinite N that has entries of about this size."""
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((30, 12)) * (rng.random((30, 12)) < 0.3)
+    N = rng.standard_normal((12, 12)) * (rng.random((12, 12)) < 0.2)
+    return J.T @ J, J.T @ J + bend * (N + N.T)
+
+
+@pytest.mark.parametrize("seed", few(range(4), 1))
+@pytest.mark.parametrize("bend", [0.01, 100.0])
+def test_sparse_hessian_is_raised_until_it_is_definite(seed: int, bend: float) -> None:
+    normal, H = convex_parts(seed, bend)
+    assert bend < 10 or np.linalg.eigvalsh(H).min() < 0
+    matrix, share = raised(csc_array(normal), csc_array(H))
+    change = matrix.toarray() - H
+    assert np.linalg.eigvalsh(matrix.toarray()).min() > 0
+    np.testing.assert_array_equal(change[~np.eye(12, dtype=bool)], 0)
+    assert (change.diagonal() > 0).all()
+    assert (share > 0) == (np.linalg.eigvalsh(H).min() < 0)
+
+
+def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:
+    def free() -> Problem:
+        whole = frames()
+        return Problem(whole.residuals, ("q",), blocks=(unknowns(FRAMES),))
+
+    expected = Newton().solve(free(), start())
+    always_sparse(monkeypatch)
+    found = Newton().solve(free(), start())
+    assert found.status is Status.CONVERGED is expected.status
+    np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-6)
+    assert len(found.trace) == len(expected.trace)

@@ -16,9 +16,8 @@ import scipy.optimize
 from tests.solvers.problems import TEN, TRUTH, body_fit, decay, line, rosenbrock
 from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Residual, Status, Values, solve, solvers
-from workbench.errors import BadArgument, NotSupported, UnknownName
-from workbench.solvers import DEFAULT, Boxes, Iterate, Nlopt, Solution
-from workbench.solvers.abilities import check_abilities
+from workbench.errors import NotSupported, UnknownName
+from workbench.solvers import DEFAULT, Boxes, Iterate, Limits, Nlopt, Solution
 
 LOCAL = [name for name, solver in SOLVERS.items() if not solver.abilities.is_global]
 EACH_SOLVER = pytest.mark.parametrize("name", few(LOCAL, TEN))
@@ -52,17 +51,17 @@ def solved(build: Callable[[], Any], name: str) -> tuple[Problem, Values, Soluti
 # The catalogue.
 
 
-class Silent:
+class Silent(Limits):
     """Solves nothing, and does not say what it can do."""
 
 
-def test_a_solver_without_abilities_is_refused() -> None:
-    with pytest.raises(BadArgument, match=r"'silent' does not say .* class Silent a property `abi"):
-        check_abilities({"silent": Silent()})  # type: ignore[dict-item]  # as it should not be
+def test_a_solver_without_abilities_cannot_be_made() -> None:
+    with pytest.raises(TypeError, match=r"abstract .*abilities"):
+        Silent()  # type: ignore[abstract]  # as it should not be
 
 
 def test_every_algorithm_is_in_the_catalogue() -> None:
-    """Each class of the room that has `abilities`, but for those that run other solvers."""
+    """Each class of the package that has `abilities`, but for those that run other solvers."""
     there = {type(solver).__name__ for solver in SOLVERS.values()} | {"Staged", "Starts", "Listed"}
     for path in sorted(Path(solvers.__file__).parent.glob("*.py")):
         for node in ast.parse(path.read_text()).body:
@@ -223,7 +222,7 @@ def test_evaluations_are_limited(name: str) -> None:
 def test_seconds_are_limited(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = iter(range(10**6))  # a clock that goes one second forward whenever it is read
     clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))
-    monkeypatch.setattr("workbench.solvers.meter.time", clock)
+    monkeypatch.setattr("workbench.solvers.limits.time", clock)
     problem, start = long_way(name)
     solution = limited(name, max_seconds=10.0).solve(problem, start)
     assert solution.status is Status.MAX_SECONDS

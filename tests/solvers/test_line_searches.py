@@ -5,18 +5,9 @@ import numpy as np
 import pytest
 
 from tests.solvers.problems import TRUTH, decay, line, rosenbrock
-from workbench import (
-    SOLVERS,
-    Block,
-    GaussNewton,
-    Newton,
-    Problem,
-    Residual,
-    Status,
-    SteepestDescent,
-)
+from workbench import Block, GaussNewton, Newton, Problem, Residual, Status, SteepestDescent
 from workbench.solvers import Solution, backtracking, columns, full_step, identity
-from workbench.solvers.convexity import reflected, shifted
+from workbench.solvers.newton import reflected, shifted
 
 START, NEAR = np.array([1.0, 3.0, 0.0]), np.array([1.5, 1.0, 0.3])
 
@@ -25,7 +16,7 @@ def errors(solution: Solution, minimum: np.ndarray) -> np.ndarray:
     return np.array([np.linalg.norm(i.values["x"] - minimum) for i in solution.trace])
 
 
-def test_convergence_is_quadratic_where_the_residual_vanishes() -> None:
+def test_gauss_newton_converges_quadratically_when_the_residual_vanishes() -> None:
     problem, start = decay(noise=0.0)
     solution = GaussNewton(gradient_tolerance=0.0).solve(problem, start | {"x": START})
     e = errors(solution, TRUTH)
@@ -36,7 +27,7 @@ def test_convergence_is_quadratic_where_the_residual_vanishes() -> None:
     assert order > 1.7
 
 
-def test_convergence_is_linear_where_it_does_not() -> None:
+def test_gauss_newton_converges_linearly_when_it_does_not() -> None:
     """By the spectral radius of I - (J'J)^-1 H: what J'J leaves out of H has its price."""
     problem, start = decay(noise=0.3)
     full = GaussNewton(line_search=full_step, gradient_tolerance=0.0, max_iterations=25)
@@ -50,7 +41,7 @@ def test_convergence_is_linear_where_it_does_not() -> None:
     np.testing.assert_allclose(tail[1:] / tail[:-1], rate, rtol=0.15)
 
 
-def test_a_tolerance_of_zero_is_met_to_rounding() -> None:
+def test_gauss_newton_meets_a_tolerance_of_zero_to_rounding() -> None:
     """The last steps gain less cost than rounding hides; they are judged by the gradient."""
     solution = GaussNewton(gradient_tolerance=0.0).solve(*decay())
     assert solution.optimality == 0
@@ -59,13 +50,13 @@ def test_a_tolerance_of_zero_is_met_to_rounding() -> None:
     assert min(np.diff(costs)) < 0 <= max(np.diff(costs)) < 1e-14 * costs[-1]
 
 
-def test_a_useless_step_ends_the_run() -> None:
+def test_line_search_of_length_zero_ends_the_run() -> None:
     problem, start = decay()
     around = GaussNewton(line_search=lambda run, x, here, p: 0.0, gradient_tolerance=0.0)
     assert around.solve(problem, start).status is Status.STALLED
 
 
-def test_a_linear_problem_takes_one_step_from_any_start() -> None:
+def test_gauss_newton_solves_a_linear_problem_in_one_step() -> None:
     problem, start = line()
     for search in (backtracking, full_step):
         for far in (1.0, 1e-6, 1e6):
@@ -74,7 +65,7 @@ def test_a_linear_problem_takes_one_step_from_any_start() -> None:
             assert solution.iterations == 1
 
 
-def test_every_step_keeps_armijos_promise() -> None:
+def test_backtracking_keeps_armijos_condition() -> None:
     problem, start = rosenbrock()
     solution = GaussNewton().solve(problem, start)
     assert solution.converged
@@ -100,13 +91,12 @@ def test_full_steps_may_climb() -> None:
 
 
 @pytest.mark.parametrize("convexify", [shifted, reflected])
-def test_convergence_is_quadratic_even_with_a_residual(convexify) -> None:
-    """Where Gauss-Newton is linear (test_gauss_newton), the exact Hessian makes it quadratic."""
+def test_newton_converges_quadratically_when_a_residual_is_left(convexify) -> None:
+    """Where Gauss-Newton is linear (see above), the exact Hessian makes it quadratic."""
     problem, start = decay(noise=0.3)
     solver = Newton(convexify=convexify, gradient_tolerance=0.0)
-    solution = solver.solve(problem, start | {"x": np.array([1.5, 1.0, 0.3])})
-    minimum = solution.values["x"]
-    e = np.array([np.linalg.norm(i.values["x"] - minimum) for i in solution.trace])
+    solution = solver.solve(problem, start | {"x": NEAR})
+    e = errors(solution, solution.values["x"])
     tail = e[(e < 0.05) & (e > 1e-12)]
     assert len(tail) >= 3
     assert (tail[1:] < 20 * tail[:-1] ** 2).all()
@@ -114,12 +104,13 @@ def test_convergence_is_quadratic_even_with_a_residual(convexify) -> None:
 
 
 @pytest.mark.parametrize("convexify", [shifted, reflected])
-def test_a_matrix_is_made_positive_definite_and_no_more(convexify) -> None:
+def test_hessians_are_made_definite_and_not_changed_when_they_are(convexify) -> None:
     rng = np.random.default_rng(0)
     Q = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     good = Q @ np.diag([1.0, 2, 3, 4]) @ Q.T
-    assert convexify(good).change == 0
-    np.testing.assert_array_equal(convexify(good).matrix, good)
+    matrix, change = convexify(good)
+    assert change == 0
+    np.testing.assert_array_equal(matrix, good)
     bad = Q @ np.diag([-2.0, 0.0, 3, 4]) @ Q.T
     matrix, change = convexify(bad)
     values = np.linalg.eigvalsh(matrix)
@@ -132,16 +123,11 @@ def test_a_matrix_is_made_positive_definite_and_no_more(convexify) -> None:
         assert change == pytest.approx(2, rel=1e-6)
 
 
-def saddle() -> tuple[Problem, dict]:
+def test_newton_leaves_a_saddle() -> None:
     """1/2 (x^2 - 1)^2 + y^2/2: a saddle at 0, minima at x = -1 and 1."""
     x = Block("x", (2,)).symbol
-    return Problem((Residual("saddle", cs.vertcat(x[0] ** 2 - 1, x[1]), 1.0),), ("x",)), {
-        "x": np.array([0.05, 0.5])
-    }
-
-
-def test_newton_leaves_a_saddle() -> None:
-    problem, start = saddle()
+    problem = Problem((Residual("saddle", cs.vertcat(x[0] ** 2 - 1, x[1]), 1.0),), ("x",))
+    start = {"x": np.array([0.05, 0.5])}
     for convexify in (shifted, reflected):
         solution = Newton(convexify=convexify).solve(problem, start)
         assert solution.converged
@@ -171,9 +157,8 @@ def test_steepest_descent_falls_at_kantorovichs_rate(condition) -> None:
     np.testing.assert_allclose(costs[1:] / costs[:-1], rate, rtol=1e-6)
 
 
-def test_a_good_metric_makes_it_short() -> None:
+def test_steepest_descent_is_short_when_columns_scale() -> None:
     problem, start = valley(1e6)
     assert SteepestDescent(scaling=columns).solve(problem, start).iterations == 1
     slow = SteepestDescent(scaling=identity, max_iterations=50).solve(problem, start)
     assert not slow.converged
-    assert SOLVERS["steepest-descent"].abilities.teaching

@@ -1,16 +1,16 @@
 """The table of NLopt's algorithms, held against what they do."""
 
+import casadi as cs
 import nlopt
 import numpy as np
 import pytest
 
 from tests.solvers.problems import rosenbrock
 from tests.tiers import few
-from workbench import Nlopt, Problem, Status
+from workbench import Block, Nlopt, Problem, Residual, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
-from workbench.solvers.nlopt_objective import Objective
+from workbench.solvers.nlopt import ALGORITHMS, Objective
 from workbench.solvers.run import Run
 
 EACH = pytest.mark.parametrize("name", few(ALGORITHMS, ("LD_LBFGS", "LN_BOBYQA", "LD_MMA")))
@@ -23,24 +23,12 @@ def boxed() -> Problem:
     return Problem(rosenbrock()[0].residuals, ("x",), BOX)
 
 
-def test_the_table_holds_what_nlopt_has() -> None:
+def test_table_holds_the_algorithms_of_nlopt() -> None:
     """But for what is no algorithm of its own (AUGLAG) and what is not implemented."""
     there = {name for name in dir(nlopt) if name.startswith(("GN_", "GD_", "LN_", "LD_", "G_"))}
     left_out = {name for name in there if "AUGLAG" in name or name == "LD_LBFGS_NOCEDAL"}
     aliases = {"GN_MLSL", "GN_MLSL_LDS", "GD_MLSL", "GD_MLSL_LDS"}  # G_MLSL with a fixed `local`
     assert set(ALGORITHMS) == there - left_out - aliases
-
-
-@EACH
-def test_what_it_is_called_agrees_with_what_it_needs(name: str) -> None:
-    abilities = ALGORITHMS[name]
-    kind, _, _ = name.partition("_")
-    assert abilities.is_global is kind.startswith("G")
-    if len(kind) == 2:
-        wanted = Derivative.GRADIENT if kind[1] == "D" else Derivative.COST
-        assert abilities.derivative is wanted
-    assert (abilities.bounds is Boxes.NEEDED) is abilities.is_global
-    assert abilities.source
 
 
 @EACH
@@ -53,49 +41,35 @@ def test_derivatives_are_asked_for_by_those_who_need_them(name: str) -> None:
 
 
 @EACH
-def test_bounds_are_taken_or_refused(name: str) -> None:
+def test_bounds_are_taken_refused_or_needed(name: str) -> None:
     abilities = ALGORITHMS[name]
+    half = Problem(boxed().residuals, ("x",), {"x": ([-2.0, -1.0], [0.7, np.inf])})
     if abilities.bounds is Boxes.UNKNOWN:
         with pytest.raises(NotSupported, match="takes no bounds"):
             Nlopt(name).solve(boxed(), START)
         return
+    if abilities.bounds is Boxes.NEEDED:
+        with pytest.raises(NotSupported, match=r"between bounds, but x\[1\] does not have two"):
+            Nlopt(name).solve(half, START)
     solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(boxed(), START)
     for iterate in (*solution.trace, solution):
         assert (iterate.values["x"] >= BOX["x"][0]).all()
         assert (iterate.values["x"] <= BOX["x"][1]).all()
     assert solution.cost <= solution.trace[0].cost
-    if name == "LN_PRAXIS":  # takes bounds, and does badly with them, as its manual says
-        return
-    assert solution.cost < COST + (0.1 if abilities.is_global else 1e-4)
-
-
-@EACH
-def test_bounds_are_asked_for_by_those_who_need_them(name: str) -> None:
-    if ALGORITHMS[name].bounds is not Boxes.NEEDED:
-        return
-    half = Problem(boxed().residuals, ("x",), {"x": ([-2.0, -1.0], [0.7, np.inf])})
-    with pytest.raises(
-        NotSupported, match=r"searches between bounds, but x\[1\] does not have two"
-    ):
-        Nlopt(name).solve(half, START)
+    if name != "LN_PRAXIS":  # takes bounds, and does badly with them, as its manual says
+        assert solution.cost < COST + (0.1 if abilities.is_global else 1e-4)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [n for n, a in ALGORITHMS.items() if a.stochastic])
-def test_dice_are_seeded(name: str) -> None:
-    found = [
-        Nlopt(name, seed=seed, max_evaluations=200).solve(boxed(), START).values["x"]
-        for seed in (1, 1)
-    ]
-    np.testing.assert_array_equal(*found)
+def test_stochastic_algorithms_repeat_with_a_seed(name: str) -> None:
+    solver = Nlopt(name, seed=1, max_evaluations=200)
+    first, second = (solver.solve(boxed(), START).values["x"] for _ in range(2))
+    np.testing.assert_array_equal(first, second)
 
 
-def test_many_valleys_are_searched_by_mlsl() -> None:
+def test_mlsl_searches_several_minima() -> None:
     """1/2 (x^2 - 1)^2 and a slope: the start is in the wrong valley."""
-    import casadi as cs
-
-    from workbench import Block, Residual
-
     x = Block("x").symbol
     tilted = Residual("tilted", cs.vertcat(x**2 - 1, 0.3 * (x - 1)), 1.0)
     problem = Problem((tilted,), ("x",), {"x": (-2.0, 2.0)})

@@ -11,9 +11,8 @@ from tests.tiers import few
 from workbench import SOLVERS, Block, GaussNewton, LevenbergMarquardt, Problem, Residual, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
-from workbench.solvers.best import Best
 from workbench.solvers.limits import Stop
-from workbench.solvers.run import Run
+from workbench.solvers.run import Best, Run
 
 
 def test_claimed_convergence_is_judged() -> None:

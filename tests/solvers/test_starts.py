@@ -28,11 +28,14 @@ from workbench import (
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes import FORKING, ProcessDied, forked
 from workbench.solvers import Iterate, Solution, within_bounds
-from workbench.solvers.minima import all_seen, further_minima
+from workbench.solvers.starts import all_seen, further_minima
 
 OMEGA = 4.0
 TWENTY = Starts(20, draw=Spread({"omega": 4.0}))
 COPIES = pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+ALONE_AND_COPIED = pytest.mark.parametrize(
+    "workers", [1, pytest.param(2, marks=(COPIES, pytest.mark.thorough))]
+)
 
 
 def waves(bounded: bool = False) -> tuple[wb.Problem, wb.Values]:
@@ -43,7 +46,11 @@ def waves(bounded: bool = False) -> tuple[wb.Problem, wb.Values]:
     return wb.Problem([r], ["omega"], bounds, [omega]), {"omega": np.array(9.0)}
 
 
-def test_the_lowest_end_is_the_solution() -> None:
+def runs_of(solution: Solution) -> int:
+    return sum(len(one.starts) for one in solution.hypotheses)
+
+
+def test_starts_end_at_the_lowest_of_their_minima(tmp_path: Path) -> None:
     problem, start = waves()
     solution = TWENTY.solve(problem, start)
     assert solution.converged
@@ -58,6 +65,17 @@ def test_the_lowest_end_is_the_solution() -> None:
         here = problem.linearize({**start, **one.values})
         assert here.cost == pytest.approx(one.cost, rel=1e-9, abs=1e-20)
         assert problem.optimality(problem.free.pack(one.values), here) <= 1e-6
+    sure = all_seen(20, len(costs))
+    assert 0 < sure < 1
+    assert solution.message.endswith(
+        f"others to {len(costs) - 1} other ends; "
+        f"the probability that there are no further minima is {sure:.2g}"
+    )
+    solution.save(tmp_path / "run.npz")
+    again = Solution.load(tmp_path / "run.npz")
+    for one, other in zip(again.hypotheses, solution.hypotheses, strict=True):
+        assert (one.cost, one.status, one.starts) == (other.cost, other.status, other.starts)
+        np.testing.assert_array_equal(one.values["omega"], other.values["omega"])
 
 
 def test_minima_are_told_apart_by_residuals_and_not_by_unknowns() -> None:
@@ -71,13 +89,13 @@ def test_minima_are_told_apart_by_residuals_and_not_by_unknowns() -> None:
     assert "3 of 3 starts led here, and none elsewhere" in solution.message
 
 
-def test_a_start_leaves_out_what_stays_as_given() -> None:
+def test_starts_leave_blocks_that_they_do_not_name_as_they_are() -> None:
     problem, start = body_fit()
-    given = [{"trans": start["trans"] + move} for move in (0.0, 0.3)]
+    starts = [{"trans": start["trans"] + move} for move in (0.0, 0.3)]
     seen: list[Iterate] = []
-    solution = Starts(given).solve(problem, start, callback=seen.append)
+    solution = Starts(starts).solve(problem, start, callback=seen.append)
     firsts = [one for one in seen if one.step_norm == 0 or np.isnan(one.step_norm)]
-    for first, one in zip(firsts, given, strict=False):
+    for first, one in zip(firsts, starts, strict=False):
         np.testing.assert_allclose(first.values["trans"], one["trans"])
         np.testing.assert_allclose(first.values["pose"], start["pose"])
     assert solution.converged
@@ -93,7 +111,7 @@ def test_start_k_depends_on_the_seed_and_k_alone() -> None:
 
 
 @COPIES
-def test_copies_of_the_process_give_the_same() -> None:
+def test_copies_of_the_process_give_the_same_minima() -> None:
     problem, start = waves()
     seen: list[Iterate] = []
     alone = TWENTY.solve(problem, start)
@@ -117,24 +135,28 @@ def test_errors_and_deaths_of_copies_are_told() -> None:
     with pytest.raises(ProcessDied, match="the process that did job 0 has died"):
         list(forked(lambda k: os._exit(1) if k == 0 else k, 2, 2))
     assert dict(forked(lambda k: k * k, 7, 3)) == {k: k * k for k in range(7)}
-    found = forked(lambda k: k, 100, 2)
-    next(found)
-    found.close()  # leaves no process behind
+    answers = forked(lambda k: k, 100, 2)
+    next(answers)
+    answers.close()  # leaves no process behind
 
 
-def test_a_callback_ends_all_runs() -> None:
-    problem, start = waves()
-    solution = TWENTY.solve(problem, start, callback=lambda _: True)
-    assert solution.status is Status.STOPPED
-    assert solution.hypotheses[0].starts == (0,)
-    assert len(solution.hypotheses) == 1
-    assert solution.message == (
-        "stopped by the callback; 1 of 1 starts led here, and none elsewhere"
-    )
+@ALONE_AND_COPIED
+def test_starts_stop_when_the_callback_returns_true_and_only_then(workers: int) -> None:
+    """As with a single run: a callback may return anything, such as the length of a list."""
+    few, seen = replace(TWENTY, starts=3, workers=workers), []
+    went_on = few.solve(*waves(), callback=lambda one: seen.append(one) or len(seen))
+    assert went_on.converged
+    assert runs_of(went_on) == 3
+    for true in (True, np.True_):
+        stopped = few.solve(*waves(), callback=lambda _, true=true: true)
+        assert stopped.status is Status.STOPPED
+        assert runs_of(stopped) == 1
+        assert stopped.message.startswith("stopped by the callback; ")
+        assert "1 of 1 starts led here" in stopped.message
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=(COPIES, pytest.mark.thorough))])
-def test_ctrl_c_ends_all_runs(workers: int) -> None:
+@ALONE_AND_COPIED
+def test_starts_stop_when_ctrl_c_is_pressed(workers: int) -> None:
     iterates = []
 
     def press(iterate: Iterate) -> bool:
@@ -150,24 +172,11 @@ def test_ctrl_c_ends_all_runs(workers: int) -> None:
     assert solution.status is Status.STOPPED
     assert solution.message.startswith("interrupted from the keyboard; ")
     assert "callback" not in solution.message
-    assert sum(len(one.starts) for one in solution.hypotheses) == 2
+    assert runs_of(solution) == 2
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=(COPIES, pytest.mark.thorough))])
-def test_only_true_ends_all_runs(workers: int) -> None:
-    """As with a single run: a callback may return anything, such as the length of a list."""
-    few, seen = replace(TWENTY, starts=3, workers=workers), []
-    went_on = few.solve(*waves(), callback=lambda one: seen.append(one) or len(seen))
-    assert went_on.converged
-    assert sum(len(one.starts) for one in went_on.hypotheses) == 3
-    for true in (True, np.True_):
-        stopped = few.solve(*waves(), callback=lambda _, true=true: true)
-        assert stopped.status is Status.STOPPED
-        assert sum(len(one.starts) for one in stopped.hypotheses) == 1
-
-
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=(COPIES, pytest.mark.thorough))])
-def test_ctrl_c_in_the_last_run_keeps_the_best(workers: int) -> None:
+@ALONE_AND_COPIED
+def test_starts_keep_the_best_when_ctrl_c_is_pressed_in_the_last_run(workers: int) -> None:
     """Also if the best end is that of another run, which had converged."""
     problem, _ = waves()
     starts = [{"omega": np.array(x)} for x in (4.1, 9.0)]
@@ -185,20 +194,19 @@ def test_ctrl_c_in_the_last_run_keeps_the_best(workers: int) -> None:
     assert solution.message.startswith("interrupted from the keyboard; ")
     assert solution.hypotheses[0].status is Status.CONVERGED
     assert abs(solution.values["omega"]) == pytest.approx(OMEGA)
-    assert sum(len(one.starts) for one in solution.hypotheses) == 2
+    assert runs_of(solution) == 2
 
 
-def test_starts_between_bounds() -> None:
+def test_starts_are_drawn_between_bounds() -> None:
     problem, start = waves(bounded=True)
-    drawn = Starts(40).drawn(problem, start)
-    values = [float(one["omega"]) for one in drawn[1:]]
+    values = [float(one["omega"]) for one in Starts(40).drawn(problem, start)[1:]]
     assert 0.5 <= min(values) < 4 < 15 < max(values) <= 20.0
     assert Starts(20).solve(problem, start).values["omega"] == pytest.approx(OMEGA)
     with pytest.raises(BadArgument, match=r"but omega has not both; bound them, or draw by Spread"):
         within_bounds(*waves(), np.random.default_rng(0))
 
 
-def test_bad_input() -> None:
+def test_starts_refuse_numbers_below_one_and_unknown_blocks() -> None:
     problem, start = waves()
     for wrong in (0, []):
         with pytest.raises(BadArgument, match="`starts` must be 1 or more, not 0"):
@@ -207,17 +215,6 @@ def test_bad_input() -> None:
         Starts(2, workers=0)
     with pytest.raises(UnknownName, match="omeg"):
         Starts(3, draw=Spread({"omeg": 1.0})).solve(problem, start)
-    assert Starts(2, SOLVERS["ipopt"]).abilities == SOLVERS["ipopt"].abilities
-
-
-def test_it_is_saved_and_read_with_its_hypotheses(tmp_path: Path) -> None:
-    problem, start = waves()
-    solution = TWENTY.solve(problem, start)
-    solution.save(tmp_path / "found.npz")
-    again = Solution.load(tmp_path / "found.npz")
-    for one, other in zip(again.hypotheses, solution.hypotheses, strict=True):
-        assert (one.cost, one.status, one.starts) == (other.cost, other.status, other.starts)
-        np.testing.assert_array_equal(one.values["omega"], other.values["omega"])
 
 
 @pytest.mark.parametrize(("n", "w"), [(10, 2), (20, 5), (30, 1)])
@@ -226,38 +223,19 @@ def test_probability_of_no_further_minima_is_the_posterior(n: int, w: int) -> No
     k = np.arange(w, 400_000)
     log = np.array([lgamma(i + 1) - lgamma(i - w + 1) + lgamma(i) - lgamma(n + i) for i in k])
     weights = np.exp(log - log.max())
-    weights /= weights.sum()
-    assert all_seen(n, w) == pytest.approx(weights[0], rel=1e-3)
+    assert all_seen(n, w) == pytest.approx(weights[0] / weights.sum(), rel=1e-3)
 
 
-def test_too_few_starts_say_nothing() -> None:
+def test_too_few_starts_say_nothing_of_further_minima() -> None:
     assert np.isnan(all_seen(3, 2))
-    assert further_minima(3, 2) == (
-        "these are too few starts to say whether there are further minima"
-    )
-    assert all_seen(1000, 1) > 0.99
-
-
-def test_the_message_tells_the_probability_of_further_minima() -> None:
-    solution = TWENTY.solve(*waves())
-    minima = len(solution.hypotheses)
-    sure = all_seen(20, minima)
-    assert 0 < sure < 1
-    assert solution.message.endswith(
-        f"others to {minima - 1} other ends; "
-        f"the probability that there are no further minima is {sure:.2g}"
-    )
-
-
-def ridge() -> tuple[Problem, Values]:
-    """(x^2 - 1)^2 + y^2 from the ridge between its two minima."""
-    x = Block("x", (2,)).symbol
-    rows = cs.vertcat(x[0] ** 2 - 1, x[1])
-    return Problem((Residual("ridge", rows, 1.0),), ("x",)), {"x": np.array([0.0, 1.0])}
+    assert further_minima(3, 2).startswith("these are too few starts to say whether")
 
 
 def test_starts_and_stages_go_on_beyond_a_saddle() -> None:
-    problem, start = ridge()
+    """(x^2 - 1)^2 + y^2 from the ridge between its two minima."""
+    x = Block("x", (2,)).symbol
+    problem = Problem((Residual("ridge", cs.vertcat(x[0] ** 2 - 1, x[1]), 1.0),), ("x",))
+    start: Values = {"x": np.array([0.0, 1.0])}
     alone = LevenbergMarquardt().solve(problem, start)
     assert alone.status is Status.SADDLE
     for solver in (Starts(1), Starts([start], workers=2), Staged((("x",),))):
@@ -267,6 +245,8 @@ def test_starts_and_stages_go_on_beyond_a_saddle() -> None:
         np.testing.assert_allclose(np.abs(solution.values["x"]), [1, 0], atol=1e-6)
         assert solution.evaluations.total > alone.evaluations.total
         assert solution.trace[-1].cost < 1e-12 < alone.cost
+        counts = [iterate.evaluations.total for iterate in seen]
+        assert counts == sorted(counts)
     stopped = Starts(1).solve(problem, start, callback=lambda iterate: iterate.cost < 0.5)
     assert stopped.status is Status.STOPPED
     assert stopped.cost < 0.5
@@ -278,14 +258,17 @@ def test_starts_and_stages_go_on_beyond_a_saddle() -> None:
 STAGES = (("trans",), ("trans", "pose"))
 
 
-def test_it_ends_where_all_blocks_at_once_end() -> None:
+@pytest.mark.parametrize("name", ["levenberg-marquardt", "nlopt-lbfgs"])
+def test_stages_end_where_all_blocks_at_once_end(name: str) -> None:
     problem, start = body_fit()
-    solution = Staged(STAGES).solve(problem, start)
-    whole = LevenbergMarquardt().solve(problem, start)
+    solution = Staged(STAGES, SOLVERS[name]).solve(problem, start)
+    whole = SOLVERS[name].solve(problem, start)
     assert solution.status is Status.CONVERGED
-    assert solution.solver == "staged levenberg-marquardt"
+    assert solution.solver == f"staged {whole.solver}"
     assert solution.values.keys() == whole.values.keys()
     assert solution.cost == pytest.approx(whole.cost, rel=1e-9)
+    for several in (Staged(STAGES, SOLVERS[name]), Starts(2, SOLVERS[name])):
+        assert several.abilities == SOLVERS[name].abilities
 
 
 def test_every_stage_moves_its_blocks_only() -> None:
@@ -293,8 +276,7 @@ def test_every_stage_moves_its_blocks_only() -> None:
     seen: list[Iterate] = []
     solution = Staged(STAGES).solve(problem, start, callback=seen.append)
     assert seen == list(solution.trace)
-    poses = [i.values["pose"] for i in seen]
-    moved = [not np.array_equal(pose, start["pose"]) for pose in poses]
+    moved = [not np.array_equal(i.values["pose"], start["pose"]) for i in seen]
     first = moved.index(True)
     assert first >= 2  # the start and a step of the first stage, at least
     for iterate in seen[:first]:
@@ -302,10 +284,8 @@ def test_every_stage_moves_its_blocks_only() -> None:
     assert not np.array_equal(seen[first - 1].values["trans"], start["trans"])
     costs = [i.cost for i in seen]
     assert (np.diff(costs) <= 1e-9 * np.array(costs[:-1])).all()
-    evaluations = [i.evaluations.total for i in seen]
-    assert evaluations == sorted(evaluations)
-    seconds = [i.seconds for i in seen]
-    assert seconds == sorted(seconds)
+    evaluations, seconds = [i.evaluations.total for i in seen], [i.seconds for i in seen]
+    assert (evaluations, seconds) == (sorted(evaluations), sorted(seconds))
     assert solution.evaluations.total >= evaluations[-1]
 
 
@@ -315,13 +295,6 @@ def test_a_stage_that_is_stopped_is_the_last() -> None:
     assert solution.status is Status.STOPPED
     assert len(solution.trace) == 1
     assert solution.values.keys() == {"pose", "betas", "trans"}
-
-
-def test_any_solver_will_do() -> None:
-    problem, start = body_fit()
-    solution = Staged(STAGES, SOLVERS["nlopt-lbfgs"]).solve(problem, start)
-    assert solution.converged
-    assert Staged(STAGES, SOLVERS["ipopt"]).abilities == SOLVERS["ipopt"].abilities
 
 
 def test_bounds_hold_in_every_stage() -> None:

@@ -16,8 +16,7 @@ from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem import steps
 from workbench.problem.steps import Step, automatic
-from workbench.solvers.box_step import box_step
-from workbench.solvers.damped_length import LEAST, MOST, step_within
+from workbench.solvers.trust_region import LEAST, MOST, box_step, step_within
 
 
 def graded(seed: int, n: int, weakest: float) -> Linearization:
@@ -181,10 +180,14 @@ def banana(n: int) -> tuple[Problem, dict[str, Array]]:
     return problem, {"x": np.full(n, 0.5)}
 
 
-def test_bends_shorten_the_way_along_a_curved_valley(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_geodesic_acceleration_shortens_the_way_along_a_curved_valley(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     problem, start = banana(6)
     bent = TrustRegion().solve(problem, start)
-    monkeypatch.setattr(module, "bend", lambda run, x, here, p, *_: np.zeros_like(p))
+    monkeypatch.setattr(
+        module, "geodesic_acceleration", lambda run, x, here, p, *_: np.zeros_like(p)
+    )
     straight = TrustRegion().solve(problem, start)
     assert bent.converged
     assert bent.evaluations.total < straight.evaluations.total
@@ -230,31 +233,3 @@ def test_a_start_that_is_nearly_zero_is_left(start: float) -> None:
     found = TrustRegion().solve(problem, {"x": np.array([start])})
     assert found.status.name == "CONVERGED"
     assert found.values["x"] == pytest.approx(-1)
-
-
-# A further attempt where an end is probably not the lowest one.
-
-PLACES = np.linspace(0, 10, 60)
-DECAYS = np.array([1.77, 0.22, 2.14, 1.04, 1.11, 4.94])
-MERGED = np.array([0.28, 0.16, 4.10, 1.13, 2.21, 1.88])  # a start from which two rates meet
-
-
-@pytest.mark.thorough
-def test_a_second_attempt_finds_merged_decays() -> None:
-    b = Block("b", (6,)).symbol
-    curve = sum(b[k] * cs.exp(-b[k + 1] * cs.DM(PLACES)) for k in (0, 2, 4))
-    seen = sum(DECAYS[k] * np.exp(-DECAYS[k + 1] * PLACES) for k in (0, 2, 4))
-    problem = Problem((Residual("decays", curve - cs.DM(seen), 1.0),), ("b",))
-    first = TrustRegion(attempts=1).solve(problem, {"b": MERGED})
-    both = TrustRegion().solve(problem, {"b": MERGED})
-    assert first.converged
-    assert first.cost > 0.03
-    assert both.converged
-    assert both.cost < 1e-20
-    np.testing.assert_allclose(np.sort(both.values["b"]), np.sort(DECAYS), rtol=1e-6)
-    assert "an earlier attempt ended higher" in both.message
-    short = TrustRegion(max_evaluations=first.evaluations.total + 5)
-    assert short.solve(problem, {"b": MERGED}).evaluations.total == first.evaluations.total + 5
-    for attempts in (0, 5):
-        with pytest.raises(BadArgument, match="attempts"):
-            TrustRegion(attempts=attempts)

@@ -7,7 +7,7 @@ from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import SOLVERS, Block, Constraint, LevenbergMarquardt, Problem, residuals
 from workbench.geometry.rotation import matrix_from_vector, wrapped_to_pi
-from workbench.solvers.wrapping import rewrapped
+from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)
 BODY = random_body(3, n_vertices=15, n_joints=3, n_betas=2)

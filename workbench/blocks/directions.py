@@ -1,11 +1,13 @@
-"""A direction among named numbers, in words."""
+"""A direction among named numbers, in words and in units: `+1 s of t0 with +2 m of x0`."""
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks.layout import Layout
 
 ALIKE = 1e-6  # entries of a direction that differ by less count as equal
+ROUNDING = 1e-12  # of the largest: less is none
+LISTED = 6  # entries that are said one by one; of the others their number and their size
 
 
 def signed(v: Array) -> Array:
@@ -14,9 +16,38 @@ def signed(v: Array) -> Array:
     return np.asarray(v * np.sign(v[np.argmax(abs(v) > (1 - ALIKE) * abs(v).max())]))
 
 
-def dominant(v: Array, free: Layout, most: int = 4) -> str:
-    """The largest entries of a direction: `0.71 betas[3] - 0.70 trans[z] + ...`."""
-    size = np.round(abs(v) / abs(v).max() / ALIKE)  # so that rounding does not shuffle equals
-    order = [int(i) for i in np.argsort(-size, kind="stable") if size[i] * ALIKE > 0.05]
-    terms = [f"{'-' if v[i] < 0 else '+'} {abs(v[i]):.2f} {free.label(i)}" for i in order[:most]]
-    return " ".join(terms).removeprefix("+ ") + (" + ..." if len(order) > most else "")
+def leading(v: Array, effects: Array | None = None) -> Index:
+    """The places of the entries that are more than rounding, the one that matters most first.
+
+    `effects` (n,) says by how much one unit of each unknown changes the residuals, |J_i|; an entry
+    matters by |J_i v_i|, so that no unit counts. Without them, and among entries that change
+    nothing, it matters by its size.
+    """
+    size = abs(v) if effects is None else abs(v) * effects
+    size = size if size.any() else abs(v)
+    rank = np.round(size / (size.max() * ALIKE))  # so that rounding does not shuffle equals
+    order = np.argsort(-rank, kind="stable")
+    moves = (size > ROUNDING * size.max()) | (abs(v) > ROUNDING * abs(v).max())
+    return np.asarray(order[moves[order]], dtype=np.int64)
+
+
+def in_units(v: Array, free: Layout, effects: Array | None = None, most: int = LISTED) -> str:
+    """A direction (n,) as a whole, in the units of its entries, the leading one being 1.
+
+    Of more than `most` entries the others are counted by block, with the largest of each:
+    `+1 px of focal with -0.004 m of points[3, z], 35 more of points (up to 0.0025 m)`.
+    """
+    order = leading(v, effects)
+    v = v / v[order[0]]
+    shown, rest = order[:most], order[most:]
+    parts = [f"{_number(v[i], free.unit(int(i)), '+')} of {free.label(int(i))}" for i in shown]
+    for name, part in free.slices.items():
+        own = rest[(rest >= part.start) & (rest < part.stop)]
+        if own.size:
+            largest = _number(abs(v[own]).max(), free[name].unit)
+            parts.append(f"{own.size} more of {name} (up to {largest})")
+    return " with ".join([parts[0], ", ".join(parts[1:])]) if parts[1:] else parts[0]
+
+
+def _number(value: float, unit: str, sign: str = "") -> str:
+    return f"{value:{sign}.3g}" + ("" if unit == "1" else f" {unit}")

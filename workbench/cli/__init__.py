@@ -50,8 +50,8 @@ def _run(signals: Signals) -> tuple[int, str]:
         return 130, str(leaving)
     except KeyboardInterrupt:
         return 130, INTERRUPTED
-    except Terminated:
-        return 143, TERMINATED
+    except Terminated as leaving:
+        return 143, str(leaving) or TERMINATED
     except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
         code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
         return code, INTERRUPTED if code == 130 else ""

@@ -36,12 +36,18 @@ Names = Annotated[
 ]
 Limits = comparison.Budget()
 KEY = (
-    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, in a valley without end, "
-    "or with lost unknowns; false claims: called converged where the point is not stationary."
+    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, where it falls for "
+    "ever, or insensitive to unknowns; false claims: called converged where the point is not "
+    "stationary. Effort is the median over starts, and then over problems; ∞ where half of the "
+    "starts or more failed, of half of the problems or more."
 )
 TOLD = {  # what the columns of the table count, beside ends at the lowest cost
     "elsewhere": (TargetOutcome.OTHER_BASIN,),
-    "no minimum": (TargetOutcome.SADDLE, TargetOutcome.VALLEY, TargetOutcome.LOST),
+    "no minimum": (
+        TargetOutcome.SADDLE,
+        TargetOutcome.NO_FINITE_MINIMUM,
+        TargetOutcome.INSENSITIVE,
+    ),
     "false claims": (TargetOutcome.FALSE_CLAIM,),
 }
 MEASURED = "Seconds were measured on this machine under whatever load it had; they rank no solver."
@@ -98,24 +104,25 @@ def compare(
             "command continues from there"
         )
 
-    with interrupts_say(left), executing(console, workers, dask), told:
-        found = comparison.compare(
-            experiments,
-            solver or USUAL,
-            seeds=seeds,
-            budget=budget,
-            workers=workers,
-            folder=out,
-            progress=told,
-        )
-    console.print(solver_table(_table(found)))
-    for text in (prices_sentence(), *advice(found)):
-        say(console, escape(text))
-    console.print(solver_table(_times(found)))
-    say(console, KEY)
-    say(console, MEASURED)
-    console.print("[dim]writing the page[/]")
-    print_page(console, "report", write_comparison(found, out))
+    with interrupts_say(left):
+        with executing(console, workers, dask), told:
+            found = comparison.compare(
+                experiments,
+                solver or USUAL,
+                seeds=seeds,
+                budget=budget,
+                workers=workers,
+                folder=out,
+                progress=told,
+            )
+        console.print(solver_table(_table(found)))
+        for text in (prices_sentence(), *advice(found)):
+            say(console, escape(text))
+        console.print(solver_table(_times(found)))
+        say(console, KEY)
+        say(console, MEASURED)
+        console.print("[dim]writing the page[/]")
+        print_page(console, "report", write_comparison(found, out))
 
 
 def _table(found: comparison.Comparison) -> Table:
@@ -131,7 +138,8 @@ def _table(found: comparison.Comparison) -> Table:
         shares = f"{met}/{len(runs)}", f"{reached}/{len(runs)}", _effort(found, solver)
         cells = *shares, *map(str, others), str(failed)
         rows.append((solver, *(cells if runs else ("–",) * len(head))))
-    return Table(("solver", *head), tuple(rows), tuple(range(1, len(head) + 1)))
+    broken = (name.replace(" ", "\n") for name in head)  # so that 80 letters hold all columns
+    return Table(("solver", *broken), tuple(rows), tuple(range(1, len(head) + 1)))
 
 
 def _effort(found: comparison.Comparison, solver: str) -> str:

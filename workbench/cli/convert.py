@@ -14,9 +14,9 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import Up, say, say_notes, timed_lines, warn_without_effect
+from workbench.cli.output import Up, say, say_notes, timed_lines, warn_of, warn_without_effect
 from workbench.conversion import conversion_errors, correspond, motion_from_points
-from workbench.conversion.converting import Converted
+from workbench.conversion.converting import Converted, doubts_of, skeleton_errors
 from workbench.conversion.points_in_space import SIGMA
 from workbench.conversion.tracking import Progress
 from workbench.environment import expanded
@@ -26,6 +26,11 @@ from workbench.motions import Motion, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
 
 TIMES = 10  # how often progress is told
+APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
+SKELETON = (
+    "the joints are far from those of the skeleton in the file: its proportions, its rest pose or "
+    "the axes of its joints are others than those of --from; look at both with `workbench motion`"
+)
 KNOWN = f"{', '.join(BODIES)}, or a file of your own"
 
 
@@ -90,6 +95,13 @@ def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> 
         motion, source, target, correspondence=correspondence, progress=_told(console)
     )
     say_notes(console, found.motion.notes)
+    warn_of(console, doubts_of(found.motion, target, found.errors, f"the surface of {source.name}"))
+    own = skeleton_errors(found.motion, target, motion)
+    if own is not None:
+        mean = 1e3 * float(own.mean())
+        if mean > 1e3 * APART:
+            warn_of(console, [SKELETON])
+        say(console, f"joints are {mean:.1f} mm from those of the file's skeleton on average")
     _print_errors(console, found)
     joints = {*source.joint_names} & {*target.joint_names}
     copied = conversion_errors(
@@ -144,6 +156,7 @@ def _from_points(
     for name, error in _worst(found.names, found.errors):
         table.add_row(escape(name), f"{error:.1f}")
     console.print(table)
+    warn_of(console, doubts_of(found.motion, target, found.errors, "the points"))
     mean = 1e3 * float(np.nanmean(found.errors))
     say(console, f"points are {mean:.2f} mm from those of the body on average")
     return found.motion

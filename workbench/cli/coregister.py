@@ -9,7 +9,7 @@ from rich.console import Console
 
 from workbench.cli.cluster import Dask, Workers, executing
 from workbench.cli.leaving import interrupts_say
-from workbench.cli.output import at_least_one, print_page, say
+from workbench.cli.output import at_least_one, print_page, say, warn_of
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
@@ -85,9 +85,12 @@ def coregister(
             "continues from there"
         )
 
-    with interrupts_say(told), executing(console, workers, dask) as executor:
-        state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
-    learned = problem.learned(state, betas)
-    page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
+    with interrupts_say(told):
+        with executing(console, workers, dask) as executor:
+            state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
+        learned = problem.learned(state, betas)
+        page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
+    for scan, told_before in scans.doubts().items():
+        warn_of(console, told_before, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")
     print_page(console, "report", page)

@@ -37,7 +37,6 @@ from workbench.fitting.setup import Setup
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 
-PIXELS = 4.0  # standard deviation of a keypoint of a clip
 FPS = 30.0  # frames per second of a clip that does not say
 
 
@@ -167,7 +166,7 @@ def fit(
         float | None,
         typer.Option(
             help="Standard deviation of the data; by default 0.4 % of the person's height in "
-            "an image, 4 px in a clip, or 0.002 m in space."
+            "an image or a clip, in px, or 0.002 m in space."
         ),
     ] = None,
     solver: Annotated[
@@ -240,7 +239,7 @@ def fit(
             first,
             clip,
             model,
-            PIXELS if sigma is None else sigma,
+            sigma,
             given.named,
             out,
             mean,

@@ -6,7 +6,7 @@ from rich.table import Table
 
 from workbench.cli.output import say
 from workbench.course.grades import CheckResult, CheckState, Grade
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 
 COLOUR = {
     CheckState.PASSED: "green",

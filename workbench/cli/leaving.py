@@ -25,18 +25,24 @@ class Interrupted(BaseException):
 
 
 class Terminated(BaseException):
-    """SIGTERM: leave at once, cleaning up on the way."""
+    """SIGTERM: leave at once, cleaning up on the way; may say what became of the work."""
 
 
 @contextmanager
 def interrupts_say(text: Callable[[], str]) -> Iterator[None]:
-    """Inside, an interrupt from the keyboard raises Interrupted with a text, also out of C code."""
+    """Inside, an interrupt from the keyboard raises Interrupted with a text, also out of C code.
+
+    A request to terminate raises Terminated with the same text, in which `terminated` stands for
+    `interrupted`.
+    """
     try:
         yield
-    except (KeyboardInterrupt, SystemError) as error:
-        if not caused_by(error, KeyboardInterrupt):
-            raise
-        raise Interrupted(text()) from error
+    except (KeyboardInterrupt, Terminated, SystemError) as error:
+        if caused_by(error, KeyboardInterrupt):
+            raise Interrupted(text()) from error
+        if caused_by(error, Terminated):
+            raise Terminated(text().replace("interrupted", "terminated", 1)) from error
+        raise
 
 
 class Signals:

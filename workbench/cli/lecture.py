@@ -28,7 +28,7 @@ from workbench.course.outline import course as outline
 from workbench.course.own_lecture import lecture_named, own_lecture
 from workbench.course.packs.choosing import variants_of
 from workbench.course.student_process import SECONDS, grade
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.site import write_course_site
 from workbench.site.slides import write_slides

@@ -19,7 +19,7 @@ from workbench.course.packs.marking import Limits
 from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
 from workbench.course.packs.packing import write_pack
 from workbench.course.packs.students import read_students
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument
 
 LIMITS = Limits()

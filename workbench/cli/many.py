@@ -67,19 +67,20 @@ def carry_out(
             "the same command continues with the others"
         )
 
-    with interrupts_say(told), Bars(console) as bars:
-        bars(files, len(entries), len(keys))
-        for some in work([job for job in keys if job.name not in entries]):
-            for found in some:
-                name = found.job.name
-                if isinstance(found, FailedFile):
-                    failed.append(found)
-                    why = escape(found.reason)
-                    say(console, f"[bold yellow]not {done}:[/] {escape(name)}: {why}")
-                else:
-                    entries[name] = folder.keep(found, keys[found.job])
-            bars(files, len(entries) + len(failed), len(keys))
-    page = finish([entries[job.name] for job in keys if job.name in entries], failed)
+    with interrupts_say(told):
+        with Bars(console) as bars:
+            bars(files, len(entries), len(keys))
+            for some in work([job for job in keys if job.name not in entries]):
+                for found in some:
+                    name = found.job.name
+                    if isinstance(found, FailedFile):
+                        failed.append(found)
+                        why = escape(found.reason)
+                        say(console, f"[bold yellow]not {done}:[/] {escape(name)}: {why}")
+                    else:
+                        entries[name] = folder.keep(found, keys[found.job])
+                bars(files, len(entries) + len(failed), len(keys))
+        page = finish([entries[job.name] for job in keys if job.name in entries], failed)
     for name, entry in entries.items():
         warn_of(console, entry.facts.get("warnings", ()), f"{name}: ")
     print_page(console, "report", page)

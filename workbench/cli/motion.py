@@ -13,9 +13,17 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import Up, print_page, say, say_notes, warn_without_effect
+from workbench.cli.output import (
+    Up,
+    print_page,
+    say,
+    say_notes,
+    warn_of,
+    warn_without_effect,
+)
 from workbench.environment import expanded
 from workbench.errors import BadArgument, some_of
+from workbench.fitting.doubts import of_person
 from workbench.fitting.marker_files import (
     MarkerRecording,
     holds_markers,
@@ -126,6 +134,8 @@ def motion(
         before = found.notes
         found = found.named(model)
         say_notes(console, found.notes[len(before) :])
+        if len(found.betas):
+            warn_of(console, of_person(model, found.betas_on(model)))
     if strip is not None:
         places, pairs = _stick_figure(found, model)
         _draw(strip, places, pairs, found.fps)

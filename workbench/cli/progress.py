@@ -13,7 +13,7 @@ from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.reports import tables
 from workbench.solvers import Iterate
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 ROWS = 12  # of the live table; the whole trace is in the report
 
@@ -124,8 +124,8 @@ def _seen(what: str, d: Diagnosis) -> str:
         said = f"{len(d.null_directions)} directions change no residual"
     if d.weak_count:
         said += (
-            f"; along {d.weak_count} more, a change by a whole yardstick (such as 1 rad) changes "
-            "the residuals by less than one sigma"
+            f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
+            "rad) changes the residuals by less than one sigma"
         )
     named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
     short = list(dict.fromkeys(named))[:3]
@@ -139,7 +139,7 @@ def _comparison(outcome: Outcome) -> Table:
     table.add_column("solver", no_wrap=True)
     for column in ("cost", "over best", "steps", "calls", "s"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("status", no_wrap=True)
+    table.add_column("status")
     for name, s in outcome.compared.items():
         table.add_row(
             name,

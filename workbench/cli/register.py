@@ -159,8 +159,8 @@ def _one(
         raise BadFile(found.reason)
     for note in found.notes:
         say(console, f"note: {escape(note)}")
+    warn_of(console, found.registration.doubts)
     console.print(rich_table(stages_table(found.registration)))
-    warn_of(console, (finding.text for finding in found.registration.findings))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
 

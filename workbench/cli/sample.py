@@ -12,7 +12,7 @@ from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, Time
 from rich.progress import Progress as Bar
 
 from workbench import sampling
-from workbench.cli.leaving import Interrupted
+from workbench.cli.leaving import Interrupted, interrupts_say
 from workbench.cli.output import folder_to_write, make_folder, print_page, say, warn_without_effect
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.cli.sample_output import print_posteriors
@@ -89,47 +89,54 @@ def sample(
         _mind_rests(console, chosen, problem.free.names)
     parts: list[BlockPosterior] = []
     interrupted = False
-    for part, names in chosen.items():
-        path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".h5")
-        if fresh:
-            path.unlink(missing_ok=True)
-        console.print(f"\n[bold]{escape(part)}[/]")
-        with _bar(console) as bar:
-            task = bar.add_task("sampling", total=steps, info="")
 
-            def tell(progress: sampling.Progress, bar: Bar = bar, task: TaskID = task) -> None:
-                info = f"{progress.acceptance:.0%} accepted"
-                if progress.all_free:
-                    info += ", all unknowns by Hamiltonian Monte Carlo"
-                bar.update(task, completed=progress.step, info=info)
+    def left() -> str:
+        if not any(kept.iterdir()):
+            return "interrupted; nothing was written"
+        return f"interrupted; {kept} holds the draws, and the same command continues with them"
 
-            posterior = sampling.sample(
-                problem,
-                at,
-                names,
-                rest=rest,
-                walkers=walkers,
-                steps=steps,
-                ensembles=ensembles,
-                seed=seed,
-                moves=MOVES[move](),
-                checkpoint=path,
-                callback=tell,
+    with interrupts_say(left):
+        for part, names in chosen.items():
+            path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".h5")
+            if fresh:
+                path.unlink(missing_ok=True)
+            console.print(f"\n[bold]{escape(part)}[/]")
+            with _bar(console) as bar:
+                task = bar.add_task("sampling", total=steps, info="")
+
+                def tell(progress: sampling.Progress, bar: Bar = bar, task: TaskID = task) -> None:
+                    info = f"{progress.acceptance:.0%} accepted"
+                    if progress.all_free:
+                        info += ", all unknowns by Hamiltonian Monte Carlo"
+                    bar.update(task, completed=progress.step, info=info)
+
+                posterior = sampling.sample(
+                    problem,
+                    at,
+                    names,
+                    rest=rest,
+                    walkers=walkers,
+                    steps=steps,
+                    ensembles=ensembles,
+                    seed=seed,
+                    moves=MOVES[move](),
+                    checkpoint=path,
+                    callback=tell,
+                )
+            approximation = sampling.laplace(
+                problem, at, names, rest=rest, seed=seed, against=posterior
             )
-        approximation = sampling.laplace(
-            problem, at, names, rest=rest, seed=seed, against=posterior
+            parts.append(BlockPosterior(part, posterior, approximation))
+            say(console, escape(posterior.judgement[0].value))
+            if posterior.interrupted:
+                interrupted = True
+                break
+        print_posteriors(console, parts, setup)
+        console.print("[dim]writing the page[/]")
+        page = write_posterior(
+            parts, folder, title=experiment.name, setup=setup, source=experiment.source
         )
-        parts.append(BlockPosterior(part, posterior, approximation))
-        say(console, escape(posterior.judgement[0].value))
-        if posterior.interrupted:
-            interrupted = True
-            break
-    print_posteriors(console, parts, setup)
-    console.print("[dim]writing the page[/]")
-    page = write_posterior(
-        parts, folder, title=experiment.name, setup=setup, source=experiment.source
-    )
-    print_page(console, "report", page)
+        print_page(console, "report", page)
     if interrupted and parts[-1].posterior.unsaved:
         raise Interrupted(
             f"interrupted; these draws are on the page, but could not be saved to continue from: "

@@ -6,14 +6,20 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import sampling
-from workbench.cli.output import say
+from workbench.cli.output import say, warn_of
 from workbench.fitting.setup import Setup
-from workbench.reports.posterior_summary import BlockPosterior, blocks_table, truth_of
+from workbench.reports.posterior_summary import (
+    BlockPosterior,
+    blocks_table,
+    contradictions,
+    truth_of,
+)
 
 
 def print_posteriors(console: Console, parts: Sequence[BlockPosterior], setup: Setup) -> None:
     """One line for every block, and then all that is known of each."""
     console.print()
+    warn_of(console, contradictions(setup))
     for line in blocks_table(parts, setup).lines():
         say(console, escape(line))
     for part in parts:

@@ -8,7 +8,7 @@ from workbench.experiments import find
 from workbench.reports.tables import Columns, Table
 from workbench.solvers import SOLVERS, Abilities, Boxes, Derivative
 from workbench.solvers.choice import recommend
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.solvers.nlopt import ALGORITHMS
 
 ASKED = {
     Derivative.COST: "cost",

@@ -131,20 +131,20 @@ def train(
             card=_origin(folder),
             executor=Processes(jobs),
         )
-    body = trained.body
-    if people is not None and held_out is not None:
-        console.print("[dim]fitting the held-out people[/]")
-        execution = Execution(Processes(jobs))
-        with limited_threads():
-            errors = held_out_errors(body, people, execution)
-            if standing.rows:
-                errors |= shapes_explained(body, standing, execution)
-        errors |= _ideal_errors(folder, held_out, guess, poses, people)
-        body = replace(body, card={**body.card, "held_out": errors})
-        for said, number in errors.items():
-            console.print(f"  {said}: {number:g}")
-    save_body(body, place / "body.npz")
-    page = write_card(body, place / "card", str((place / "body.npz").resolve()))
+        body = trained.body
+        if people is not None and held_out is not None:
+            console.print("[dim]fitting the held-out people[/]")
+            execution = Execution(Processes(jobs))
+            with limited_threads():
+                errors = held_out_errors(body, people, execution)
+                if standing.rows:
+                    errors |= shapes_explained(body, standing, execution)
+            errors |= _ideal_errors(folder, held_out, guess, poses, people)
+            body = replace(body, card={**body.card, "held_out": errors})
+            for said, number in errors.items():
+                console.print(f"  {said}: {number:g}")
+        save_body(body, place / "body.npz")
+        page = write_card(body, place / "card", str((place / "body.npz").resolve()))
     print_page(console, "body", place / "body.npz")
     print_page(console, "card", page)
 

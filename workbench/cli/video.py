@@ -25,7 +25,7 @@ def fit_video(
     source: Path,
     clip: Clip,
     body: SkinnedBody | TriangleBody,
-    sigma: float,
+    sigma: float | None,
     solver: Solver,
     out: Path,
     mean: bool,

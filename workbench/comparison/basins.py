@@ -15,7 +15,7 @@ from workbench.comparison.feasible import feasible
 from workbench.comparison.running import look
 from workbench.problem import Problem
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
-from workbench.solvers.minima import one_minimum
+from workbench.solvers.starts import one_minimum
 
 POLISH_SECONDS = 20.0  # at most, per end
 POLISH_TO = 1e-13  # of Problem.optimality

@@ -13,14 +13,14 @@ from workbench.solvers import Status
 class Cause(Enum):
     """Why an end costs more than 1.01 times the lowest cost known.
 
-    SECOND_BASIN and SADDLE are stationary points. VALLEY and LOST were noticed by the solver
-    itself. In all other cases the solver was stopped on its way, or gave up.
+    SECOND_BASIN and SADDLE are stationary points. NO_FINITE_MINIMUM and INSENSITIVE were
+    noticed by the solver itself. In all other cases the solver was stopped on its way, or gave up.
     """
 
     SECOND_BASIN = "it is another minimum"
     SADDLE = "it is a saddle point: the cost falls along a direction of negative curvature"
-    VALLEY = "the cost falls along a valley without end, in which some unknowns grow without limit"
-    LOST = "some unknowns no longer changed the residual on the way"
+    NO_FINITE_MINIMUM = "the cost falls for ever as some unknowns grow without limit"
+    INSENSITIVE = "the residual hardly changed with some unknowns"
     LIMIT = "a limit of evaluations, iterations or time ended the run on its way"
     ROUNDING = "rounding of the residual leaves unknowns undetermined there"
     RANK = "the Jacobian has a lower rank there than at the lowest point"
@@ -37,14 +37,14 @@ def cause(
     excess = relative_excess(record.cost, yardstick.best, yardstick.start)
     if yardstick.alone or not excess > ABOVE - 1:
         return None
-    if record.claim == Status.VALLEY.name:
-        return Cause.VALLEY
+    if record.claim == Status.NO_FINITE_MINIMUM.name:
+        return Cause.NO_FINITE_MINIMUM
     if stationary(record, tolerance):
         basin = ends.where[k]
         bends = ends.at_saddle(basin) or record.claim == Status.SADDLE.name
         return Cause.SADDLE if bends else Cause.SECOND_BASIN
-    if record.claim == Status.LOST.name:
-        return Cause.LOST
+    if record.claim == Status.INSENSITIVE.name:
+        return Cause.INSENSITIVE
     if record.ending is Ending.CUT or record.claim in LIMITS:
         return Cause.LIMIT
     if ends.hidden[k]:

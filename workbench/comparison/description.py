@@ -9,8 +9,9 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.comparison.record import Stored, array_of, finite_array_of
-from workbench.comparison.running import look, warm
+from workbench.comparison.running import look
 from workbench.errors import BadFile, listed
+from workbench.experiments.running import warm
 from workbench.fitting.setup import Setup
 from workbench.reading.facts import Facts, amount
 from workbench.threads import limited_threads

@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks.directions import dominant
+from workbench.blocks.directions import in_units
 from workbench.comparison.basins import Basin
 from workbench.diagnostics import Diagnosis, diagnose_whole
-from workbench.diagnostics.named_subspaces import named_subspaces
-from workbench.diagnostics.null_space import WEAK, Direction, directions
+from workbench.diagnostics.null_space import WEAK, Direction, named_by_joints
 from workbench.problem import Problem
 from workbench.problem.rounding import half_squared
 from workbench.reading.facts import facts
@@ -134,7 +133,7 @@ def explain(
         length=length,
         share=along,
         components=components,
-        rest=dominant(way, problem.free) if length > 0 else "nothing",
+        rest=in_units(way, problem.free) if length > 0 else "nothing",
         ridge=max(0.0, float(np.nanmax(costs)) - lost.cost),
     )
 
@@ -145,10 +144,9 @@ def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ..
         return ()
     s = seen.here.spectrum.s
     thin = max(THIN * float(np.median(s)), min(WEAK, THIN * float(s.max(initial=0.0))))
-    dictionary = named_subspaces(data.free, data.trees, seen.structure.pattern)
     least = max(thin, seen.here.spectrum.tolerance)
     null = seen.here.spectrum.Vt[int(np.sum(s > least)) :].T
-    found = list(directions(seen.here, null, data.free, dictionary, least))
+    found = list(named_by_joints(null, data.free, data.trees, seen.here))
     for k, direction in enumerate(found):
         vector = np.zeros(whole.free.size)
         for name in data.free.names:

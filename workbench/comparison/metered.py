@@ -16,7 +16,7 @@ from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import Costs, Evaluation, Places, Slopes, interpreted
 from workbench.problem.rounding import half_squared
 from workbench.problem.storage import Matrix
-from workbench.solvers.meter import Meter, limited
+from workbench.solvers.limits import Meter, limited
 
 T = TypeVar("T")
 Complete = Callable[[Array, Array], tuple[Array, Array]]

@@ -11,7 +11,7 @@ from workbench.arrays import Array
 from workbench.comparison.log import KINDS, ROW, ROWS, Observed
 from workbench.errors import BadFile
 from workbench.reading.facts import Facts, amount, whole
-from workbench.solvers import Evaluations
+from workbench.solvers import Evaluations, Status
 
 Stored = tuple[dict[str, Any], dict[str, Array]]  # facts, and arrays by name
 ARRAYS = "end", "best", "trace"  # of a record
@@ -105,7 +105,7 @@ class Record:
             instance=facts.text("instance"),
             ending=Ending[facts.among("ending", Ending.__members__)],
             message=facts.text("message"),
-            claim=facts.text("claim"),
+            claim=_claim(facts.text("claim")),
             claimed_cost=facts.number("claimed_cost"),
             cost=cost,
             optimality=facts.amount("optimality"),
@@ -123,6 +123,11 @@ class Record:
                 facts.truth("taken"),
             ),
         )
+
+
+def _claim(name: str) -> str:
+    """The present name of a status, which older files may name otherwise."""
+    return Status[name].name if name in Status.__members__ else name
 
 
 def ended(

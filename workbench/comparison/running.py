@@ -17,6 +17,7 @@ from workbench.comparison.machine import machine
 from workbench.comparison.metered import Metered
 from workbench.comparison.record import Ending, Record
 from workbench.errors import NotSupported, WorkbenchError
+from workbench.experiments.running import warm
 from workbench.experiments.user_errors import user_errors
 from workbench.fitting.known import digits
 from workbench.fitting.setup import Setup
@@ -68,16 +69,6 @@ def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
         told = "" if isinstance(found, Solution) else f"it returned {found!r:.60}: "
         return early(Ending.BROKEN, f"{told}{error}")
     return _judged(early(ending, said, claim=claim, claimed_cost=cost, end=end), setup)
-
-
-def warm(problem: Problem, start: Values) -> None:
-    """Build and call what a run builds only once, so that no clock counts it."""
-    problem.prepare()
-    x, fixed = problem.split(start)
-    with limited_threads():
-        problem.residual(x, fixed)
-        problem.cost_and_gradient(x, fixed)
-        problem.linearize_at(x, fixed)
 
 
 def _opened(job: Solve) -> Solver:

@@ -15,7 +15,7 @@ from workbench.arrays import Array
 from workbench.comparison.record import Ending, Record
 from workbench.experiments.relative_costs import SMALLEST, relative_excess
 from workbench.solvers import Status
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
 NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
@@ -33,10 +33,8 @@ class TargetOutcome(Enum):
     ALONE = "is the only one that ended, and no cost is known to compare it with"
     OTHER_BASIN = "ended at a stationary point of another basin, where the cost is higher"
     SADDLE = "ended at a saddle point, from which the cost falls along a direction"
-    VALLEY = "ended in a valley without end, along which some unknowns grow without limit"
-    LOST = (
-        "came to where some unknowns no longer change the residual, and returned the point before"
-    )
+    NO_FINITE_MINIMUM = "ended where the cost falls for ever as some unknowns grow without limit"
+    INSENSITIVE = "came to where the residual hardly changes with some unknowns"
     FALSE_CLAIM = "claims convergence at a point that is not stationary"
     STALLED = "gave up at a point that is not stationary"
     OUT_OF_BUDGET = "ran out of evaluations, iterations or time"
@@ -124,8 +122,8 @@ def ended_by_clock(record: Record) -> bool:
 
 
 SAID = {  # of ends above the lowest cost: what a solver found out there by evaluations
-    Status.VALLEY.name: TargetOutcome.VALLEY,
-    Status.LOST.name: TargetOutcome.LOST,
+    Status.NO_FINITE_MINIMUM.name: TargetOutcome.NO_FINITE_MINIMUM,
+    Status.INSENSITIVE.name: TargetOutcome.INSENSITIVE,
     Status.SADDLE.name: TargetOutcome.SADDLE,
 }
 

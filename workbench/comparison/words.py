@@ -9,7 +9,7 @@ from workbench.comparison.pairs import duels, surer
 from workbench.comparison.prices import SOURCE, prices_in_words
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import joined
 
 LISTED = 5  # groups of problems that are told one by one

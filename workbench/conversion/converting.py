@@ -13,6 +13,7 @@ from workbench.conversion.parts import HANDS, vertex_parts
 from workbench.conversion.sampled import counted, sampled_vertices
 from workbench.conversion.tracking import Progress, Tracker, quiet
 from workbench.errors import BadArgument
+from workbench.fitting.doubts import of_person
 from workbench.fitting.mesh_start import from_correspondences
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
@@ -21,6 +22,7 @@ from workbench.residuals import gaussian
 SAMPLE = 1200  # vertices to which a pose is fitted
 SIGMA = 0.005  # m, of a vertex beside its place on the other body
 POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
+FAR = 0.05  # m, from what a motion was made of: a farther one is doubted
 TOGETHER = 25  # frames whose surfaces are in memory at once
 
 
@@ -120,6 +122,32 @@ def conversion_errors(
         found[some] = np.linalg.norm(new[some].vertices(target) - places, axis=2)
     found[:, ~correspondence.matched] = np.nan
     return found
+
+
+def skeleton_errors(new: Motion, target: Body, skeleton: Motion) -> Array | None:
+    """How far joints of the target are from those of the same names of the skeleton that a motion
+    brought, in each frame, (T, J) m; None for a motion without bones of its own.
+    """
+    if skeleton.bones is None:
+        return None
+    shared = [name for name in target.joint_names if name in skeleton.joint_names]
+    ours = [target.joint_names.index(name) for name in shared]
+    theirs = [skeleton.joint_names.index(name) for name in shared]
+    off = new.joints(target)[:, ours] - skeleton.joints()[:, theirs]
+    return np.asarray(np.linalg.norm(off, axis=2))
+
+
+def doubts_of(new: Motion, target: Body, errors: Array, of: str) -> tuple[str, ...]:
+    """What speaks against the motion of a target, in sentences, as `fitting.doubts` has them.
+
+    It is (T, L) m from what it was made of, which `of` names: `the points`.
+    """
+    middle = float(np.nanmedian(errors)) if np.isfinite(errors).any() else np.inf
+    far = (
+        f"the body is {100 * middle:.0f} cm from {of} in the median; check which are which, their "
+        "unit, the axis that is up, and the rest pose"
+    )
+    return (*([far] if middle > FAR else []), *of_person(target, new.betas_on(target)))
 
 
 def _tracker(

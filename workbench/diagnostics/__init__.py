@@ -1,16 +1,16 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it.
 
 `Diagnosis` computes part after part when it is asked for, a module each: `structure`, `null_space`,
-`conditioning`, `identifiability`, `derivatives`, `findings`, `advice`; `report` and `schema` put it
-into text and data. Everything about columns comes from one small triangular R with R'R = J'J. A
-large sparse Jacobian is eliminated part after part instead (`parts`, `eliminated_jacobian`), and a
-long sequence frame after frame (`sequences`), where the same name in many frames is said once.
+`conditioning`, `identifiability`, `derivatives`, `remedies`; `report` and `data` put it into text
+and data. Everything about columns comes from one small triangular R with R'R = J'J. A
+large sparse Jacobian is factorized instead (`sparse_jacobian`), and the unknowns of a long sequence
+are eliminated frame after frame (`sequences`), where the same name in many frames is said once.
 
-Null directions are looked for in small named subspaces, the smallest first, so that the twist of
-one bone is found by itself and not as a part of a larger motion: first the gauges of bodies whose
-arrays are free (`rest_gauges`), then those of any problem (`gauges`), then single joints and limbs.
-Whether one is weak is measured in characteristic scales (`yardsticks`), so that units change no
-judgement and no name. Every remedy is tried before it is suggested (`trials`).
+A null space has no basis of its own. Its directions are searched for by the motions that have a
+name, the most general first: `generators` is their catalogue, a function for each kind, `gauges`
+asks which of them others undo, `joint_motions` are those of joints and limbs, and what is left is
+said in units. Whether a direction is weak is measured in characteristic `scales`, so that units
+change no judgement and no name. Every remedy is tried before it is suggested.
 """
 
 from workbench.diagnostics.derivatives import DerivativeCheck, Suspect
@@ -38,17 +38,12 @@ from workbench.diagnostics.identifiability import (
     Identifiability,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.over_points import (
-    PointsDiagnosis,
-    Recurring,
-    diagnose_over,
-    prior_draws,
-)
+from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
 from workbench.diagnostics.point import Neighbourhood
+from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
 from workbench.diagnostics.structure import Structure, Submatrix, TermBlock
-from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
 from workbench.diagnostics.wording import Finding, Undiagnosed
 
 __all__ = [

@@ -1,23 +1,29 @@
-"""Which bounds and constraints are active at a point, and the Jacobian under them."""
+"""The Jacobian that is diagnosed, and under which bounds and constraints, active at a point."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index, Mask
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
-from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.linearized import check_finite, linearized, pattern_of
-from workbench.diagnostics.parts import Parts
+from workbench.blocks import Layout
 from workbench.diagnostics.row_spaces import row_space, tangent_space
-from workbench.diagnostics.tied_elimination import TiedElimination
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
+from workbench.errors import NotFinite
 from workbench.problem import Linearization, Problem
+from workbench.problem.steps import EPS
 from workbench.problem.storage import stacked
 from workbench.threads import limited_threads
+
+BLIND = 1e-9  # squared part of an entry in the null space, from which on it is not known
+MOVES = 1e-8  # of null vectors of length 1: by less, unknowns are not moved
+NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
+NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
+BY_GRAPH = 1e7  # entries up to which the graph of a Jacobian is asked for its pattern
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,29 +162,16 @@ class ConstrainedJacobian:
         return Linearization(r, stacked(self.here.jacobian, A))
 
     @cached_property
-    def parts(self) -> Parts | None:
-        """The parts into which the Jacobian and the rows fall; None if it is dense, or has none.
+    def by_elimination(self) -> SparseJacobian | None:
+        """What is known by a sparse factorization; None for a dense Jacobian.
 
-        Raises NotFinite.
+        Raises NotFinite, TooLarge.
         """
+        if not self.here.estimated:
+            return None
         check_finite(self.here)
-        return Parts.of(self.stacked)
-
-    @cached_property
-    def eliminated(self) -> Elimination | TiedElimination | None:
-        """The unknowns eliminated part after part, where there are parts."""
-        if self.parts is None:
-            return None
         with limited_threads():  # its matrices are small
-            return TiedElimination.of(self.parts)
-
-    @cached_property
-    def by_elimination(self) -> EliminatedJacobian | None:
-        """What is known without singular values, where the unknowns were eliminated."""
-        if self.parts is None or self.eliminated is None:
-            return None
-        here, rows, lengths = self.here, self.rows, self.parts.lengths
-        return EliminatedJacobian(here, rows, self.eliminated, self.parts, lengths)
+            return SparseJacobian.of(self.here, self.rows, self.stacked)
 
     @cached_property
     def null(self) -> Array:
@@ -189,18 +182,28 @@ class ConstrainedJacobian:
         with limited_threads():
             return self.by_elimination.null
 
+    def null_rank(self, part: slice) -> int:
+        """In how many independent ways null directions move some of the unknowns."""
+        if self.by_elimination is not None and self.by_elimination.wide is not None:
+            seen = self.by_elimination.wide.directions[1]
+            others = np.delete(seen, part, axis=0)
+            rank = int(np.linalg.matrix_rank(others, tol=MOVES)) if others.size else 0
+            return len(seen) - len(others) - int(seen.shape[1]) + rank
+        return int(np.linalg.matrix_rank(self.null[part], tol=MOVES))
+
     @property
     def tolerance(self) -> float:
         """By how much a vector of length 1 may change J above A if that counts as nothing."""
-        if self.parts is None:
+        if self.by_elimination is None:
             return self.stacked.spectrum.tolerance
-        return self.parts.tolerance * float(self.stacked.column_norms.max())
+        return self.by_elimination.factored.tolerance * float(self.stacked.column_norms.max())
 
     @property
     def rank(self) -> int:
         """The rank: directions that change a residual or that a constraint forbids."""
-        if self.eliminated is not None:
-            return self.eliminated.rank
+        if self.by_elimination is not None:
+            with limited_threads():
+                return self.by_elimination.rank
         return self.count + self.reduced.spectrum.rank
 
     @property
@@ -237,16 +240,11 @@ class ConstrainedJacobian:
         """Some of the residuals' rows, under the same constraints."""
         return ConstrainedJacobian(self.here.rows(part), self.rows)
 
-    def measured(self, yardsticks: Array) -> "ConstrainedJacobian":
-        """This Jacobian in unknowns y with x = yardsticks * y."""
-        if (yardsticks == 1).all():
+    def measured(self, scales: Array) -> "ConstrainedJacobian":
+        """This Jacobian in unknowns y with x = scales * y."""
+        if (scales == 1).all():
             return self
-        return ConstrainedJacobian(self.here.scaled(yardsticks), self.rows * yardsticks)
-
-
-BLIND = 1e-9  # squared part of an entry in the null space, from which on it is not known
-NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
-NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
+        return ConstrainedJacobian(self.here.scaled(scales), self.rows * scales)
 
 
 def constrained_jacobian_at(
@@ -255,3 +253,66 @@ def constrained_jacobian_at(
     """The Jacobian of a problem at a point, and what bounds and constraints fix there."""
     here = linearized(problem, at)
     return ConstrainedJacobian(here, active_set_at(problem, at, like).rows)
+
+
+def linearized(problem: Problem, at: Mapping[str, ArrayLike]) -> Linearization:
+    """A problem's linearization at these values, of the residuals alone.
+
+    Columns that are nothing but rounding errors are zero in it: see `only_rounding`.
+    """
+    here = replace(problem.linearize(at), constraints=None)
+    if not here.finite:
+        return here
+    noise = only_rounding(here.column_norms, problem.split(at)[0], problem.free, problem.size)
+    return here.scaled(np.where(noise, 0.0, 1.0)) if noise.any() else here
+
+
+def check_finite(here: Linearization) -> None:
+    """Raise NotFinite if there is NaN or infinity, of which there are no ranks and directions."""
+    if not here.finite:
+        raise NotFinite("the Jacobian holds NaN or infinity here; see `not_finite` for where")
+
+
+def only_rounding(lengths: Array, x: Array, free: Layout, m: int) -> Mask:
+    """Which columns, of these lengths (n,) in m rows at x, may be nothing but rounding, (n,).
+
+    Entries of one unit can be compared: a column is, if it is below eps max(m, n) of the longest
+    of its unit. Entries without a unit cannot; there, and everywhere, it is if a change by one, or
+    by the size of x_i if that is more, changes the rows by less than the rounding error of one
+    sigma, or of the longest column if that is shorter.
+    """
+    units = np.array([block.unit for block in free.blocks for _ in range(block.size)])
+    longest = float(lengths.max(initial=0.0))
+    least = np.full(lengths.shape, 10 * EPS * np.sqrt(m) * min(1.0, longest))
+    for unit in set(units.tolist()) - {"1"}:
+        alike = units == unit
+        own = EPS * max(m, len(lengths)) * float(lengths[alike].max())
+        least[alike] = np.maximum(least[alike], own)
+    return np.asarray((lengths > 0) & (lengths * np.maximum(1.0, abs(x)) <= least))
+
+
+def not_finite(here: Linearization) -> tuple[tuple[int, int], ...]:
+    """Rows and columns of entries that are NaN or infinite; column -1 means the residual."""
+    if here.finite:
+        return ()
+    r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(here.residual))]
+    return (*r, *here.not_finite)
+
+
+def pattern_at(problem: Problem) -> csc_array:
+    """Where a problem's Jacobian can be nonzero, (m, n), by its whole graph.
+
+    The graph of a very large mesh takes many times the memory of its Jacobian, and points that are
+    computed by arithmetic alone are in no graph. There it is the pattern of the chain rule, in
+    which each point reads all of its body's blocks.
+    """
+    if problem.size * problem.free.size > BY_GRAPH or not problem.has_graph:
+        return problem.pattern
+    return pattern_of(problem.function)
+
+
+def pattern_of(function: cs.Function) -> csc_array:
+    """Where the Jacobian of a function's first output by its first input can be nonzero."""
+    sparsity = function.jac_sparsity(0, 0)
+    starts, rows = sparsity.get_ccs()
+    return csc_array((np.ones(len(rows), dtype=bool), rows, starts), shape=sparsity.shape)

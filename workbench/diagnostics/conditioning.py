@@ -1,4 +1,4 @@
-"""How far columns and rows are from parallel, and which ones make a Jacobian ill-conditioned."""
+"""How far columns are from parallel, and which ones make a Jacobian ill-conditioned."""
 
 from dataclasses import dataclass
 
@@ -7,22 +7,20 @@ import scipy.linalg
 from scipy.sparse import csc_array, triu
 
 from workbench.arrays import Array, Index
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.sparse_bases import sparsest
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 
 PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
 NEARLY = 1e-3  # sine of the angle up to which columns are called nearly parallel
-SAME_ROW = 1.5e-4  # sine of the angle up to which rows are parallel: 1 - cosine is 1e-8
-FEW = 3000  # rows up to which every pair is compared
-MOST = 20  # pairs, rows or columns that are listed
+MOST = 20  # pairs, or entries of a direction, that are listed
 
 
 @dataclass(frozen=True)
 class ParallelPair:
-    """Two columns, or two rows, that are nearly parallel.
+    """Two columns that are nearly parallel.
 
     Attributes:
         first: the index of one.
@@ -42,8 +40,8 @@ class WeakestDirection:
     |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
 
     Attributes:
-        singular_value: the singular value, in sigmas per yardstick.
-        vector: d (n,), in yardsticks.
+        singular_value: the singular value, in sigmas per characteristic scale.
+        vector: d (n,), in characteristic scales.
         change: |J d|, in sigmas.
         columns: the unknowns that make up most of d.
         rows: the rows that make up most of J d.
@@ -54,38 +52,6 @@ class WeakestDirection:
     change: float
     columns: tuple[int, ...]
     rows: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class JointTurn:
-    """How strongly the residuals change when a joint turns, in sigmas per radian.
-
-    Attributes:
-        joint: the joint's name.
-        best: the change for a turn about the axis of the largest change.
-        second: the change about the best axis at right angles to it.
-    """
-
-    joint: str
-    best: float
-    second: float
-
-
-def joint_turns(point: Point) -> tuple[JointTurn, ...]:
-    """The strongest two turns of each joint, all other joints at rest.
-
-    Points in space show two turns of a bone equally well. One image shows only one of them if the
-    bone lies across the line of sight: the other turn moves its end in depth.
-    """
-    found, here, tolerance = [], point.here, point.constrained.tolerance
-    for tree in point.problem.trees:
-        for k, place in tree.turned(point.problem.free).items():
-            some = np.arange(place.start, place.stop)
-            columns = here.columns(some).dense if here.estimated else here.R[:, place]
-            best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
-            if best > tolerance:
-                found.append(JointTurn(tree.names[k], float(best), float(second)))
-    return tuple(found)
 
 
 def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[ParallelPair, ...]:
@@ -119,34 +85,6 @@ def _cosines(here: Linearization, read: Index, least: float) -> tuple[Index, Ind
     return i, j, cosines[i, j]
 
 
-def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[ParallelPair, ...]:
-    """Pairs of rows whose angle has a sine of at most `within`, in their order.
-
-    Repeated observations are not wrong; they are listed because they count twice. Of more than
-    FEW rows only neighbours are compared, after sorting by one random projection, which brings
-    parallel ones together.
-    """
-    m, n = here.shape
-    if m > 200_000 or n < 2:
-        return ()
-    norms = here.row_norms
-    read = np.flatnonzero(norms > 0)
-    if m <= FEW:
-        unit = here.rows(read).dense / norms[read, None]
-        a, b = np.nonzero(np.triu(abs(unit @ unit.T), 1) > 1 - within**2)
-    else:
-        key = abs(here.along(np.random.default_rng(0).standard_normal(n))[read] / norms[read])
-        order = np.argsort(key)
-        close = np.flatnonzero(np.diff(key[order]) < PARALLEL)[: 50 * MOST]
-        a, b = order[close], order[close + 1]
-    found = []
-    for first, second in zip(read[a].tolist(), read[b].tolist(), strict=True):
-        apart = _sine(here.row(first) / norms[first], here.row(second) / norms[second])
-        if apart <= within:
-            found.append(ParallelPair(min(first, second), max(first, second), apart))
-    return tuple(sorted(found, key=lambda p: (p.first, p.second))[:MOST])
-
-
 def _sine(a: Array, b: Array) -> float:
     return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
@@ -155,28 +93,28 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints.
 
     Directions about as weak, within a factor of three, are separated into vectors that have few
-    entries each, unless the unknowns were eliminated part after part.
+    entries each, unless the Jacobian is sparse.
     """
     if point.by_elimination is not None:
         return _weakest_of(point.by_elimination, most)
     constrained = point.measured
     s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
-    found: list[WeakestDirection] = []
+    directions: list[WeakestDirection] = []
     k = constrained.reduced.spectrum.rank - 1
-    while k >= 0 and len(found) < most:
+    while k >= 0 and len(directions) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
         basis = constrained.tangent @ basis if len(constrained.rows) else basis
-        for i, d in zip(group[: most - len(found)], basis.T, strict=False):
-            found.append(_weak(constrained.here, float(s[i]), d))
+        for i, d in zip(group[: most - len(directions)], basis.T, strict=False):
+            directions.append(_weak(constrained.here, float(s[i]), d))
         k -= group.size
-    return tuple(found)
+    return tuple(directions)
 
 
-def _weakest_of(jacobian: EliminatedJacobian, most: int) -> tuple[WeakestDirection, ...]:
-    """The same of a Jacobian that was eliminated part after part, each direction by itself."""
+def _weakest_of(jacobian: SparseJacobian, most: int) -> tuple[WeakestDirection, ...]:
+    """The same of a sparse Jacobian, each direction by itself."""
     s, vectors = jacobian.weakest(most)
     return tuple(_weak(jacobian.here, float(x), d) for x, d in zip(s, vectors.T, strict=True))
 

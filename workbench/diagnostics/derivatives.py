@@ -55,7 +55,7 @@ class DerivativeCheck:
         gradient_error: the relative difference between the adjoint gradient and J'r.
         hessian_error: the relative difference between the exact Hessian and differences of the
             gradient.
-        neglected: |H - J'J| / |H|, the share of the Hessian that Gauss and Newton's leaves out.
+        neglected: |H - J'J| / |H|, the share of the exact Hessian that J'J leaves out.
     """
 
     columns: Index = field(repr=False)
@@ -109,14 +109,14 @@ def _checked(
     wrong, largest = 0, 0.0
     scale = here.column_norms.max(initial=0.0) / np.sqrt(max(here.shape[0], 1))
     for i in columns:
-        given = here.column(int(i))
-        size = max(float(abs(given).max(initial=0.0)), 1e-8 * scale, 1e-300)
-        found, off, allowed = _compared(problem, x, fixed, here.residual, int(i), given, size)
+        column = here.column(int(i))
+        size = max(float(abs(column).max(initial=0.0)), 1e-8 * scale, 1e-300)
+        first, off, allowed = _compared(problem, x, fixed, here.residual, int(i), column, size)
         largest = max(largest, float(np.max(off, initial=0.0)) / size)
         bad = np.flatnonzero(off > allowed)
         wrong += bad.size
         suspects += [
-            Suspect(int(k), int(i), float(given[k]), float(found[k]), float(off[k] / allowed[k]))
+            Suspect(int(k), int(i), float(column[k]), float(first[k]), float(off[k] / allowed[k]))
             for k in bad[np.argsort(-off[bad] / allowed[bad])][:10]
         ]
     taylor, slope = _taylor(problem, x, fixed, here, rng)
@@ -134,22 +134,22 @@ def _checked(
 
 
 def _compared(
-    problem: Problem, x: Array, fixed: Array, r: Array, i: int, given: Array, size: float
+    problem: Problem, x: Array, fixed: Array, r: Array, i: int, column: Array, size: float
 ) -> tuple[Array, Array, Array]:
     """Differences, how far off the given column is, and how far it may be, for each row.
 
     Smaller steps are tried as long as some row disagrees; of each row the best counts.
     """
     unit = max(1.0, abs(x[i]))
-    first = np.zeros_like(given)
-    off, allowed = np.full_like(given, np.inf), np.ones_like(given)
+    first = np.zeros_like(column)
+    off, allowed = np.full_like(column, np.inf), np.ones_like(column)
     for step in STEPS_OF_DIFFERENCES:
-        found = _central(lambda y: problem.residual(y, fixed), x, i, step * unit)
-        first = found if step == STEPS_OF_DIFFERENCES[0] else first
-        doubt = NOISE * (abs(r) + abs(found) * unit + 1.0) / (step * unit)
-        here, may = np.maximum(abs(given - found) - doubt, 0), np.maximum(WRONG * size, 9 * doubt)
+        slope = _central(lambda y: problem.residual(y, fixed), x, i, step * unit)
+        first = slope if step == STEPS_OF_DIFFERENCES[0] else first
+        doubt = NOISE * (abs(r) + abs(slope) * unit + 1.0) / (step * unit)
+        here, may = np.maximum(abs(column - slope) - doubt, 0), np.maximum(WRONG * size, 9 * doubt)
         # at the edge of the domain of r differences say nothing
-        here[~np.isfinite(found)], may[~np.isfinite(found)] = 0.0, 1.0
+        here[~np.isfinite(slope)], may[~np.isfinite(slope)] = 0.0, 1.0
         better = here * allowed < off * may
         off, allowed = np.where(better, here, off), np.where(better, may, allowed)
         if (off <= allowed).all():
@@ -169,10 +169,8 @@ def _taylor(
 ) -> tuple[Array, float | None]:
     d = rng.standard_normal(x.size)
     d /= max(float(np.linalg.norm(d)), 1e-300)
-    slope_of_r = here.along(d)
-    steps = STEPS[:, None] * d
-    moved = np.array([problem.residual(x + step, fixed) for step in steps])
-    left = np.linalg.norm(moved - here.residual - STEPS[:, None] * slope_of_r, axis=1)
+    moved = np.array([problem.residual(x + h * d, fixed) for h in STEPS])
+    left = np.linalg.norm(moved - here.residual - STEPS[:, None] * here.along(d), axis=1)
     rounding = 100 * EPS * (1 + float(np.linalg.norm(here.residual)) + here.norm)
     clear = np.isfinite(left) & (left > 10 * rounding)
     if clear.sum() < 3:
@@ -184,19 +182,28 @@ def _taylor(
 
 def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float:
     _, g = problem.cost_and_gradient(x, fixed)
-    ours = here.gradient
     size = float(np.linalg.norm(here.column_norms) * np.linalg.norm(here.residual))
-    return float(np.linalg.norm(g - ours)) / max(size, 1e-300)
+    return float(np.linalg.norm(g - here.gradient)) / max(size, 1e-300)
+
+
+def exact_hessian(problem: Problem, x: Array, fixed: Array) -> Array | None:
+    """The exact Hessian of the cost (n, n), which may not be finite.
+
+    None of a large problem, and of functions that have no second derivatives or no graph.
+    """
+    if x.size > HESSIAN_UP_TO or problem.size > HESSIAN_ROWS or not x.size:
+        return None
+    try:
+        return dense(problem.hessian_at(x, fixed))
+    except (RuntimeError, NotSupported):
+        return None
 
 
 def _second(
     problem: Problem, x: Array, fixed: Array, here: Linearization
 ) -> tuple[float | None, float | None]:
-    if x.size > HESSIAN_UP_TO or here.shape[0] > HESSIAN_ROWS or not x.size:
-        return None, None
-    try:
-        H = dense(problem.hessian_at(x, fixed))
-    except (RuntimeError, NotSupported):  # of a function with first derivatives only, or no graph
+    H = exact_hessian(problem, x, fixed)
+    if H is None:
         return None, None
     if not np.isfinite(H).all():
         return float("inf"), None
@@ -204,14 +211,14 @@ def _second(
     def gradient(y: Array) -> Array:
         return problem.cost_and_gradient(y, fixed)[1]
 
-    off, pull = np.empty_like(H), here.column_norms * float(np.linalg.norm(here.residual))
+    off = np.empty_like(H)
+    size_of_g = here.column_norms * float(np.linalg.norm(here.residual))
     for i in range(x.size):
         h = 1e-4 * max(1.0, abs(x[i]))
         coarse, fine = (_central(gradient, x, i, step) for step in (h, 0.5 * h))
-        found = (4 * fine - coarse) / 3
-        doubt = abs(found - fine) + NOISE * pull / h
-        off[:, i] = np.maximum(abs(H[:, i] - found) - doubt, 0)
-    normal = dense(here.normal)
+        column = (4 * fine - coarse) / 3
+        doubt = abs(column - fine) + NOISE * size_of_g / h
+        off[:, i] = np.maximum(abs(H[:, i] - column) - doubt, 0)
     size = max(float(np.linalg.norm(H)), 1e-300)
     wrong = float(np.linalg.norm(off)) / size if np.isfinite(off).all() else None
-    return wrong, float(np.linalg.norm(H - normal)) / size
+    return wrong, float(np.linalg.norm(H - dense(here.normal))) / size

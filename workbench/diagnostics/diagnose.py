@@ -4,14 +4,15 @@ from collections.abc import Iterable, Mapping
 
 from numpy.typing import ArrayLike
 
+from workbench.blocks import Values
 from workbench.blocks.checks import several, texts
-from workbench.diagnostics import sequence_words
+from workbench.diagnostics.active_set import linearized
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.gauges import Gauge
-from workbench.diagnostics.linearized import linearized
+from workbench.diagnostics.scales import checked
 from workbench.diagnostics.sequences import SequenceDiagnosis
-from workbench.diagnostics.words import diagnosis_of
-from workbench.errors import BadArgument, TooLarge
+from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import check_wide, is_long
 
@@ -22,13 +23,14 @@ def diagnose(
     *,
     priors: str | Iterable[str] = (),
     gauges: Iterable[Gauge] = (),
+    scales: Mapping[str, ArrayLike] | None = None,
 ) -> Diagnosis | SequenceDiagnosis:
     """Diagnose a problem by its whitened Jacobian at the values `at`.
 
     For a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
     it answers the same questions about rank and null directions, frame after frame, and has no
-    singular values. For any other problem it is a Diagnosis. It has no singular values either
-    where the Jacobian is large, sparse and falls into parts, which are eliminated instead.
+    singular values. For any other problem it is a Diagnosis, which has none either where the
+    Jacobian is large and sparse: it is factorized instead.
 
     Contacts with a scan, which are chosen anew at every point, are held as they are at `at`.
 
@@ -36,18 +38,24 @@ def diagnose(
     diagnosis separates what they contribute. `gauges` are motions that the problem is invariant to
     if other unknowns undo them, and that the diagnosis does not find by itself; see `Gauge`.
 
-    Raises UnknownName for a name that no residual has, BadArgument for anything but a problem,
-    TooLarge for more than 4,000 unknowns whose Jacobian is sparse and falls into no small parts,
-    and whatever `Problem.split` raises for the values.
+    `scales` say how large a change of the unknowns of a block matters, in its unit and of its shape
+    or as one number: `{"radius": 7e6}`. What is called weak or identified is compared with them,
+    and suggested priors are as wide. Without them they are chosen as the module `scales` says.
+
+    Raises UnknownName for a name that no residual has, or no free block, BadArgument for anything
+    but a problem, TooLarge where the factor of a sparse Jacobian would have more than 5e7 entries,
+    or its null space is too large, and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     declared = several("gauges", gauges, Gauge, BadArgument)
     problem = problem.frozen(at)
     here = linearized(problem, at)  # looks at every value
+    given = checked(scales, problem.free)
     if is_long(here.jacobian):
-        words = sequence_words.WORDING
-        return SequenceDiagnosis(problem, problem.read(at), here, words, names, declared)
-    return _whole(problem, at, here, names, declared)
+        if given:
+            raise BadArgument("a long sequence of frames chooses its own scales; leave them out")
+        return SequenceDiagnosis(problem, problem.read(at), here, names, declared)
+    return _whole(problem, at, here, names, declared, given)
 
 
 def diagnose_whole(
@@ -56,12 +64,14 @@ def diagnose_whole(
     *,
     priors: str | Iterable[str] = (),
     gauges: Iterable[Gauge] = (),
+    scales: Mapping[str, ArrayLike] | None = None,
 ) -> Diagnosis:
     """A diagnosis with singular values. Raises TooLarge for a long sequence."""
     names = _checked(problem, priors)
     declared = several("gauges", gauges, Gauge, BadArgument)
     problem = problem.frozen(at)
-    return _whole(problem, at, linearized(problem, at), names, declared)
+    given = checked(scales, problem.free)
+    return _whole(problem, at, linearized(problem, at), names, declared, given)
 
 
 def _whole(
@@ -69,14 +79,14 @@ def _whole(
     at: Mapping[str, ArrayLike],
     here: Linearization,
     priors: tuple[str, ...],
-    gauges: tuple[Gauge, ...] = (),
+    gauges: tuple[Gauge, ...],
+    scales: Values,
 ) -> Diagnosis:
-    found = diagnosis_of(problem, problem.read(at), here, priors, gauges)
-    try:
+    found = diagnosis_of(problem, problem.read(at), here, priors, gauges, scales)
+    if here.by_frames:
         check_wide(here.jacobian)
-    except TooLarge:
-        if here.by_frames or (here.finite and found.point.constrained.by_elimination is None):
-            raise
+    if here.finite and here.estimated:
+        _ = found.rank  # what is too large is said at once
     return found
 
 

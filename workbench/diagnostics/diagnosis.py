@@ -9,22 +9,22 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
+from workbench.diagnostics.active_set import not_finite
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
-from workbench.diagnostics.exchanges import exchanges
-from workbench.diagnostics.gauges import Gauge
+from workbench.diagnostics.gauges import Gauge, exchanges
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
     contributions,
     identifiability,
+    widths_by_curvature,
 )
-from workbench.diagnostics.linearized import not_finite, pattern_at, thick
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
-from workbench.diagnostics.rank_law import law_of
+from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
+from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
-from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
 from workbench.problem import Linearization, Problem
 
@@ -34,8 +34,8 @@ class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
     Directions that bounds and constraints forbid at this point count as determined, in rank, null
-    directions and sigmas. Whether a direction is weak is judged relative to yardsticks: see
-    `point`.
+    directions and sigmas. Whether a direction is weak is judged in characteristic scales; see the
+    module `scales`.
 
     `str` gives a summary, `report()` everything in words, `data()` the same as JSON.
 
@@ -46,6 +46,7 @@ class Diagnosis:
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
+        scales: by block, the characteristic scales that were said.
     """
 
     problem: Problem = field(repr=False)
@@ -54,6 +55,7 @@ class Diagnosis:
     wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
     gauges: tuple[Gauge, ...] = field(default=(), repr=False)
+    scales: Values = field(default_factory=dict, repr=False)
 
     @property
     def free(self) -> Layout:
@@ -67,13 +69,13 @@ class Diagnosis:
 
     @cached_property
     def point(self) -> Point:
-        """The active constraints at this point, and the yardstick of each unknown."""
-        return Point(self.problem, self.values, self.here, self.priors)
+        """The active constraints at this point, and the characteristic scale of each unknown."""
+        return Point(self.problem, self.values, self.here, self.priors, self.scales)
 
     @cached_property
     def structure(self) -> Structure:
         """The decomposition of the pattern; active bounds and constraints are part of it."""
-        return structure.decomposed(pattern_at(self.problem), self.point.active_pattern)
+        return structure.decomposed(self.point.pattern, self.point.active_pattern)
 
     @property
     def pattern(self) -> Mask:
@@ -94,11 +96,6 @@ class Diagnosis:
     def structural_rank(self) -> int:
         """The largest rank that a matrix with this sparsity pattern can have."""
         return self.structure.rank
-
-    @cached_property
-    def thick(self) -> int:
-        """How many entries are above a thousandth of their column's largest."""
-        return thick(self.here)
 
     @property
     def row_edges(self) -> tuple[int, ...]:
@@ -121,8 +118,8 @@ class Diagnosis:
         return not_finite(self.here)
 
     @property
-    def by_elimination(self) -> EliminatedJacobian | None:
-        """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
+    def by_elimination(self) -> SparseJacobian | None:
+        """By a sparse factorization, in scales; None where there are singular values instead."""
         return self.point.by_elimination
 
     @property
@@ -187,20 +184,20 @@ class Diagnosis:
     @cached_property
     def exchanges(self) -> tuple[tuple[str, ...], ...]:
         """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
-        return exchanges(self.problem, self.values, self.point.constrained.null)
+        return exchanges(self.problem, self.values, self.point.constrained)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
-        """Directions along which a yardstick changes residuals by less than a sigma, weakest first.
+        """Directions along which a scale changes residuals by less than a sigma, weakest first.
 
-        The vectors have length 1 once every unknown is measured by its own yardstick. With
+        The vectors have length 1 once every unknown is measured by its own scale. With
         `by_elimination` these are the weakest 12.
         """
         return null_space.weak_directions(self.point, self.structure.pattern)
 
     @cached_property
     def weak_count(self) -> int:
-        """How many directions change the residuals by less than a sigma per yardstick."""
+        """How many directions change the residuals by less than a sigma per scale."""
         return null_space.count_weak(self.point)
 
     @cached_property
@@ -216,18 +213,13 @@ class Diagnosis:
         return conditioning.parallel_columns(self.point.constrained.stacked)
 
     @cached_property
-    def parallel_rows(self) -> tuple[conditioning.ParallelPair, ...]:
-        """Pairs of rows that are nearly parallel."""
-        return conditioning.parallel_rows(self.here)
-
-    @cached_property
-    def joint_turns(self) -> tuple[conditioning.JointTurn, ...]:
+    def joint_turns(self) -> tuple[JointTurn, ...]:
         """The strongest two turns of each joint that the residuals depend on."""
-        return conditioning.joint_turns(self.point)
+        return joint_turns(self.point)
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
-        """The directions of the smallest nonzero singular values, in yardsticks."""
+        """The directions of the smallest nonzero singular values, in scales."""
         return conditioning.weakest(self.point)
 
     @cached_property
@@ -242,17 +234,34 @@ class Diagnosis:
             self.point.constrained,
             self.point.is_prior,
             self.point.prior_sigma,
-            self.point.yardsticks.sizes,
+            self.point.scales.sizes,
             self.structure.unread,
             self.structure.under.columns,
         )
+
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """Standard deviations, in characteristic scales, of null directions that the cost rises in.
+
+        The Jacobian does not show them, the exact Hessian does; see `widths_by_curvature`.
+        """
+        if self.here.estimated or self.point.active.any or self.rank == self.shape[1]:
+            return ()
+        scales = self.point.scales.sizes
+        null = self.point.null_in(self.point.measured, scales)
+        return widths_by_curvature(self.problem, self.values, null, scales)
+
+    @property
+    def has_width(self) -> bool:
+        """Whether the cost rises along every null direction, though no residual changes."""
+        return 0 < self.shape[1] - self.rank == len(self.widths)
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:
         """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        sizes = self.point.yardsticks.sizes
+        sizes = self.point.scales.sizes
         return contributions(self.point.constrained, sizes, self.problem.rows, self.free)
 
     @cached_property

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import names_of
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted
-from workbench.diagnostics.tables import table
+from workbench.diagnostics.report import names_of
+from workbench.diagnostics.words import counted, table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed
 
@@ -50,13 +49,11 @@ class DiagnosisComparison:
         lines = table(
             ("", "first", "second"), [(k, *(side[k] for side in sides)) for k in sides[0]]
         )
-        for title, found in (
-            ("determined by the second only", self.gained),
-            ("determined by the first only", self.lost),
-        ):
-            if found:
-                lines += ["", f"{counted(len(found), 'direction')} {title}:"]
-                lines += [f"  {name}" for name in names_of(found)]
+        for which, directions in (("second", self.gained), ("first", self.lost)):
+            if directions:
+                count = counted(len(directions), "direction")
+                lines += ["", f"{count} determined by the {which} only:"]
+                lines += [f"  {name}" for name in names_of(directions)]
         changed = [p for p in self.sigmas if _factor(p[1], p[2]) > MUCH][:12]
         if changed:
             rows = [(name, f"{x:.3g}", f"{y:.3g}") for name, x, y in changed]
@@ -77,37 +74,33 @@ class DiagnosisComparison:
 
 def _figures(d: Diagnosis) -> dict[str, str]:
     """The numbers to compare; `-` where the Jacobian is not finite."""
-    known = d.here.finite
-    return {
-        "rows": str(d.shape[0]),
-        "unknowns": str(d.shape[1]),
-        "structural rank": str(d.structural_rank),
-        "rank": str(d.rank) if known else "-",
-        "null directions": str(d.shape[1] - d.rank) if known else "-",
-        "weak directions": str(d.weak_count) if known else "-",
-        "condition": f"{d.condition:.3g}" if known else "-",
-        "determined by data": f"{d.identifiability.effective:.1f}" if known else "-",
-        "warnings": str(len(d.warnings)),
-    }
+    m, n = d.shape
+    figures = {"rows": str(m), "unknowns": str(n), "structural rank": str(d.structural_rank)}
+    finite = ("rank", "null directions", "weak directions", "condition", "determined by data")
+    figures |= dict.fromkeys(finite, "-")
+    if d.here.finite:
+        numbers = (d.rank, n - d.rank, d.weak_count)
+        decided = (f"{d.condition:.3g}", f"{d.identifiability.effective:.1f}")
+        figures |= zip(finite, (*map(str, numbers), *decided), strict=True)
+    return figures | {"warnings": str(len(d.warnings))}
 
 
 def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
     """Null directions of `other` that change residuals of `one`, in unknowns that `one` has."""
-    where = {one.free.label(i): i for i in range(one.free.size)}
-    found: list[Direction] = []
     if not (one.here.finite and other.here.finite):
         return ()
+    where = {one.free.label(i): i for i in range(one.free.size)}
+    constrained = one.point.constrained  # what a constraint forbids is seen as well
+    seen: list[Direction] = []
     for direction in other.null_directions:
-        v = np.zeros(one.free.size)
         entries = np.flatnonzero(direction.vector)
         labels = other.free.labels_of(entries)
-        if not set(labels) <= set(where):
-            continue
-        v[[where[label] for label in labels]] = direction.vector[entries]
-        here = one.point.constrained.stacked  # what a constraint forbids is seen as well
-        if np.linalg.norm(here.along(v)) > 1e3 * one.point.constrained.tolerance:
-            found.append(direction)
-    return tuple(found)
+        if where.keys() >= set(labels):
+            v = np.zeros(one.free.size)
+            v[[where[label] for label in labels]] = direction.vector[entries]
+            if np.linalg.norm(constrained.stacked.along(v)) > 1e3 * constrained.tolerance:
+                seen.append(direction)
+    return tuple(seen)
 
 
 def _sigmas(d: Diagnosis) -> dict[str, float]:

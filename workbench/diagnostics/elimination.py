@@ -1,51 +1,160 @@
 """The unknowns of a sequence eliminated frame after frame, whatever the rank of each frame is.
 
-A sparse Jacobian that falls into `Parts` is eliminated part after part in the same way.
+With the unknowns of frame t called x_t and the shared ones s, the rows that belong to frame t are
+J_t x_t + B_t s. All other rows are between frames, or of shared unknowns alone. All columns are
+scaled to length 1, so that no unknown's unit matters.
 
 Let [A B] (u; w) be all rows that read the unknowns u of a frame; they also read some of the
 unknowns w that are left. With the pseudoinverse A^+, the best u for a given w is u = -A^+ B w, and
-the rows (I - A A^+) B remain for w. A direction of u that A does not see is, with w = 0, unseen by
-the whole sequence. At the end the shared unknowns are left, with the square root of their Schur
-complement. This is the square-root information filter (Bierman, Factorization Methods for Discrete
-Sequential Estimation, 1977) with an SVD in place of a triangular factor, which finds the unseen
-directions.
+the rows (I - A A^+) B remain for w. A direction of u that A takes to zero is, with w = 0, a null
+direction of the whole sequence. At the end the shared unknowns are left, with the square root of
+their Schur complement. This is the square-root information filter (Bierman, Factorization Methods
+for Discrete Sequential Estimation, 1977) with an SVD in place of a triangular factor, which finds
+the null directions.
 
-Time and memory grow in proportion to the number of frames while no row reaches over many of them.
+Time and memory grow in proportion to the number of frames while no row reaches over many of them,
+and null directions of single frames stay apart, however many there are.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy.linalg
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle, widened
-from workbench.diagnostics.parts import Parts
+from workbench.diagnostics.sparse_jacobian import TAKES_PART, largest_singular_value
+from workbench.problem import Linearization
+from workbench.problem.banded import BlockMatrix
 from workbench.problem.sparsity import rows_of_nonzeros
+from workbench.residuals import Residual
 
 NOTHING = 1e-9  # in vectors of length 1: smaller entries are rounding errors
-TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRows:
+    """The unknowns and the rows of each frame, and their numbers in columns of length 1.
+
+    `own[t]` are the places of the unknowns of frame t, `shared` those of the unknowns that all
+    frames share. `triangles[t]` (k, n_t + b) is R of [J_t B_t] by QR, with k <= n_t + b.
+
+    Attributes:
+        matrix: the Jacobian with columns of length 1, or zero.
+        lengths: (n,) the lengths of its columns before; 1 where a column is zero.
+        frame_of_row: (m,) the frame of each row; -1 for rows that belong to no single frame.
+        own: for each frame the places of its unknowns.
+        shared: (b,) the places of the unknowns that all frames share.
+    """
+
+    matrix: BlockMatrix
+    lengths: Array
+    frame_of_row: Index
+    own: tuple[Index, ...]
+    shared: Index
+
+    @staticmethod
+    def of(here: Linearization, frame_of_row: Index) -> "FrameRows":
+        """The rows of a linearization whose Jacobian is a BlockMatrix; see `frames_of_rows`."""
+        assert isinstance(here.jacobian, BlockMatrix)
+        lengths = np.where(here.column_norms > 0, here.column_norms, 1.0)
+        order = here.jacobian.order
+        own = tuple(np.split(order.inner, order.edges[1:-1]))
+        matrix = here.jacobian.scaled(1 / lengths)
+        return FrameRows(matrix, lengths, frame_of_row, own, order.border)
+
+    @property
+    def count(self) -> int:
+        """T, the number of frames."""
+        return len(self.own)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The numbers of rows and columns, (m, n)."""
+        return self.matrix.shape
+
+    @cached_property
+    def rest(self) -> csr_array:
+        """The rows that belong to no single frame; all others are empty here."""
+        data = csr_array(self.matrix.rest)
+        rows = rows_of_nonzeros(data)
+        keep = (self.frame_of_row[rows] < 0) & (data.data != 0)
+        at = rows[keep], data.indices[keep]
+        return csr_array((data.data[keep], at), shape=data.shape)
+
+    @cached_property
+    def triangles(self) -> tuple[Array, ...]:
+        """[J_t B_t] of each frame, reduced by QR."""
+        found: list[list[Array]] = [[] for _ in range(self.count)]
+        place = np.full(self.shape[1], -1)
+        for block, at in zip(self.matrix.blocks, self.matrix.places, strict=True):
+            for J, rows, columns in zip(block, at.rows, at.columns, strict=True):
+                t = int(self.frame_of_row[rows[0]]) if len(rows) else -1
+                if t >= 0:
+                    found[t].append(self._placed(t, J, columns, place))
+        single = csr_array(self.matrix.rest)
+        counts = np.diff(single.indptr)
+        of_frames = np.flatnonzero((self.frame_of_row >= 0) & (counts > 0))
+        by_frame = of_frames[np.argsort(self.frame_of_row[of_frames], kind="stable")]
+        starts = np.searchsorted(self.frame_of_row[by_frame], np.arange(self.count + 1))
+        for t in range(self.count):
+            part = csr_array(single[by_frame[starts[t] : starts[t + 1]]])
+            if part.nnz:
+                columns = np.concatenate([self.own[t], self.shared])
+                place[columns] = np.arange(len(columns))
+                found[t].append(in_columns(part, place, len(columns)))
+        return tuple(
+            triangle(np.vstack([np.zeros((0, len(own) + len(self.shared))), *parts]))
+            for own, parts in zip(self.own, found, strict=True)
+        )
+
+    @property
+    def by_first_frame(self) -> list[csr_array]:
+        """The rows between frames, by the first frame that they read; last those that read none."""
+        frame_of = np.full(self.shape[1], self.count)
+        for t, own in enumerate(self.own):
+            frame_of[own] = t
+        first = np.full(self.shape[0], self.count)
+        np.minimum.at(first, rows_of_nonzeros(self.rest), frame_of[self.rest.indices])
+        some = np.flatnonzero(np.diff(self.rest.indptr))
+        some = some[np.argsort(first[some], kind="stable")]
+        edges = np.searchsorted(first[some], np.arange(self.count + 2))
+        return [csr_array(self.rest[some[a:b]]) for a, b in pairwise(edges)]
+
+    def _placed(self, t: int, J: Array, columns: Index, place: Index) -> Array:
+        """A block in the columns (own, shared) of its frame."""
+        own = self.own[t]
+        place[own] = np.arange(len(own))
+        place[self.shared] = len(own) + np.arange(len(self.shared))
+        return widened(J, place[columns], len(own) + len(self.shared))
+
+    @cached_property
+    def tolerance(self) -> float:
+        """The size below which a singular value counts as zero: eps max(m, n) times the largest."""
+        size = largest_singular_value(self.matrix)
+        return float(np.finfo(float).eps * max(self.shape) * max(size, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
 class EliminationStep:
-    """u = answer @ w + half @ z + unseen @ y: z has the covariance I, and y may be anything.
+    """u = answer @ w + half @ z + null @ y: z has the covariance I, and y may be anything.
 
     Attributes:
         u: the places of the eliminated unknowns among all unknowns.
         w: the places of the unknowns that are left and that these rows read.
         answer: (u, w) how u follows w.
         half: (u, r) a square root of the covariance of u given w.
-        unseen: (u, d) orthonormal directions of u that no row sees.
+        null: (u, d) orthonormal directions of u that no row sees.
     """
 
     u: Index
     w: Index
     answer: Array
     half: Array
-    unseen: Array
+    null: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +170,10 @@ class Elimination:
     steps: tuple[EliminationStep, ...]
 
     @staticmethod
-    def of(rows: FrameRows | Parts) -> "Elimination":
-        """The elimination of the rows of a sequence, or of a Jacobian that falls into parts."""
+    def of(rows: FrameRows) -> "Elimination":
+        """The elimination of the rows of a sequence."""
         place = np.full(rows.shape[1], -1)
-        parts = _by_first_frame(rows)
+        parts = rows.by_first_frame
         steps: list[EliminationStep] = []
         w, left = rows.shared, np.zeros((0, len(rows.shared)))
         for t, u in enumerate(rows.own):
@@ -90,7 +199,7 @@ class Elimination:
     @property
     def rank(self) -> int:
         """How many directions are seen."""
-        return self.size - sum(int(step.unseen.shape[1]) for step in self.steps)
+        return self.size - sum(int(step.null.shape[1]) for step in self.steps)
 
     @cached_property
     def null_vectors(self) -> csc_array:
@@ -111,14 +220,14 @@ class Elimination:
 
     def _turned(self, k: int, step: EliminationStep) -> Array:
         """What the step does not see, in a basis of which as few as possible reach further back."""
-        if not k or not step.unseen.shape[1]:
-            return step.unseen
+        if not k or not step.null.shape[1]:
+            return step.null
         back = []
         for before in self.steps[:k] if k == len(self.steps) - 1 else self.steps[k - 1 : k]:
             _, here, there = np.intersect1d(step.u, before.w, return_indices=True)
-            back.append(triangle(before.answer[:, there] @ step.unseen[here]))
+            back.append(triangle(before.answer[:, there] @ step.null[here]))
         Vt = np.linalg.svd(np.vstack(back), full_matrices=True)[2]
-        return np.asarray(step.unseen @ Vt.T)
+        return np.asarray(step.null @ Vt.T)
 
     def _extended(self, k: int, u: Index, v: Array) -> tuple[Index, Array]:
         """The vector v in the unknowns u of step k, with the answers of the steps before it."""
@@ -135,12 +244,7 @@ class Elimination:
     @cached_property
     def variances(self) -> Array:
         """The diagonal of the inverse of J'J (n,); infinite where null vectors take part."""
-        return np.where(self.takes_part, np.inf, self.variances_seen)
-
-    @cached_property
-    def variances_seen(self) -> Array:
-        """The same (n,) with what no row sees held at zero."""
-        found = np.zeros(self.size)
+        variances = np.zeros(self.size)
         known, covariance = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         for step in reversed(self.steps):
             order = np.argsort(known)
@@ -150,18 +254,8 @@ class Elimination:
             own = step.half @ step.half.T + across @ step.answer.T
             known = np.concatenate([step.u, step.w])
             covariance = np.block([[own, across], [across.T, of_w]])
-            found[step.u] = np.diag(own)
-        return found
-
-    def covariance_times(self, B: Array) -> Array:
-        """The covariance times B (n, q), with what no row sees held at zero."""
-        B, X, pulled = B.copy(), np.zeros_like(B), []
-        for step in self.steps:
-            pulled.append(step.half.T @ B[step.u])
-            B[step.w] += step.answer.T @ B[step.u]
-        for step, z in zip(reversed(self.steps), reversed(pulled), strict=True):
-            X[step.u] = step.answer @ X[step.w] + step.half @ z
-        return X
+            variances[step.u] = np.diag(own)
+        return np.where(self.takes_part, np.inf, variances)
 
     def deviations(self, lengths: Array) -> Array:
         """Standard deviations (n,) of the unknowns, whose columns had these lengths (n,)."""
@@ -194,14 +288,34 @@ def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Elimina
     ]
 
 
-def _by_first_frame(rows: FrameRows | Parts) -> list[csr_array]:
-    """The rows between frames, by the first frame that they read; last those that read none."""
-    frame_of = np.full(rows.shape[1], rows.count)
-    for t, own in enumerate(rows.own):
-        frame_of[own] = t
-    first = np.full(rows.shape[0], rows.count)
-    np.minimum.at(first, rows_of_nonzeros(rows.rest), frame_of[rows.rest.indices])
-    some = np.flatnonzero(np.diff(rows.rest.indptr))
-    some = some[np.argsort(first[some], kind="stable")]
-    edges = np.searchsorted(first[some], np.arange(rows.count + 2))
-    return [csr_array(rows.rest[some[a:b]]) for a, b in pairwise(edges)]
+def frames_of_rows(residuals: Sequence[Residual]) -> Index:
+    """The frame that each row of the stacked residual belongs to, (m,); -1 for none."""
+    found = [np.zeros(0, dtype=np.int64)]
+    for residual in residuals:
+        if residual.by_frame:
+            found += [np.full(one.size, t) for t, one in residual.by_frame]
+        else:
+            found.append(np.full(residual.size, -1))
+    return np.concatenate(found)
+
+
+def widened(A: Array, columns: Index, width: int) -> Array:
+    """A in some of the columns of a matrix that is zero otherwise, (m, width)."""
+    found = np.zeros((len(A), width))
+    found[:, columns] = A
+    return found
+
+
+def in_columns(rows: csr_array, place: Index, width: int) -> Array:
+    """Sparse rows as an array (m, width), each column at its `place`."""
+    found = np.zeros((rows.shape[0], width))
+    found[rows_of_nonzeros(rows), place[rows.indices]] = rows.data
+    return found
+
+
+def triangle(A: Array) -> Array:
+    """R (min(m, n), n) of A (m, n) by QR: R'R = A'A."""
+    m, n = A.shape
+    if not m or not n:
+        return A[: min(m, n)]
+    return np.asarray(scipy.linalg.qr(A, mode="r", check_finite=False)[0][: min(m, n)], dtype=float)

@@ -1,48 +1,43 @@
-"""Gauges: what a problem is invariant to, by name, before any other name is looked for.
+"""Gauges: which motions of the catalogue other unknowns undo, so that no residual changes.
 
-Rows of points may move by a similarity (translations, rotations and a scale), numbers by a common
-offset or a common factor, and a factor of a matrix product by a matrix that the next factor undoes;
-points that cameras see as matrices may be mapped projectively. Each such motion is a field over the
-unknowns: an element of the Lie algebra of a group that acts on them. It is a gauge where the other
-unknowns can undo it: where some of their changes, together with it, lie in the null space. This is
-a linear question, whatever the form in which cameras are written. It has to have the same answer
-at other points nearby, for at one point alone much cancels by chance. Of all changes that undo a
-motion the smallest is taken, or that of the fewest blocks.
+A generator moves some unknowns as its columns D(x) say, wherever they are. It is a gauge where some
+changes of others, together with it, lie in the null space. This is a linear question, whatever the
+form in which cameras are written: which combinations c of the columns lie in N + span(others)?
+At one point almost anything may happen to be undone; a gauge is undone everywhere, in the same
+combination c, so that the question is asked at the point itself and at a few points nearby. Of
+those who may undo it the fewest are taken: nobody, one block, or all that are needed.
 
-Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general;
-Olver, Applications of Lie groups to differential equations (1993), section 2.1, symmetries.
+Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats gauges in general.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, combinations, pairwise
+from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 from scipy.sparse import coo_array, csc_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout, Values
-from workbench.diagnostics.factor_gauges import factor_gauges, offsets_of_factors
-from workbench.diagnostics.frame_gauges import (
-    ANGLES,
-    free_turns,
-    place_gauges,
-    posed,
-    turn_gauges,
-    vector_gauges,
-)
-from workbench.diagnostics.gauge_names import named_gauge
-from workbench.diagnostics.matrix_gauges import Maps
-from workbench.diagnostics.named_subspaces import NamedSubspace
-from workbench.diagnostics.number_gauges import common_scales, entry_gauges, number_gauges
-from workbench.diagnostics.point_gauges import are_points, bending_gauges, clouds, point_gauges
-from workbench.diagnostics.projective_gauges import homogeneous_factors
-from workbench.diagnostics.sliding_gauges import added_gauges, own_axis_gauges
-from workbench.diagnostics.things import in_space
-from workbench.diagnostics.trade_offs import few_numbers, trade_offs
-from workbench.diagnostics.tried_gauges import homogeneous_gauges, size_gauges
-from workbench.diagnostics.undoing import Found, Unseen, places, undone
+from workbench.blocks import Block, Layout, Values
+from workbench.diagnostics import generators
+from workbench.diagnostics.active_set import ConstrainedJacobian
+from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
+from workbench.diagnostics.sparse_bases import sparsest
+from workbench.diagnostics.words import LENGTHS, in_space, listed, things
 from workbench.problem import Problem
 from workbench.problem.sparsity import tied_columns
+
+SAME = 1e-6  # of its length: a motion that misses the null space by less lies in it
+NEW = 1e-3  # of its length: what a motion has outside of those before, to be a new one
+CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up to SAME
+PART = 1e-5  # of the largest coefficient: less takes no part
+MANY = 400  # groups up to which combinations of few are looked for
+LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
+MATRICES = ((3, 3), (3, 4), (4, 4))  # that act on homogeneous coordinates
+EXCHANGED = 8  # rows that may be exchanged, at the most
+SMALL = 400  # unknowns up to which exchanges are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,139 +55,584 @@ class Gauge:
     change: Callable[[Values], Values]
 
 
+class Motion(NamedTuple):
+    """A motion with a name, by its coefficients (d,) in the basis of what is not seen."""
+
+    kind: str
+    name: str
+    coefficients: Array
+    joints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class NullSpace:
+    """What no residual notices at a point, or hardly notices, and at points nearby.
+
+    Unknowns x are measured as y = lengths * x: by columns of length 1, so that no unit counts.
+
+    Attributes:
+        x: (n,) the point.
+        lengths: (n,) above zero.
+        basis: (n, d) an orthonormal basis, of y.
+        same: how much of its length a motion may have outside and still count as one.
+        nearby: other points x (n,), each with its own basis (n, d').
+    """
+
+    x: Array = field(repr=False)
+    lengths: Array = field(repr=False)
+    basis: Array = field(repr=False)
+    same: float = SAME
+    nearby: tuple[tuple[Array, Array], ...] = field(default=(), repr=False)
+    _ranges: dict[bytes, list[Array]] = field(default_factory=dict, repr=False)
+
+    @property
+    def exact(self) -> bool:
+        """Whether motions miss the space by rounding alone."""
+        return self.same <= SAME
+
+    @property
+    def everywhere(self) -> tuple[tuple[Array, Array], ...]:
+        """The point and those nearby, each with its basis."""
+        return ((self.x, self.basis), *self.nearby)
+
+    def fixed(self, places: Index) -> int:
+        """How many ways of moving these unknowns others cannot undo; 0 if they may move anyhow.
+
+        Then it says nothing of a motion that others undo it.
+        """
+        return len(places) - len(_range(self.basis[places], self.same)[1])
+
+    def moved(self, generator: Generator, c: Array, x: Array | None = None) -> Array:
+        """How y (n,) moves with a combination c (g,) of the generator's columns."""
+        v, at = np.zeros(len(self.x)), generator.places
+        v[at] = generator.columns(self.x if x is None else x) @ c * self.lengths[at]
+        return v
+
+    def undone(self, generator: Generator, others: Index) -> Array:
+        """Which combinations (g, k) of columns these other unknowns undo, the same at all points.
+
+        They are orthonormal where columns have length 1; see `in_columns`.
+        """
+        at, lengths, missed = generator.places, None, []
+        n, still = len(self.x), np.ones(len(self.x), dtype=bool)
+        still[others] = False
+        key = still.tobytes()
+        if key not in self._ranges:
+            bases = [basis[still] for _, basis in self.everywhere]
+            self._ranges[key] = [_range(some, self.same)[0] for some in bases]
+        for (x, _), U in zip(self.everywhere, self._ranges[key], strict=True):
+            columns = generator.columns(x) * self.lengths[at, None]
+            if lengths is None:
+                lengths = _norms(columns)
+            D = np.zeros((n, columns.shape[1]))
+            D[at] = columns / lengths
+            missed.append(D[still] - U @ (U.T @ D[still]))
+        return nothing(np.vstack(missed), self.same)
+
+    def in_columns(self, generator: Generator) -> Array:
+        """The lengths (g,) of the columns."""
+        return _norms(generator.columns(self.x) * self.lengths[generator.places, None])
+
+    def whole(self, v: Array, others: Index) -> Array:
+        """The coefficients (d,) of the smallest motion that is v (n,) but for these others."""
+        still = np.ones(len(v), dtype=bool)
+        still[others] = False
+        U, s, Vt = _range(self.basis[still], self.same)
+        return np.asarray(Vt.T @ ((U.T @ v[still]) / s))
+
+
+def _norms(columns: Array) -> Array:
+    lengths = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.where(lengths > 0, lengths, 1.0))
+
+
+def _range(A: Array, same: float) -> tuple[Array, Array, Array]:
+    """`U, s, Vt` of A, with singular values above `same` alone."""
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    some = s > same
+    return U[:, some], s[some], Vt[some]
+
+
+def nothing(A: Array, same: float) -> Array:
+    """An orthonormal basis of what A (m, g) takes to nothing, up to `same`."""
+    _, s, Vt = np.linalg.svd(A, full_matrices=len(A) < len(A.T))
+    small = np.ones(len(Vt), dtype=bool)
+    small[: len(s)] = s <= same
+    return np.asarray(Vt[small].T)
+
+
+class Found:
+    """The motions that were found so far, as orthonormal coefficients (d, k)."""
+
+    def __init__(self, space: NullSpace) -> None:
+        self.space = space
+        self.known = np.zeros((space.basis.shape[1], 0))
+        self.told: set[frozenset[str]] = set()  # the blocks that each gauge moves
+        self.new = max(NEW, 2 * space.same)  # of its length: less is nothing new
+
+    def all(self) -> bool:
+        """Whether nothing is left to be found."""
+        return len(self.known.T) >= len(self.known)
+
+    def adds(self, a: Array) -> bool:
+        """Whether coefficients a (d,) are those of a new motion, which then counts as found."""
+        length = np.linalg.norm(a)
+        new = a - self.known @ (self.known.T @ a)
+        new -= self.known @ (self.known.T @ new)
+        if not length or np.linalg.norm(new) <= self.new * length:
+            return False
+        self.known = np.column_stack([self.known, new / np.linalg.norm(new)])
+        return True
+
+    def blocks_of(self, w: Array, free: Layout) -> list[str]:
+        """The names of the blocks that a motion w (n,) moves."""
+        least = max(SAME, self.space.same) * abs(w).max()
+        return [name for name, at in free.slices.items() if (abs(w[at]) > least).any()]
+
+    def does(self, v: Array, places: Index) -> bool:
+        """Whether some combination of them moves these unknowns as v (n,) does.
+
+        Then another motion that does the same differs from it only in what others do.
+        """
+        U = _range(self.space.basis[places] @ self.known, self.space.same)[0]
+        outside = v[places] - U @ (U.T @ v[places])
+        return bool(np.linalg.norm(outside) <= max(CLOSE, self.new) * np.linalg.norm(v[places]))
+
+
 def gauges(
     problem: Problem,
     values: Values,
-    unseen: Unseen,
+    found: Found,
     pattern: csc_array,
     declared: Sequence[Gauge] = (),
-    units: Array | None = None,
-) -> Iterator[NamedSubspace]:
-    """The gauges of a problem at these values, among the motions that are `unseen`.
+) -> Iterator[Motion]:
+    """The gauges of a problem at these values, among the motions that are not seen.
 
     `pattern` (m, n) says which unknowns a row reads: points that no row ties together move
-    independently of each other. The motions are told in `units` (n,), the same for all of a block,
-    if these are given. What a motion adds nothing to those before it is left out.
+    independently of each other. What a motion adds nothing to those before it is left out, and what
+    moves the same unknowns in the same way as before, undone by others, comes last.
     """
-    found, told = Found(unseen), set[frozenset[str]]()
-    units = np.ones(problem.free.size) if units is None else units
+    free, space = problem.free, found.space
     for gauge in declared:
-        for motion in _declared(gauge, problem.free, values, unseen, units):
-            found.adds(motion.vector(problem.free.size))
-            told.add(_moved(motion, problem.free))
-            yield motion
-    islands = _islands(problem.free, pattern)
-    for stage in _stages(problem, values, unseen, found, told, islands, units):
-        if found.all():
-            return
-        for motion in stage:
-            if found.all():
-                return
-            if found.adds(motion.vector(problem.free.size)):
-                told.add(_moved(motion, problem.free))
-                yield motion
+        yield from (m for m in _declared(gauge, free, values, space) if found.adds(m.coefficients))
+    if found.all():
+        return
+    for generator in generators.rest(problem):
+        yield from _of_generator(generator, free, found, again=False)
+    if found.all():
+        return
+    blocks, islands, points = _looked_at(problem, space, pattern)
+    of_points = {b.name for cloud in points for b in cloud.blocks}
+    groups = list(generators.block_groups(free, blocks, islands))
+    if points and space.nearby:  # what scales with the points
+        yield from _of_groups([g for g in groups if g.factor], found, of_points)
+    for again in (False, True):
+        for stage, several in enumerate(_catalogue(problem, space, blocks, points)):
+            for generator in several:
+                if found.all():
+                    return
+                yield from _of_generator(generator, free, found, again=again)
+            if stage == 0 and not again:
+                yield from _of_groups(groups, found, of_points)
+    if space.nearby:
+        yield from _of_groups(list(generators.slice_groups(free, blocks)), found)
+        yield from _of_groups(list(generators.entry_groups(free, blocks)), found)
 
 
-def _stages(
-    problem: Problem,
-    values: Values,
-    unseen: Unseen,
-    found: Found,
-    told: set[frozenset[str]],
-    islands: Sequence[Index],
-    units: Array,
-) -> Iterator[Iterator[NamedSubspace]]:
-    """Where gauges are looked for: what acts on most unknowns in a known form comes first.
+def _looked_at(
+    problem: Problem, space: NullSpace, pattern: csc_array
+) -> tuple[list[Block], list[Index], list[Cloud]]:
+    """The blocks that turn no joints, the unknowns that rows tie together, and what is points."""
+    free = problem.free
+    islands = _islands(free, pattern)
+    posed = {name for tree in problem.trees for name in tree.blocks}
+    blocks = [b for b in free.blocks if b.name not in posed]
+    matrices = [b for b in blocks if _is_homogeneous(b, free, space)]
+    points: list[Cloud] = []
+    for island in islands:
+        for cloud in generators.clouds(free, island, [b for b in blocks if b not in matrices]):
+            enough = 1 if len(cloud.blocks) == 1 else cloud.places.shape[1]
+            if space.fixed(cloud.places.ravel()) >= enough and _are_points(cloud, space):
+                points.append(cloud)
+    return blocks, islands, points
 
-    `told` are the names of the blocks that each motion found so far moves.
+
+def _is_homogeneous(block: Block, free: Layout, space: NullSpace) -> bool:
+    """Whether it may be a camera (3, 4) or a homography (3, 3), of which nobody sees a factor."""
+    if block.shape not in MATRICES or block.unit != "1" or block.whole is not None:
+        return False
+    at, factor = places_of(free, block), Segment("scale", 1, lambda c: "")
+    one = Generator(block.name, (block.name,), at, lambda x: x[at, None], (factor,))
+    return bool(space.undone(one, at[:0]).size)
+
+
+def _catalogue(
+    problem: Problem, space: NullSpace, blocks: Sequence[Block], points: Sequence[Cloud]
+) -> Iterator[Iterator[Generator]]:
+    """All generators of a problem: what acts on most unknowns in a known form comes first.
+
+    The second stage comes after numbers that change in a fixed ratio.
     """
     free = problem.free
-    poses = posed(problem)
-    mixed = [*factor_gauges(free, unseen)]
-    factored = {name for factor in mixed for name in factor.blocks}
-    yield (factor.motion for factor in mixed)
-    matrices = [*homogeneous_factors(free, unseen)]
-    factored |= {name for name, _ in matrices}
-    yield (motion for _, motion in matrices)
-    blocks = [b for b in free.blocks if b.name not in poses]
-    points: set[str] = set()
-    seen = []
-    for island in islands:
-        for cloud in clouds(free, island):
-            names, own = {block.name for block in cloud.blocks}, cloud.places.ravel()
-            others = np.setdiff1d(island, own)
-            enough = unseen.fixed(own) >= cloud.enough
-            if enough and not names & factored and are_points(cloud, unseen, others):
-                points |= names
-                seen.append((cloud, others))
-    if unseen.nearby:
-        yield common_scales(free, blocks, points, islands, unseen, found, units)
-    yield from (offsets_of_factors(free, unseen, island, mixed) for island in islands)
-    yield from (point_gauges(cloud, free, unseen, found, others, units) for cloud, others in seen)
-    maps = [
-        Maps(free, unseen, block, what, units, block.name in points, found)
-        for block in ([b for b in blocks if b.whole is None] if unseen.nearby else [])
-        for what in ("row", "column")
+    of_points = {b.name for cloud in points for b in cloud.blocks}
+    matrices = [
+        (b, what, at, b.name in of_points)
+        for b in (blocks if space.nearby else ())
+        if b.whole is None and b.shape
+        for what, at in generators.matrices(free, b, b.name in of_points)
     ]
-    yield from (one.single() for one in maps)
-    yield from (bending_gauges(cloud, free, unseen, others) for cloud, others in seen)
-    yield place_gauges(problem, unseen)
-    angles = [b for b in blocks if b.unit in ANGLES]
-    if unseen.nearby and len(angles) > 1:
-        yield number_gauges(free, angles, islands, unseen, found, units)
-        yield entry_gauges(free, angles, unseen, found, units)
-    yield turn_gauges(problem, unseen)
-    yield from (one.added() for one in maps)
-    yield from (one.mixed() for one in maps)
-    yield from (_otherwise(replace(one, again=True).single(), free, told) for one in maps)
-    yield number_gauges(free, blocks, islands, unseen, found, units)
-    yield homogeneous_gauges(problem, values, blocks, islands, unseen, found, units)
-    yield entry_gauges(free, blocks, unseen, found, units)
-    yield size_gauges(problem, values, unseen, units)
-    yield vector_gauges(problem, unseen)
-    yield own_axis_gauges(free, blocks, unseen, found)
-    yield added_gauges(free, blocks, unseen, found)
-    yield free_turns(problem, unseen, found)
-    yield few_numbers(free, blocks, unseen, found)
-    again = (point_gauges(c, free, unseen, found, o, units, again=True) for c, o in seen)
-    yield from (_otherwise(one, free, told) for one in again)
-    yield trade_offs(free, blocks, unseen)
+    factors = [
+        (one[1], generator)
+        for one in matrices
+        if (generator := generators.factors_and_offsets(*one)) is not None
+    ]
+    spatial = [b for b in free.blocks if b.unit in LENGTHS[1:] and b.shape in ((2,), (3,))]
+    coefficients = [m[:3] for m in matrices if not m[3] and generators.may_mix(*m[1:3])]
+    yield chain(
+        (generators.similarity(cloud) for cloud in points),
+        (generator for what, generator in factors if what),
+    )
+    yield chain(
+        (generator for what, generator in factors if not what),
+        (generators.bending(cloud) for cloud in points),
+        generators.shifts(free, spatial),
+        _turns(problem, space),
+        chain(*zip(*(generators.mixtures(*one) for one in coefficients), strict=True)),
+    )
 
 
-def _moved(motion: NamedSubspace, free: Layout) -> frozenset[str]:
-    """The names of the blocks that a motion moves."""
-    return frozenset(free.block_of(int(i))[0].name for i in motion.entries)
+def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
+    """Turns of roots and of rotation vectors, and of vectors.
 
-
-def _otherwise(
-    motions: Iterator[NamedSubspace], free: Layout, told: set[frozenset[str]]
-) -> Iterator[NamedSubspace]:
-    """The motions that move other blocks than those told so far.
-
-    What moves the same blocks in another way hides what is left to be named: a point that one
-    camera sees slides along its ray, which is no scale of all others.
+    A single turn that others undo in every way, or in all but one, says little: these have to be
+    turns and places.
     """
-    yield from (motion for motion in motions if _moved(motion, free) not in told)
+    free = problem.free
+    posed = {name for tree in problem.trees for name in tree.blocks}
+    angles = [b for b in free.blocks if b.unit in generators.ANGLES and b.name not in posed]
+    blocks = [b for b in angles if b.shape and b.shape[-1] == 3 and len(b.shape) < 3]
+    spatial = [b for b in free.blocks if b.shape == (3,) and b.unit in LENGTHS[1:]]
+    spatial += [b for b in blocks if b.size == 3]
+    roots = [np.array(tree.entries(0, free), dtype=np.int64) for tree in problem.trees]
+    moved = [(r, free.block_of(int(r[0]))[0]) for r in roots if len(r) == 3 and blocks]
+    moved += [(places_of(free, b), b) for b in blocks]
+    for at, block in moved:
+        frames = [b for b in spatial if b is not block]
+        if frames:
+            yield from generators.turns(block, at, together(free, frames))
+        if len(at) > 3 or (space.nearby and space.fixed(at) > 1):
+            yield from generators.turns(block, at, None)
+    for block in [b for b in free.blocks if b.shape in ((2,), (3,)) and b.unit in LENGTHS[1:]]:
+        if angles:
+            yield generators.vector(free, block, together(free, angles))
+        if space.nearby and space.fixed(places_of(free, block)):
+            yield generators.vector(free, block, None)
+    for block in blocks if space.nearby else ():
+        if block.size == 3:
+            yield from generators.turns(block, places_of(free, block), None, few=True)
+
+
+def _are_points(cloud: Cloud, space: NullSpace) -> bool:
+    """Whether the motions that others undo are such as points have, and not coefficients.
+
+    What is a point, and what a row of coefficients, no shape of an array tells. Rows are points if
+    a move of the plane at infinity is undone. With a unit of length they are unless all linear maps
+    are, and no translation; without one, if a rotation is, and no factor of a single column. Blocks
+    for each coordinate are if a rotation is.
+    """
+    d, at = cloud.places.shape[1], cloud.places.ravel()
+    every = generators.any_map(cloud)
+    Q = space.undone(every, np.setdiff1d(np.arange(len(space.x)), at))
+    lengths = space.in_columns(every)
+    linear = slice(d, d + d * d)
+    turns, scale = d * (d - 1) // 2, d + d * (d - 1) // 2
+    about_any_point = nothing(Q[d + turns :], CLOSE)  # shifts and turns alone
+    turned = np.linalg.norm((Q @ about_any_point)[d : d + turns]) > CLOSE
+    if cloud.blocks[0].shape[-1] != d:  # a block for each coordinate
+        return bool(turned)
+    if _inside(Q, np.eye(len(Q))[:, -d:]).any():
+        return True
+    if cloud.blocks[0].unit != "1":
+        shifts = np.eye(len(Q))[:, :d]
+        return not _inside(Q, np.eye(len(Q))[:, linear]).all() or bool(_inside(Q, shifts).any())
+    own = np.zeros((len(Q), d))  # the factor of each column, by the scale and the stretches
+    own[scale, -1], own[scale + 1 : scale + d] = 1.0, np.eye(d)[: d - 1]
+    own[scale + 1 : scale + d, -1] = -1.0
+    return bool(turned) and not _inside(Q, own * lengths[:, None]).any()
+
+
+def _inside(Q: Array, wanted: Array) -> Array:
+    """Which coefficients (g, w) lie in a space with the orthonormal basis Q (g, k): (w,)."""
+    W = wanted / np.linalg.norm(wanted, axis=0)
+    return np.asarray(np.linalg.norm(W - Q @ (Q.T @ W), axis=0) <= CLOSE)
+
+
+def _of_generator(
+    generator: Generator, free: Layout, found: Found, *, again: bool
+) -> Iterator[Motion]:
+    """The motions of a generator that others undo, each by the fewest of them."""
+    space, at = found.space, generator.places
+    others = generator.others
+    if others is None:
+        others = np.setdiff1d(np.arange(free.size), at)
+        if not generator.few and not space.fixed(at):
+            return
+    lengths = space.in_columns(generator)
+    Q = space.undone(generator, others)
+    if not Q.shape[1]:
+        return
+    for segment, c in _chosen(Q, generator):
+        v = space.moved(generator, c / lengths)
+        if np.linalg.norm(v) <= SAME * np.linalg.norm(c):
+            continue  # such as a turn of points about the line on which they all lie
+        if not (again or generator.with_others) and found.does(v, at):
+            continue
+        for a in _ways(generator, v, c / lengths, others, found, free, again=again):
+            w = space.basis @ a
+            still = np.linalg.norm(w[others]) <= SAME * np.linalg.norm(w)
+            blocks = found.blocks_of(w, free)
+            # what moves the same blocks in another way would hide what is left to be named
+            if (generator.with_others and still) or (again and frozenset(blocks) in found.told):
+                continue
+            if found.adds(a):
+                found.told.add(frozenset(blocks))
+                said = segment.words(c / lengths)
+                title = _title(said, generator, c / lengths, w, blocks, free, space)
+                yield Motion(segment.kind, title, a)
+
+
+def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
+    """Combinations (g,) that span those in Q (g, k), by segments: single columns, where it may be.
+
+    A combination has a one in a column of its own segment, and parts in earlier ones: a rotation
+    about a point that is held is a turn and a shift.
+    """
+    first, g = 0, len(Q)
+    known = np.zeros((g, 0))
+    for segment in generator.segments:
+        own = slice(first, first + segment.width)
+        first += segment.width
+        if generator.single:
+            unit = np.eye(g)[:, own]
+            yield from ((segment, c) for c in unit[:, _inside(Q, unit)].T)
+            continue
+        S = Q @ nothing(Q[first:], SAME) if first < g else Q
+        S = S - known @ (known.T @ S)
+        U, s, _ = np.linalg.svd(S, full_matrices=False)
+        S = U[:, s > SAME]
+        known = np.column_stack([known, S])
+        if S.shape[1]:
+            rows = S[own]
+            pivots = np.sort(scipy.linalg.qr(rows.T, mode="r", pivoting=True)[1][: S.shape[1]])
+            for c in (S @ np.linalg.pinv(rows[pivots])).T:
+                yield segment, np.where(abs(c) > SAME * abs(c).max(), c, 0.0)
+
+
+def _ways(
+    generator: Generator,
+    v: Array,
+    c: Array,
+    others: Index,
+    found: Found,
+    free: Layout,
+    *,
+    again: bool,
+) -> Iterator[Array]:
+    """The motions (d,) that are v (n,) but for what undoes it: nobody, each single block that can,
+    or the fewest blocks, one after the other being left out; the last ones first, or last `again`.
+    """
+    space = found.space
+    nobody, at = np.zeros(0, dtype=np.int64), generator.places
+    choice = _range(space.basis[at], space.same)[1].size < space.basis.shape[1]
+    if not choice and not generator.few:
+        yield space.whole(v, others)
+        return
+    along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
+    choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
+    choices = [some for some in choices if some.size][:: -1 if again else 1]
+    few = len(v) * len(choices) <= LABOUR
+    single = [nobody, *choices] if few else [nobody]
+    alone = False
+    for some in single:
+        if space.undone(along, some).shape[1]:
+            yield space.whole(v, some)
+            alone = True
+            if not some.size:
+                return
+    if alone or generator.few:
+        return
+    left = choices
+    for one in reversed(choices if few else []):
+        fewer = [some for some in left if some is not one]
+        if space.undone(along, np.concatenate([nobody, *fewer])).shape[1]:
+            left = fewer
+    yield space.whole(v, np.concatenate([nobody, *left]))
+
+
+def _title(
+    said: str,
+    generator: Generator,
+    c: Array,
+    w: Array,
+    moved: Sequence[str],
+    free: Layout,
+    space: NullSpace,
+) -> str:
+    """`a rotation about x of points, undone by cam0, cam1 and cam2`; w (n,) is the whole motion."""
+    blocks = [free[name] for name in moved if name not in generator.blocks]
+    alike, d = [generator.name], generator.like
+    for block in [b for b in blocks if d and in_space(b) and b.shape[-1] == d]:
+        at = free.slices[block.name]
+        rows = generators.point_columns(space.x[at].reshape(-1, d))[:, : len(c)] @ c
+        same = rows * space.lengths[at] - w[at]
+        if np.linalg.norm(same) <= 10 * max(SAME, space.same) * np.linalg.norm(w):
+            alike.append(block.name)
+            blocks.remove(block)
+    return f"{said} of {listed(alike)}{_undone_by(free, blocks)}"
+
+
+def _undone_by(free: Layout, blocks: Sequence[Block]) -> str:
+    """`, undone by cam0, cam1 and cam2`; empty for no blocks."""
+    back = things([b.name for b in free.blocks], [b.name for b in blocks])
+    return f", undone by {listed(back)}" if back else ""
+
+
+# Numbers that change in a fixed ratio.
+
+
+def _of_groups(
+    groups: list[Group], found: Found, of_points: Collection[str] = ()
+) -> Iterator[Motion]:
+    """Offsets and factors of groups of unknowns that cancel: combinations of few, the same ratio
+    at all points. Offsets are asked first, then factors, then both together.
+
+    A factor of the blocks `of_points` is called a scale.
+    """
+    space = found.space
+    kinds = [[g for g in groups if not g.factor], [g for g in groups if g.factor]]
+    kinds += [groups] if space.nearby else []
+    for some in kinds:
+        if found.all() or len(some) > MANY:
+            continue
+        for parts, a in _cancelling(some, found):
+            # at one point alone, single numbers undo each other in ways that say nothing
+            if not space.nearby and max(group.places.size for group, _ in parts) == 1:
+                continue
+            named = None if _cross(parts) else _in_ratio(parts, exact=bool(space.nearby))
+            if named and found.adds(a):
+                found.told.add(frozenset(group.block for group, _ in parts))
+                kind, title = named
+                if any(group.factor and group.block in of_points for group, _ in parts):
+                    title = title.replace("a common factor", "a scale", 1)
+                yield Motion(kind, title, a)
+
+
+def _cancelling(
+    groups: list[Group], found: Found
+) -> Iterator[tuple[list[tuple[Group, float]], Array]]:
+    """Combinations of few groups, with their amounts, that nothing else undoes: (d,) each."""
+    space = found.space
+    every = np.arange(len(space.x))
+
+    def columns(x: Array) -> Array:
+        return np.column_stack([group.column(x) for group in groups])
+
+    groups = [g for g in groups if g.column(space.x).any()]
+    if not groups:
+        return
+    whole = Generator("", (), every, columns, ())
+    size = space.in_columns(whole)
+    C = space.undone(whole, every[:0])
+    D = columns(space.x) * space.lengths[:, None] / size
+    A = space.basis.T @ D @ C  # the coefficients (d, k) of the combinations
+    known = C @ nothing(A - found.known @ (found.known.T @ A), found.new)
+    U, s, _ = np.linalg.svd(C - known @ (known.T @ C), full_matrices=False)
+    each = np.sqrt([g.places.size for g in groups])[:, None]  # a group counts once, whatever size
+    fresh = U[:, s > 0.5] / each
+    if not fresh.shape[1]:
+        return
+    orthonormal = [np.linalg.qr(M)[0] if M.shape[1] else M for M in (fresh, known / each)]
+    for b in sparsest(*orthonormal).T:
+        c = b * each[:, 0]
+        c[abs(c) < PART * abs(c).max()] = 0.0
+        v = D @ c
+        a = space.basis.T @ v
+        # what is a small difference of large parts has to be a motion by itself
+        if np.linalg.norm(v) > SAME * np.linalg.norm(D * c) and np.linalg.norm(
+            v - space.basis @ a
+        ) <= 10 * space.same * np.linalg.norm(v):
+            amounts = c / size
+            yield [(g, float(x)) for g, x in zip(groups, amounts, strict=True) if x], a
+
+
+def _cross(parts: Sequence[tuple[Group, float]]) -> bool:
+    """Whether a row and a column of one block take part: then entries say it better."""
+    alike = (
+        (a, b)
+        for (a, _), (b, _) in combinations(parts, 2)
+        if a.block == b.block and a.factor == b.factor
+    )
+    return any(np.intersect1d(a.places, b.places).size for a, b in alike)
+
+
+def _in_ratio(parts: Sequence[tuple[Group, float]], exact: bool) -> tuple[str, str] | None:
+    """The kind and the title of a combination: `a common factor of ability, undone by slope`.
+
+    None for single numbers that are offset by unlike amounts, which is a trade-off.
+    """
+    factors = [(group, c) for group, c in parts if group.factor]
+    several = [(g, c) for g, c in parts if g.places.size > 1]
+    by_block: dict[str, list[float]] = {}
+    for group, c in parts:
+        by_block.setdefault(group.block, []).append(c)
+    alike = all(np.allclose(some, some[0], rtol=PART) for some in by_block.values())
+    rows = list(parts) if alike and len(by_block) < len(parts) else []
+    main = factors or several or rows
+    if not main:
+        return None
+    least = min((c for _, c in main), key=abs)
+    unit = abs(least) * np.sign(main[0][1])
+    if not exact and not factors and not np.allclose([abs(c) for _, c in parts], abs(least)):
+        return None
+    kind, said = ("scale", "a common factor") if factors else ("offset", "a common offset")
+    up = [_part(g, c / unit) for g, c in main if c / unit > 0]
+    down = [_part(g, -c / unit) for g, c in main if c / unit < 0]
+    others = [g.name for g, _ in parts if all(g is not one for one, _ in main)]
+    down += [f"an offset of {name}" if factors else name for name in others]
+    return kind, f"{said} of {listed(up)}" + (f", undone by {listed(down)}" if down else "")
+
+
+def _part(group: Group, amount: float) -> str:
+    """`slope`, `size (to the power 2)` or `clock (2 times as much)`."""
+    if abs(amount - 1) < 1e-3:
+        return group.name
+    how = f"to the power {amount:.3g}" if group.factor else f"{amount:.3g} times as much"
+    return f"{group.name} ({how})"
+
+
+# What is declared, what rows tie together, and what may be exchanged.
 
 
 def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:
     """Whether a declared motion is one that the other unknowns can undo."""
-    units = np.ones(problem.free.size)
-    unseen = Unseen(problem.split(values)[0], null)
-    return any(True for _ in _declared(gauge, problem.free, values, unseen, units))
+    space = NullSpace(problem.split(values)[0], np.ones(problem.free.size), null)
+    return any(True for _ in _declared(gauge, problem.free, values, space))
 
 
-def _declared(
-    gauge: Gauge, free: Layout, values: Values, unseen: Unseen, units: Array
-) -> Iterator[NamedSubspace]:
-    v, moved = np.zeros(free.size), gauge.change(dict(values))
-    for name, change in moved.items():
-        v[free.slices[name]] = free[name].taken(change).ravel()
-    others = places(free, [b for b in free.blocks if b.name not in moved])
-    here = Unseen(unseen.x, unseen.basis, unseen.same)
-    for w, _ in undone(lambda x: (v / units)[:, None], others, here):
-        main = [b for b in free.blocks if b.name in moved]
-        yield named_gauge("gauge", gauge.name, w, free, main, least=unseen.same)
+def _declared(gauge: Gauge, free: Layout, values: Values, space: NullSpace) -> Iterator[Motion]:
+    moved = gauge.change(dict(values))
+    at = together(free, list(moved))
+    changes = [free[name].taken(change).ravel() for name, change in moved.items()]
+    v = np.concatenate([np.zeros(0), *changes])[:, None]
+    here = NullSpace(space.x, space.lengths, space.basis, space.same)
+    segment = Segment("gauge", 1, lambda c: gauge.name)
+    one = Generator(listed(list(moved)), tuple(moved), at, lambda x: v, (segment,))
+    others = np.setdiff1d(np.arange(free.size), at)
+    if v.any() and here.undone(one, others).shape[1]:
+        a = here.whole(here.moved(one, np.ones(1)), others)
+        w = here.basis @ a
+        blocks = Found(here).blocks_of(w, free)
+        yield Motion("gauge", _title(gauge.name, one, np.ones(1), w, blocks, free, here), a)
 
 
 def _islands(free: Layout, pattern: csc_array) -> list[Index]:
@@ -207,3 +647,50 @@ def _islands(free: Layout, pattern: csc_array) -> list[Index]:
     read = pattern.tocoo()
     tied = coo_array((read.data, (read.row, group[read.col])), (pattern.shape[0], count))
     return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
+
+
+def exchanges(
+    problem: Problem, values: Values, constrained: ConstrainedJacobian
+) -> tuple[tuple[str, ...], ...]:
+    """Groups of free blocks whose rows may be exchanged, together, in any order.
+
+    Such a symmetry is discrete: the terms of a sum, the units of a layer. It takes no rank away,
+    but every minimum then has equals elsewhere. An exchange that only moves along the null space is
+    left out: it says nothing new.
+    """
+    free = problem.free
+    if free.size > SMALL or problem.trees:
+        return ()
+    null = constrained.null
+    x, fixed = problem.split(values)
+    before = problem.residual(x, fixed)
+    by_count: dict[int, list[str]] = {}
+    for block in free.blocks:
+        if block.whole is None and block.shape and 1 < block.shape[0] <= EXCHANGED:
+            by_count.setdefault(block.shape[0], []).append(block.name)
+    groups = [tuple(names) for names in by_count.values()]
+    groups += [(name,) for names in by_count.values() if len(names) > 1 for name in names]
+    kept: list[tuple[str, ...]] = []
+    for group in groups:
+        if any(set(group) <= set(one) for one in kept):
+            continue
+        moved = [
+            _exchanged(free, x, group, i, j) for i, j in pairwise(range(free[group[0]].shape[0]))
+        ]
+        outside = [y - x - null @ (null.T @ (y - x)) for y in moved]
+        new = max(np.linalg.norm(outside, axis=1)) > SAME * np.linalg.norm(x)
+        if new and all(
+            np.linalg.norm(problem.residual(y, fixed) - before)
+            <= 1e-9 * (1.0 + float(np.linalg.norm(before)))
+            for y in moved
+        ):
+            kept.append(group)
+    return tuple(kept)
+
+
+def _exchanged(free: Layout, x: Array, group: tuple[str, ...], i: int, j: int) -> Array:
+    y = x.copy()
+    for name in group:
+        rows = y[free.slices[name]].reshape(free[name].shape[0], -1)
+        rows[[i, j]] = rows[[j, i]]
+    return y

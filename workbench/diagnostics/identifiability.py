@@ -13,19 +13,23 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
-from workbench.problem import Linearization
+from workbench.diagnostics.derivatives import exact_hessian
+from workbench.diagnostics.sparse_jacobian import SparseJacobian
+from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import tied_columns
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 
 MOST = 20  # correlations that are listed
 STRONG = 0.5  # size from which on a correlation is listed
+RISES = 10.0  # times the gradient: more than an orbit of a gauge bends
+MOST_OF_A_STEP = 0.999  # at its end r = sqrt(2 c) has no derivative
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data added nothing
 
 
@@ -36,7 +40,7 @@ class EntryIdentifiability(Enum):
     NUMERICAL = "it takes part in a null direction"
     PRACTICAL = (
         "the residuals depend on it, but its sigma is not below 0.9 of its prior's, or of a "
-        "yardstick without a prior"
+        "characteristic scale without a prior"
     )
     IDENTIFIED = "the residuals determine it"
 
@@ -51,7 +55,7 @@ class Identifiability:
         correlations: pairs of entries and their correlation, the strongest first.
         data_share: c^2 (rank,), falling: the data's share of the information on each direction,
             from 1 (the data alone) to 0 (the priors alone);
-            None where unknowns were eliminated part after part, without singular values.
+            None where a sparse Jacobian was factorized, without singular values.
         effective: effective degrees of freedom: how many directions the data decide, the sum of
             c^2.
         better_from_data: how many directions the data determine better than the priors do.
@@ -80,16 +84,16 @@ def identifiability(
     constrained: ConstrainedJacobian,
     prior_rows: Mask,
     prior: Array,
-    yardsticks: Array,
+    scales: Array,
     unread: Index,
     under: Index,
 ) -> Identifiability:
     """How well each entry is known; `prior_rows` (m,) says which rows are priors.
 
     The standard deviation of an entry is compared with that by the priors alone, `prior` (n,), or
-    with its yardstick (n,) where no prior determines it. Whether an entry takes part in a null
-    direction is also judged in yardsticks, so that units change no verdict. `unread` and `under`
-    are the columns that nothing reads and those of the under-determined part.
+    with its characteristic scale (n,) where no prior determines it. Whether an entry takes part in
+    a null direction is also judged in these scales, so that units change no verdict. `unread` and
+    `under` are the columns that nothing reads and those of the under-determined part.
     """
     eliminated = constrained.by_elimination
     share: Array | None = None
@@ -97,22 +101,22 @@ def identifiability(
         with limited_threads():
             sigma, pairs, decided, better = _by_elimination(eliminated, prior_rows)
     else:
-        measured = constrained.measured(yardsticks)
+        measured = constrained.measured(scales)
         sigma, half = measured.laplace
         pairs = _correlated(half, np.isinf(sigma))
         share = _data_share(measured.here, prior_rows, half)
-        sigma = sigma * yardsticks
+        sigma = sigma * scales
         decided, better = float(share.sum()), int(np.sum(share > 0.5))
-    verdicts = _verdicts(sigma, prior, yardsticks, unread, under)
+    verdicts = _verdicts(sigma, prior, scales, unread, under)
     return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
 
 
 def _by_elimination(
-    jacobian: EliminatedJacobian, prior_rows: Mask
+    jacobian: SparseJacobian, prior_rows: Mask
 ) -> tuple[Array, tuple[tuple[int, int, float], ...], float, int]:
     """Sigmas, correlated pairs, `effective` and `better_from_data` without singular values."""
     sigma = np.sqrt(jacobian.variances)
-    decided: float = jacobian.eliminated.rank - len(jacobian.forbidden)
+    decided: float = jacobian.rank - len(jacobian.forbidden)
     better = int(decided)
     if prior_rows.any():
         decided -= jacobian.information_in(prior_rows)
@@ -120,7 +124,7 @@ def _by_elimination(
     return sigma, _strongest(jacobian, sigma), decided, better
 
 
-def _strongest(jacobian: EliminatedJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
+def _strongest(jacobian: SparseJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
     """The MOST strongest correlations of unknowns that are known, above one half."""
     known = np.isfinite(sigma) & (sigma > 0)
     over = np.where(known, 1 / np.where(known, sigma, 1.0), 0.0)
@@ -172,22 +176,22 @@ def _apart(rows: Linearization, read: Index) -> list[Index]:
 
 
 def _verdicts(
-    sigma: Array, prior: Array, yardsticks: Array, unread: Index, under: Index
+    sigma: Array, prior: Array, scales: Array, unread: Index, under: Index
 ) -> tuple[EntryIdentifiability, ...]:
-    blind = np.isinf(sigma)
+    null = np.isinf(sigma)
     structural = np.zeros(sigma.size, dtype=bool)
     structural[unread] = True
-    structural[under] |= blind[under]
-    narrowed = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < yardsticks)
-    found = np.full(sigma.size, EntryIdentifiability.PRACTICAL, dtype=object)
-    found[narrowed] = EntryIdentifiability.IDENTIFIED
-    found[blind] = EntryIdentifiability.NUMERICAL
-    found[structural] = EntryIdentifiability.STRUCTURAL
-    return tuple(found.tolist())
+    structural[under] |= null[under]
+    narrowed = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < scales)
+    verdicts = np.full(sigma.size, EntryIdentifiability.PRACTICAL, dtype=object)
+    verdicts[narrowed] = EntryIdentifiability.IDENTIFIED
+    verdicts[null] = EntryIdentifiability.NUMERICAL
+    verdicts[structural] = EntryIdentifiability.STRUCTURAL
+    return tuple(verdicts.tolist())
 
 
-def _correlated(half: Array, blind: Mask) -> tuple[tuple[int, int, float], ...]:
-    known = np.flatnonzero(~blind)
+def _correlated(half: Array, null: Mask) -> tuple[tuple[int, int, float], ...]:
+    known = np.flatnonzero(~null)
     rows = half[known] / np.maximum(np.linalg.norm(half[known], axis=1), 1e-300)[:, None]
     C = np.triu(rows @ rows.T, 1)
     order = np.argsort(-abs(C), axis=None)[:MOST]
@@ -195,6 +199,37 @@ def _correlated(half: Array, blind: Mask) -> tuple[tuple[int, int, float], ...]:
     return tuple(
         (int(known[a]), int(known[b]), float(C[a, b])) for a, b in pairs if abs(C[a, b]) > STRONG
     )
+
+
+def widths_by_curvature(
+    problem: Problem, values: Mapping[str, ArrayLike], null: Array, scales: Array
+) -> tuple[float, ...]:
+    """Standard deviations along null directions in which the cost rises, in characteristic scales.
+
+    J d = 0 says that no residual changes to first order. With r = sqrt(2 c), one row for a whole
+    negative logarithm c of a density, the exact Hessian H of the cost has d'H d > 0 all the same,
+    and the width along d is 1 / sqrt(d'H d). Along the orbit x(t) of a gauge x'H x' = -x''g, with
+    the gradient g, which is nothing at a minimum: only a curvature far above |g| counts. It is
+    asked for at `values`, and if H is definite most of a Newton step further.
+
+    `null` (n, k) is orthonormal in unknowns in their `scales` (n,). Empty where the cost rises
+    along none of them, and where there is no exact Hessian.
+    """
+    x, fixed = problem.split(values)
+    for _ in range(2 if null.shape[1] else 0):
+        H = exact_hessian(problem, x, fixed)
+        if H is None or not np.isfinite(H).all():
+            break
+        H = H * np.outer(scales, scales)
+        g = problem.cost_and_gradient(x, fixed)[1] * scales
+        curvatures, rounding = np.linalg.eigvalsh(null.T @ H @ null), 1e-8 * float(abs(H).max())
+        rises = curvatures > max(RISES * float(np.linalg.norm(g)), rounding)
+        if rises.any():
+            return tuple((1 / np.sqrt(curvatures[rises])).tolist())
+        if np.linalg.eigvalsh(H)[0] <= rounding:
+            break
+        x = x - MOST_OF_A_STEP * scales * np.linalg.solve(H, g)
+    return ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,17 +260,16 @@ def contributions(
 ) -> tuple[Contribution, ...]:
     """What each residual contributes, found by leaving it out; nothing is solved again.
 
-    What is known is judged with every unknown in its yardstick, `sizes` (n,).
+    What is known is judged with every unknown in its characteristic scale, `sizes` (n,).
     """
     m = constrained.here.shape[0]
     s, rank, sigma = _known(constrained, sizes, free)
-    found = []
+    parts = []
     for term, part in rows.items():
-        left = np.ones(m, dtype=bool)
-        left[part] = False
-        s0, rank0, sigma0 = _known(constrained.only(np.flatnonzero(left)), sizes, free)
-        found.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
-    return tuple(found)
+        left = np.delete(np.arange(m), part)
+        s0, rank0, sigma0 = _known(constrained.only(left), sizes, free)
+        parts.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
+    return tuple(parts)
 
 
 def _known(

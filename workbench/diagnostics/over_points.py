@@ -1,4 +1,4 @@
-"""A diagnosis at many points: which directions are unseen everywhere, and which only somewhere.
+"""A diagnosis at many points: which directions are null everywhere, and which only somewhere.
 
 Rank is a property of a problem and a point. A knee that is stretched hides what a bent one shows,
 and a camera may look along a forearm in one pose of many. `diagnose_over` diagnoses a problem at
@@ -6,7 +6,7 @@ many points, draws of its priors, of a posterior, or frames of a recording, and 
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -18,8 +18,8 @@ from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnose import diagnose_whole
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted
-from workbench.errors import BadArgument, listed
+from workbench.diagnostics.words import counted
+from workbench.errors import BadArgument, joined
 from workbench.problem import Problem
 
 LISTED = 15  # names in a report
@@ -46,7 +46,7 @@ class Recurring:
 
 @dataclass(frozen=True, eq=False)
 class PointsDiagnosis:
-    """What was found at M points of a problem in n unknowns.
+    """Ranks and directions at M points of a problem in n unknowns.
 
     Attributes:
         unknowns: n.
@@ -69,12 +69,12 @@ class PointsDiagnosis:
 
     @property
     def everywhere(self) -> tuple[Recurring, ...]:
-        """The directions that are unseen at every point."""
+        """The directions that are null at every point."""
         return tuple(one for one in self.unseen if one.count == self.count)
 
     @property
     def somewhere(self) -> tuple[Recurring, ...]:
-        """The directions that are unseen at some points and seen at others."""
+        """The directions that are null at some points and not at others."""
         return tuple(one for one in self.unseen if one.count < self.count)
 
     def report(self) -> str:
@@ -83,23 +83,23 @@ class PointsDiagnosis:
         full = int((self.ranks == n).sum())
         lines = [f"{n} unknowns, diagnosed at {M} points"]
         if full == M:
-            lines.append("every direction is seen at every point")
+            lines.append("no direction is null at any point")
         else:
             ranks = ", ".join(
                 f"{rank} at {times}" for rank, times in sorted(Counter(self.ranks.tolist()).items())
             )
             lines.append(f"rank {ranks} of them; {n} would be full")
         low, high = float(self.conditions.min()), float(self.conditions.max())
-        lines.append(f"condition number of what is seen: {low:.2g} to {high:.2g}")
-        for title, some in (
-            ("unseen at every point", self.everywhere),
-            ("unseen at some points", self.somewhere),
-            ("weak: a yardstick changes the residuals by less than a sigma", self.weak),
+        lines.append(f"condition number of what is determined: {low:.2g} to {high:.2g}")
+        for title, directions in (
+            ("null at every point", self.everywhere),
+            ("null at some points", self.somewhere),
+            ("weak: a characteristic scale changes the residuals by less than a sigma", self.weak),
         ):
-            if some:
-                lines += ["", title, *(f"  {self._said(one)}" for one in some[:LISTED])]
-                if len(some) > LISTED:
-                    lines.append(f"  and {counted(len(some) - LISTED, 'further name')}")
+            if directions:
+                lines += ["", title, *(f"  {self._said(one)}" for one in directions[:LISTED])]
+                if len(directions) > LISTED:
+                    lines.append(f"  and {counted(len(directions) - LISTED, 'further name')}")
         return "\n".join(lines)
 
     def data(self) -> dict[str, Any]:
@@ -141,22 +141,23 @@ def diagnose_over(
     >>> angle = wb.Block("angle", (1,), "rad")
     >>> height = casadi.cos(angle.symbol)
     >>> problem = wb.Problem([Residual("height", height, 0.01)], ["angle"])
-    >>> found = diagnose_over(problem, [{"angle": [a]} for a in (0.0, 0.5, 1.0)])
-    >>> found.ranks.tolist()
+    >>> diagnose_over(problem, [{"angle": [a]} for a in (0.0, 0.5, 1.0)]).ranks.tolist()
     [0, 1, 1]
     """
     ranks: list[int] = []
     conditions: list[float] = []
-    unseen: dict[str, Counter[int]] = {}
+    null: dict[str, Counter[int]] = {}
     weak: dict[str, Counter[int]] = {}
-    given, names = tuple(gauges), priors if isinstance(priors, str) else tuple(priors)
+    names = priors if isinstance(priors, str) else tuple(priors)
+    declared = tuple(gauges)
     for number, at in enumerate(points):
-        here = diagnose_whole(problem, at, priors=names, gauges=given)
+        here = diagnose_whole(problem, at, priors=names, gauges=declared)
         ranks.append(here.rank)
         s = here.singular_values[: here.rank]
         conditions.append(float(s[0] / s[-1]) if len(s) else 1.0)
-        _note(unseen, here.null_directions, number, problem.free)
-        _note(weak, here.weak_directions, number, problem.free)
+        for counts, directions in ((null, here.null_directions), (weak, here.weak_directions)):
+            for one in directions:
+                counts.setdefault(_family(one, problem.free), Counter())[number] += 1
         if progress is not None:
             progress(number + 1)
     if not ranks:
@@ -165,31 +166,23 @@ def diagnose_over(
         problem.free.size,
         np.array(ranks),
         np.array(conditions),
-        _by_frequency(unseen),
+        _by_frequency(null),
         _by_frequency(weak),
     )
 
 
-def _note(
-    known: dict[str, Counter[int]], found: Sequence[Direction], number: int, free: Layout
-) -> None:
-    for one in found:
-        known.setdefault(_family(one, free), Counter())[number] += 1
-
-
 def _family(direction: Direction, free: Layout) -> str:
-    """What a direction is called without its coefficients."""
-    if direction.kind != "mixed":
-        head = direction.name.partition(":")[0]
-        return f"directions {head}" if head.startswith("within ") else head
-    v = direction.vector
-    read = [name for name, part in free.slices.items() if np.abs(v[part]).max(initial=0) > PART]
-    return f"mixed directions of {listed(read)}"
+    """What a direction is called without its terms; by what moves if it has no other name."""
+    if title := direction.name.removesuffix(direction.terms).removesuffix(": "):
+        return title
+    v = abs(direction.vector)
+    moved = [name for name, part in free.slices.items() if v[part].max(initial=0) > PART]
+    return f"mixed directions of {joined(moved)}"
 
 
-def _by_frequency(known: dict[str, Counter[int]]) -> tuple[Recurring, ...]:
-    found = [Recurring(name, len(at), max(at.values()), min(at)) for name, at in known.items()]
-    return tuple(sorted(found, key=lambda one: (-one.count, one.first, one.name)))
+def _by_frequency(families: Mapping[str, Counter[int]]) -> tuple[Recurring, ...]:
+    ranked = [Recurring(name, len(at), max(at.values()), min(at)) for name, at in families.items()]
+    return tuple(sorted(ranked, key=lambda one: (-one.count, one.first, one.name)))
 
 
 def prior_draws(

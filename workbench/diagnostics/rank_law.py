@@ -8,12 +8,17 @@ for each joint with one (its twist about the bone is hidden), 0 for a leaf.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.diagnostics.structure import only_joints
+from workbench.blocks import Tree
+from workbench.blocks.functions import Buffered
+from workbench.bodies.forward.sources import BodySource
+from workbench.diagnostics.point import Point
 from workbench.problem import Problem
 
 SMALL = 1e-9  # of a singular value, bones having length 1
@@ -66,7 +71,7 @@ def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | N
     The law applies if every residual reads the joints of one body, and nothing is free but its pose
     and perhaps its translation.
     """
-    found = only_joints(problem, at)
+    found = _only_joints(problem, at)
     if found is None:
         return None
     tree, joints, seen = found
@@ -75,6 +80,54 @@ def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | N
     if len(seen) == len(tree.parents):
         return rank, law_in_words(tree.parents, translation=moving)
     return rank, f"{len(seen)} of {len(tree.parents)} joints are observed"
+
+
+def _only_joints(
+    problem: Problem, at: Mapping[str, ArrayLike]
+) -> tuple[Tree, Array, tuple[int, ...]] | None:
+    """The tree, the posed joints (K, 3) m and which of them are read, for the rank law.
+
+    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
+    free but its pose and perhaps its translation.
+    """
+    if len(problem.points) != 1:
+        return None
+    (found,) = problem.points
+    tree, free = found.source.tree, problem.free
+    if tree is None or not tree.rigid_bones or found.labels != tree.names:
+        return None
+    if sum(p < 0 for p in tree.parents) != 1:
+        return None
+    poses = [block for block in free.blocks if block.name in tree.blocks]
+    if not len(tree.turned(free)) == len(tree.names) == sum(block.size for block in poses) / 3:
+        return None  # the law is of joints that turn freely, each by three numbers of its own
+    if any(residual.weights is not None for residual in problem.residuals):
+        return None  # a weight of zero hides a joint
+    others = [block for block in free.blocks if block.name not in tree.blocks]
+    if [block.shape for block in others] not in ([], [(3,)]) or free.parts:
+        return None
+    if isinstance(found.source, BodySource) and others:
+        maps = found.source.arguments.maps
+        if maps is None or maps[2].plain != others[0].name:
+            return None
+    stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
+    own = {s.name() for s in cs.symvar(stacked)} & set(free.names)
+    if own:  # a prior, or a residual of another kind
+        return None
+    by_points = cs.jacobian_sparsity(stacked, found.symbol)
+    starts, rows = by_points.get_ccs()
+    reads = np.diff(starts).reshape(-1, 3)
+    # the law counts whole positions: every coordinate read, each by rows of its own
+    if len(set(rows)) != len(rows) or not np.isin(reads, (0, 1)).all():
+        return None
+    seen = reads.all(axis=1)
+    if (reads.any(axis=1) != seen).any():
+        return None
+    value = cs.Function(
+        "joints", [b.symbol for b in found.source.blocks], [cs.densify(found.source.expression)]
+    )
+    (joints,) = Buffered(value)(*(np.asarray(at[b.name], dtype=float) for b in found.source.blocks))
+    return tree, joints.reshape(-1, 3), tuple(np.flatnonzero(seen).tolist())
 
 
 def law_in_words(parents: Sequence[int], *, translation: bool) -> str:
@@ -87,6 +140,38 @@ def law_in_words(parents: Sequence[int], *, translation: bool) -> str:
         f"{first}3 x {several} joints with several children + 2 x {one} with one child, whose "
         f"twist about the bone moves no joint + 0 x {int(np.sum(counts == 0))} leaves = {total}"
     )
+
+
+@dataclass(frozen=True)
+class JointTurn:
+    """How strongly the residuals change when a joint turns, in sigmas per radian.
+
+    Attributes:
+        joint: the joint's name.
+        best: the change for a turn about the axis of the largest change.
+        second: the change about the best axis at right angles to it.
+    """
+
+    joint: str
+    best: float
+    second: float
+
+
+def joint_turns(point: Point) -> tuple[JointTurn, ...]:
+    """The strongest two turns of each joint, all other joints at rest.
+
+    Points in space show two turns of a bone equally well. One image shows only one of them if the
+    bone lies across the line of sight: the other turn moves its end in depth.
+    """
+    found, here, tolerance = [], point.here, point.constrained.tolerance
+    for tree in point.problem.trees:
+        for k, place in tree.turned(point.problem.free).items():
+            some = np.arange(place.start, place.stop)
+            columns = here.columns(some).dense if here.estimated else here.R[:, place]
+            best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
+            if best > tolerance:
+                found.append(JointTurn(tree.names[k], float(best), float(second)))
+    return tuple(found)
 
 
 def _cross(e: Array) -> Array:

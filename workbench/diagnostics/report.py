@@ -1,68 +1,390 @@
-"""The whole report of a diagnosis in words, section by section."""
+"""A diagnosis in words: what it found, a summary, and the whole report section by section."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import gap, gauges_in_words, held, listed, names_of, unread
+from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
-from workbench.diagnostics.structure import (
-    counted,
-    gathered,
-    named_groups,
-    named_rows,
-    pose_moves_template,
-)
-from workbench.diagnostics.tables import sections, table
-from workbench.errors import joined
+from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.wording import Finding
+from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
+from workbench.errors import joined, some_of
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
 
 MOST = 12  # lines of one list
+ILL = 1e8  # condition of J from which half of the digits are gone
+UNEVEN = 1e6  # longest over shortest column
+BETTER = 100.0  # times the condition without, from which on a scaling of columns is spoken of
+FLAT = 0.3  # second best turn of a joint over its best, below which only one turn is seen
+MOSTLY = 0.75  # of the joints: if so many are flat, the view is the reason and not one limb
+FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not counted
+WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
+ALONE = 0.999  # leverage from which on a row determines a direction alone
+NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
+GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
+    "translation": ("translation", "translations"),
+    "rotation": ("rotation", "rotations"),
+    "scale": ("change of scale", "changes of scale"),
+    "offset": ("common offset", "common offsets"),
+    "mixing": ("mixing of factors", "mixings of factors"),
+    "projective": ("projective map", "projective maps"),
+    "trade-off": ("trade-off", "trade-offs"),
+    "gauge": ("other gauge", "other gauges"),
+}
+# How well entries are identified, from well to not at all: heads of tables.
+VERDICTS = ("identified", "practically not", "numerically not", "structurally not")
+MEANS = (
+    f"sigma is below {UNCHANGED} of the prior's or, without a prior, below a characteristic scale",
+    "the residuals depend on it, but sigma is not below that",
+    "it has a part in a null direction",
+    "the sparsity pattern alone leaves it open",
+)
 
 
-def report(d: Diagnosis) -> str:
+# What it found.
+
+
+def findings(d: "Diagnosis") -> tuple[Finding, ...]:
+    """All findings, warnings first.
+
+    Where the cost rises along every null direction, what is said of rows alone is no warning.
+    """
+    if not d.here.finite:
+        return tuple(_values(d))
+    of_rows = [f for part in (_structure, _rank, _conditioning) for f in part(d)]
+    if d.has_width:
+        of_rows = [replace(finding, warning=False) for finding in of_rows]
+    every = [*_width(d), *of_rows, *_priors(d), *_derivatives(d)]
+    return tuple(sorted(every, key=lambda finding: not finding.warning))
+
+
+def listed(findings: Sequence[Finding]) -> list[str]:
+    """Each finding as a line of a report."""
+    lines = [f"{'warning' if one.warning else 'note'}: {one.text}" for one in findings]
+    return lines or ["no warnings"]
+
+
+def _values(d: "Diagnosis") -> Iterator[Finding]:
+    label, free = d.problem.row_label, d.free
+    for what, where in (
+        ("the residual", [label(i) for i, j in d.not_finite if j < 0]),
+        ("the Jacobian", [f"{label(i)} by {free.label(j)}" for i, j in d.not_finite if j >= 0]),
+    ):
+        if where:
+            yield Finding("values", f"{what} is not finite: {some_of(where)}")
+    rng, step = np.random.default_rng(0), NEARBY * d.point.scales.sizes
+    x, fixed = d.problem.split(d.values)
+    moved = d.problem.values(x + step * rng.standard_normal(x.shape), fixed)
+    if d.problem.linearize(d.values | moved).finite:
+        text = (
+            "a thousandth of a characteristic scale away it is finite: start there, or write the "
+            "formula as a series around this point"
+        )
+        yield Finding("values", text, False)
+
+
+def _width(d: "Diagnosis") -> Iterator[Finding]:
+    if d.widths:
+        low, high = (f"{width:.2g}" for width in (min(d.widths), max(d.widths)))
+        text = (
+            f"the cost rises along {len(d.widths)} of {_null_directions(d.shape[1] - d.rank)}, by "
+            f"its exact Hessian with a standard deviation of "
+            f"{low if low == high else f'{low} to {high}'} characteristic scales: these directions "
+            "have a width, which the Jacobian does not show"
+        )
+        yield Finding("rank", text, False)
+
+
+def _structure(d: "Diagnosis") -> Iterator[Finding]:
+    if d.structure.unread.size:
+        yield Finding("structure", unread(d))
+    under = np.setdiff1d(d.structure.under.columns, d.structure.unread)
+    if under.size and not d.has_width:
+        text = (
+            f"{counted(len(d.structure.under.rows), 'row')} cannot determine {under.size} "
+            f"unknowns: {named_groups(d.free, under)}"
+        )
+        yield Finding("structure", text)
+    idle = set(d.structure.idle.tolist())
+    for name, rows in d.problem.rows.items():
+        if rows.stop > rows.start and idle.issuperset(range(rows.start, rows.stop)):
+            text = f"the residual {name} depends on no free block, so it is constant"
+            yield Finding("structure", text)
+    for first, second in d.duplicates:
+        text = f"{second} repeats {first} row by row, so that these rows count twice"
+        yield Finding("structure", text)
+
+
+def _rank(d: "Diagnosis") -> Iterator[Finding]:
+    n, nearby = d.shape[1], d.nearby
+    if d.rank < n:
+        text = f"{n - d.rank} of {n} directions change no residual"
+        text += " to first order" if d.widths else ""
+        text += f", and no active {_one(d)} forbids them" if d.point.active.any else ""
+        yield Finding("rank", text)
+        if text := _invariant(d):
+            yield Finding("rank", text, False)
+        for gauge in d.gauges:
+            if not is_gauge(gauge, d.problem, d.values, d.point.constrained.null):
+                text = f"{gauge.name} is declared to be a gauge, but no other unknowns undo it here"
+                yield Finding("rank", text)
+    for names in d.exchanges:
+        text = (
+            f"the rows of {' and '.join(names)} can be exchanged without changing a residual, so "
+            "that every solution has equals elsewhere"
+        )
+        yield Finding("rank", text, False)
+    if d.point.active.any:
+        yield Finding("rank", held(d), False)
+    if nearby.ranks and max(nearby.ranks) > d.rank:
+        text = (
+            f"the rank is {d.rank} at this point, but {max(nearby.ranks)} a tenth of a "
+            "characteristic scale away"
+        )
+        yield Finding("rank", text)
+    if nearby.weaker_here > WEAKER:
+        text = (
+            f"nearly degenerate: the smallest nonzero singular value is {nearby.weaker_here:.0f} "
+            "times smaller here than a tenth of a characteristic scale away; its direction is along"
+            f" {_columns(d, d.weakest[0].columns)}"
+        )
+        yield Finding("rank", text, False)
+    yield from _depth(d)
+    if d.weak_count:
+        text = (
+            f"{counted(d.weak_count, 'weak direction')}: a whole characteristic scale "
+            f"({d.point.scales}) changes the residuals by less than one sigma"
+        )
+        yield Finding("rank", text, False)
+
+
+def _null_directions(count: int) -> str:
+    return counted(count, "null direction")
+
+
+def _invariant(d: "Diagnosis") -> str:
+    """The gauges; where the cost rises along null directions it is not invariant to all of them."""
+    return "" if d.widths else gauges_in_words(d.null_directions)
+
+
+def gauges_in_words(directions: Sequence[Direction]) -> str:
+    """`nothing changes under 3 translations and 1 rotation (4 of 6 null directions)`, or empty."""
+    counts = {kind: sum(x.kind == kind for x in directions) for kind in GAUGES}
+    parts = [f"{count} {GAUGES[kind][count > 1]}" for kind, count in counts.items() if count]
+    if not parts:
+        return ""
+    count = sum(counts.values())
+    return (
+        f"no residual changes under {joined(parts)}: {count} of "
+        f"{_null_directions(len(directions))} {'is a gauge' if count == 1 else 'are gauges'}"
+    )
+
+
+def unread(d: "Diagnosis") -> str:
+    """The unknowns that no residual depends on, in a sentence."""
+    nothing = f"residual and no active {_one(d)}" if d.point.active.any else "residual"
+    return f"no {nothing} depends on {named_groups(d.free, d.structure.unread)}"
+
+
+def _one(d: "Diagnosis") -> str:
+    """`bound`, `constraint`, or `bound or constraint`."""
+    return " or ".join(word.removesuffix("s") for word in d.point.active.what.split(" and "))
+
+
+def held(d: "Diagnosis") -> str:
+    """What bounds and constraints add to the rank, in a sentence."""
+    names, count, what = d.point.active.names, d.point.constrained.count, d.point.active.what
+    return (
+        f"active {what} ({some_of(names)}) fix {counted(count, 'direction')}, which "
+        f"{'counts' if count == 1 else 'count'} towards the rank"
+    )
+
+
+def _depth(d: "Diagnosis") -> Iterator[Finding]:
+    """A body that lies flat across the view of one camera shows one turn of each bone only."""
+    felt = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
+    seen = [turn for turn in d.joint_turns if turn.best > felt]
+    flat = [turn.joint for turn in seen if turn.second < FLAT * turn.best]
+    if len(seen) < 3 or len(flat) < MOSTLY * len(seen):
+        return
+    text = (
+        f"nearly degenerate in depth: {len(flat)} of {len(seen)} joints ({', '.join(flat[:3])}, "
+        f"...) change the residuals strongly when they turn about one axis, and less than {FLAT:g} "
+        "times as strongly about any other, as happens when a body lies flat across the view of a "
+        "single camera: bending towards the camera or away from it changes the image little"
+    )
+    yield Finding("rank", text, False)
+
+
+def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
+    if ILL < d.condition < np.inf:
+        text = f"the condition number is {d.condition:.1e}: at least half of the digits are lost"
+        yield Finding("conditioning", text)
+    norms = d.here.column_norms[d.here.column_norms > 0]
+    if norms.size and norms.max() > UNEVEN * norms.min():
+        text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
+        if np.isfinite(d.condition) and d.by_elimination is None and not d.point.active.any:
+            s = d.scaled_singular_values
+            if BETTER * s[0] < s[-1] * d.condition:
+                text += (
+                    f"; with columns of length 1, as scaling=columns does, the condition number is "
+                    f"{s[0] / s[-1]:.3g} instead of {d.condition:.3g}"
+                )
+        yield Finding("conditioning", text, False)
+    same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
+    if same:
+        pairs = ", ".join(f"{d.free.label(p.first)} and {d.free.label(p.second)}" for p in same[:3])
+        text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
+        yield Finding("conditioning", text)
+    if d.leverage is not None:
+        data = np.flatnonzero((d.leverage > ALONE) & ~d.point.is_prior).tolist()
+        if data:
+            rows = ", ".join(d.problem.row_label(i) for i in data[:3])
+            which = "it determines" if len(data) == 1 else "each determines"
+            text = (
+                f"{counted(len(data), 'row')} with a leverage of 1: {which} a direction alone, so "
+                f"that an outlier there cannot be detected: {rows}"
+            )
+            yield Finding("conditioning", text, False)
+
+
+def _priors(d: "Diagnosis") -> Iterator[Finding]:
+    if not d.priors:
+        return
+    known = d.identifiability
+    rest = ", the priors the rest" if known.effective < d.shape[1] - 0.05 else ""
+    text = (
+        f"the data determine {known.effective:.1f} of {d.shape[1]} directions (effective degrees "
+        f"of freedom){rest}; they say more than {joined(d.priors)} about "
+        f"{counted(known.better_from_data, 'direction')}"
+    )
+    yield Finding("identifiability", text, False)
+
+
+def _derivatives(d: "Diagnosis") -> Iterator[Finding]:
+    check = d.derivatives
+    if check.wrong:
+        worst = check.suspects[0]
+        text = (
+            f"{check.wrong} of the Jacobian's entries disagree with finite differences; the worst "
+            f"is {d.problem.row_label(worst.row)} by {d.free.label(worst.column)}: "
+            f"{worst.given:.6g}, by differences {worst.differences:.6g}"
+        )
+        yield Finding("derivatives", text)
+    yield from (Finding("derivatives", fault) for fault in check.faults)
+
+
+def further(d: "Diagnosis") -> str:
+    """What to look at where priors decide directions and nothing else is wrong; or empty."""
+    rest = d.shape[1] - d.identifiability.better_from_data if d.here.finite and d.priors else 0
+    if not rest:
+        return ""
+    verb = "decides" if len(d.priors) == 1 else "decide"
+    return (
+        f"{joined(d.priors)} {verb} {rest} of {d.shape[1]} directions, not the data: a diagnosis "
+        "without the priors (--data-alone) names them, and --minima 3 looks for other answers "
+        "along the weakest"
+    )
+
+
+# A few lines.
+
+
+def summary(d: "Diagnosis") -> str:
+    """Size, rank, and the names of the null directions."""
+    return "\n".join(_lines(d))
+
+
+def _lines(d: "Diagnosis") -> Iterator[str]:
+    m, n = d.shape
+    yield f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})"
+    structural = f"structural rank {d.structural_rank} of {n}"
+    yield f"{structural}, the largest that the sparsity pattern allows"
+    if not d.here.finite:
+        yield from (finding.text for finding in d.findings)
+        return
+    yield f"numerical rank {d.rank} of {n}{gap(d)}"
+    if d.point.active.any:
+        yield held(d)
+    if d.rank == n:
+        yield f"full rank, condition {d.condition:.3g}"
+    else:
+        if text := _invariant(d):
+            yield text
+        yield f"{_null_directions(len(d.null_directions))} (no residual changes along them):"
+        yield from (f"  {line}" for line in names_of(d.null_directions))
+    if d.weak_count:
+        yield (
+            f"{counted(d.weak_count, 'weak direction')} (a whole characteristic scale changes the "
+            f"residuals by less than one sigma; the scales are, {d.point.scales})"
+        )
+
+
+def names_of(directions: Sequence[Direction]) -> list[str]:
+    """The names of null directions, with all single entries in one line."""
+    entries = [x.name for x in directions if x.kind == "entry"]
+    others = [x.name for x in directions if x.kind != "entry"]
+    noun = "single entry" if len(entries) == 1 else "single entries"
+    first = [f"{len(entries)} {noun}: {', '.join(gathered(entries))}"]
+    return (first if entries else []) + others
+
+
+def gap(d: "Diagnosis") -> str:
+    """Between which singular values the tolerance lies; empty for a rank of zero or full rank.
+
+    Empty, too, where the rank was found by elimination, without singular values.
+    """
+    if d.by_elimination is not None:
+        return ""
+    s, rank = d.singular_values, d.reduced_rank
+    if not 0 < rank < s.size:
+        return ""
+    return f" (singular value {rank} is {s[rank - 1]:.2g}, the next {s[rank]:.2g})"
+
+
+# The whole report.
+
+
+def report(d: "Diagnosis") -> str:
     """Findings, all numbers, and suggestions, section by section."""
     parts: list[tuple[str, Iterable[str]]] = [
         ("findings", listed(d.findings)),
-        ("size and structure", _structure(d)),
+        ("size and structure", _size(d)),
     ]
     if d.here.finite:
         parts += [
-            ("rank", _rank(d)),
-            ("null directions", _unseen(d)),
+            ("rank", _ranks(d)),
+            ("null directions", _null(d)),
             ("weak directions", _weak(d)),
-            ("conditioning", _conditioning(d)),
+            ("conditioning", _columns_and_rows(d)),
             ("standard deviations and where the information comes from", _known(d)),
             ("what each residual contributes", _contributions(d)),
-            ("derivatives", _derivatives(d)),
+            ("derivatives", _checked(d)),
         ]
     parts.append(("suggestions (each was tried out)", _advice(d)))
+    if not d.suggestions and (text := further(d)):
+        parts.append(("where to look further", [text]))
     return sections(parts)
 
 
-def _structure(d: Diagnosis) -> Iterator[str]:
+def _size(d: "Diagnosis") -> Iterator[str]:
     m, n = d.shape
     s = d.structure
     nonzeros = f"{d.nonzeros} of {m * n} entries can be nonzero ({d.density:.1%})"
     yield f"{m} rows x {n} unknowns; {nonzeros}"
-    if d.here.finite and d.nonzeros:
-        others = _small_entries(d)
-        yield f"{d.thick} of them are above a thousandth of their column's largest entry{others}"
     yield from table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
         [
-            (
-                t.residual,
-                t.block,
-                str(t.rows),
-                str(t.columns),
-                str(t.nonzeros),
-                f"{t.nonzeros / max(1, t.rows * t.columns):.0%}",
-                f"{t.norm:.3g}",
-            )
+            (t.residual, t.block, *map(str, (t.rows, t.columns, t.nonzeros)), share, norm)
             for t in d.terms
             if t.nonzeros
+            for share, norm in [(f"{t.nonzeros / (t.rows * t.columns):.0%}", f"{t.norm:.3g}")]
         ],
     )
     yield f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows"
@@ -81,33 +403,30 @@ def _structure(d: Diagnosis) -> Iterator[str]:
         )
 
 
-def _rank(d: Diagnosis) -> Iterator[str]:
+def _ranks(d: "Diagnosis") -> Iterator[str]:
     n = d.shape[1]
     yield f"numerical rank {d.rank} of {n}{gap(d)}; tolerance {d.tolerance:.1e}"
     if d.point.active.any:
         yield held(d)
     if d.here.estimated:
         yield (
-            "the Jacobian is large and sparse: "
-            + (
-                "singular values are estimated from J'J, down to 1e-8 of the largest"
-                if d.by_elimination is None
-                else "the rank was found by eliminating its parts, without singular values"
-            )
-            + "; leverage, nearby points and contributions are left out"
+            "the Jacobian is large and sparse: the rank was found by a factorization, without "
+            "singular values; leverage, nearby points and contributions are left out"
         )
     if d.structural_rank > d.rank:
         yield (
             f"the sparsity pattern allows {d.structural_rank}: {d.structural_rank - d.rank} of the "
             "null directions are due to the numbers, not to the pattern"
         )
-    yield f"with columns of length 1: rank {d.scaled_rank}"
+    if d.scaled_rank != d.rank:
+        yield f"with columns of length 1: rank {d.scaled_rank}"
     if d.nearby.ranks:
+        times = f"{d.nearby.weaker_here:.2g} times as large"
+        size = f"; the smallest nonzero singular value is {times} there"
         yield (
-            f"at {len(d.nearby.ranks)} points drawn nearby (a tenth of a yardstick away, see "
-            "STANDARD DEVIATIONS): rank "
-            f"{', '.join(map(str, d.nearby.ranks))}; the smallest nonzero singular value is "
-            f"{d.nearby.weaker_here:.2g} times as large there"
+            f"at {len(d.nearby.ranks)} points drawn nearby, a tenth of a characteristic scale away:"
+            f" rank {', '.join(map(str, d.nearby.ranks))}"
+            + (size if min(d.nearby.ranks) >= d.rank else "")
         )
     if d.rank_law:
         yield f"the kinematic tree predicts the rank {d.rank_law[0]}: {d.rank_law[1]}"
@@ -115,33 +434,39 @@ def _rank(d: Diagnosis) -> Iterator[str]:
         yield f"condition {d.condition:.3g}"
 
 
-def _unseen(d: Diagnosis) -> Iterator[str]:
+def _null(d: "Diagnosis") -> Iterator[str]:
     if d.rank == d.shape[1]:
         return
-    worst = max(x.change for x in d.null_directions)
+    worst, count = max(x.change for x in d.null_directions), len(d.null_directions)
+    which = "it" if count == 1 else "any of them"
     yield (
-        f"{counted(len(d.null_directions), 'direction')}; one unit along any of them changes the "
-        f"residuals by at most {worst:.1e} sigma"
+        f"{counted(count, 'direction')}; one unit along {which} changes the residuals by at most "
+        f"{worst:.1e} sigma"
     )
-    if text := gauges_in_words(d.null_directions):
+    if text := _invariant(d):
         yield text
     yield from names_of(d.null_directions)
-    if d.weak_directions and any(x.kind in ("joint", "mixed") for x in d.null_directions):
-        yield "(directions of many entries combine weak directions, which are listed below)"
 
 
-def _weak(d: Diagnosis) -> Iterator[str]:
-    if not d.weak_directions:
-        return
+def _weak(d: "Diagnosis") -> Iterator[str]:
+    """The number of each row decides what is said of it."""
     shown = d.weak_directions[:MOST]
-    yield "a whole yardstick along each of these changes the residuals by less than one sigma"
-    yield f"(a yardstick is, {d.point.yardsticks})"
-    yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown])
-    if d.weak_count > len(shown):
+    for rows, words in (
+        ([x for x in shown if x.change < 1], "less than one sigma"),
+        (
+            [x for x in shown if x.change >= 1],
+            "one sigma or more: only combinations with others are weak",
+        ),
+    ):
+        if rows:
+            yield f"a whole characteristic scale along each changes the residuals by {words}"
+            numbered = [(f"{x.change:.2g}", x.name) for x in rows]
+            yield from table(("|J d|", "direction"), numbered, numbers=(0,))
+    if shown and d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
 
 
-def _conditioning(d: Diagnosis) -> Iterator[str]:
+def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
     if not d.free.size:
         yield "nothing is free"
         return
@@ -155,79 +480,57 @@ def _conditioning(d: Diagnosis) -> Iterator[str]:
         how = "parallel" if pair.sine <= PARALLEL else f"nearly parallel (sine {pair.sine:.1e})"
         yield f"{d.free.label(pair.first)} and {d.free.label(pair.second)}: {how} columns"
     for weak in d.weakest[:1]:
-        columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:MOST]]))
-        rows = ", ".join(d.problem.row_label(i) for i in weak.rows[:6])
+        rows = [d.problem.row_label(i) for i in weak.rows]
         yield (
-            f"smallest nonzero singular value ({weak.change:.2g} sigma per yardstick): along "
-            f"{columns}; it changes {rows}{' and others' if len(weak.rows) > 6 else ''}"
+            f"smallest nonzero singular value ({weak.change:.2g} sigma per characteristic scale): "
+            f"along {_columns(d, weak.columns)}; it changes {some_of(rows)}"
         )
     if d.leverage is not None:
         top = np.argsort(-d.leverage)[:3]
-        named = ", ".join(f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top)
-        yield f"rows with the largest leverage (at most 1): {named}"
-    if d.parallel_rows:
-        pair = d.parallel_rows[0]
-        yield (
-            f"{counted(len(d.parallel_rows), 'pair')} of parallel rows, such as "
-            f"{d.problem.row_label(pair.first)} and {d.problem.row_label(pair.second)}"
-        )
+        largest = [f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top]
+        yield f"rows with the largest leverage (at most 1): {', '.join(largest)}"
 
 
-# How well entries are identified, from well to not at all: heads of tables.
-VERDICTS = ("identified", "practically not", "numerically not", "structurally not")
+def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
+    return some_of(gathered(d.free.labels_of(columns)))
 
 
-def _known(d: Diagnosis) -> Iterator[str]:
-    known = d.identifiability
+def _known(d: "Diagnosis") -> Iterator[str]:
+    known, used = d.identifiability, [False] * len(VERDICTS)
     rows = []
     for block in d.free.blocks:
         at = d.free.slices[block.name]
         finite = known.sigma[at][np.isfinite(known.sigma[at])]
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
-        counts = [str(known.verdicts[at].count(v)) for v in reversed(EntryIdentifiability)]
-        rows.append((block.name, block.unit, spread, *counts))
-    header = ("block", "unit", "sigma", *VERDICTS)
-    yield from table(header, rows)
-    yield (
-        f"identified: sigma is below {UNCHANGED} of the prior's or, without a prior, below a "
-        "yardstick; practically not: the residuals depend on it, but sigma is not below that; "
-        "numerically not: it has a part in a null direction; structurally not: the sparsity "
-        "pattern alone leaves it open"
-    )
-    yield f"a yardstick is, {d.point.yardsticks}"
-    if d.priors:
-        yield (
-            f"the data determine {known.effective:.1f} of {d.shape[1]} directions (effective "
-            f"degrees of freedom); they say more than {', '.join(d.priors)} about "
-            f"{known.better_from_data} directions"
-        )
+        counts = [known.verdicts[at].count(v) for v in reversed(EntryIdentifiability)]
+        used = [some or count > 0 for some, count in zip(used, counts, strict=True)]
+        rows.append((block.name, block.unit, spread, *map(str, counts)))
+    yield from table(("block", "unit", "sigma", *VERDICTS), rows)
+    yield "; ".join(f"{v}: {m}" for v, m, some in zip(VERDICTS, MEANS, used, strict=True) if some)
+    if d.widths:
+        yield "sigmas are those of J'J, which does not show the width along null directions"
+    if not d.weak_count:
+        yield f"the characteristic scales are, {d.point.scales}"
     for a, b, c in known.correlations[:3]:
         yield f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}"
 
 
-def _contributions(d: Diagnosis) -> Iterator[str]:
+def _contributions(d: "Diagnosis") -> Iterator[str]:
     if not d.contributions:
         return
     names, unknown = compared_blocks(d)
-    rows = [
-        (
-            c.residual,
-            str(c.rank_without),
-            str(c.rank_with),
-            *(
-                changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: f"{sigma:.2g}")
-                for n in names
-            ),
-        )
-        for c in d.contributions
-    ]
+    rows = []
+    for c in d.contributions:
+        sigmas = [(c.sigma_without[n], c.sigma_with[n]) for n in names]
+        both = [changed(*pair, lambda sigma: f"{sigma:.2g}") for pair in sigmas]
+        rows.append((c.residual, str(c.rank_without), str(c.rank_with), *both))
     header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
     yield from table(header, rows)
     if unknown:
         yield f"with or without any one of them the sigmas of {joined(unknown)} are unknown"
 
 
-def compared_blocks(d: Diagnosis) -> tuple[list[str], list[str]]:
+def compared_blocks(d: "Diagnosis") -> tuple[list[str], list[str]]:
     """The blocks whose sigmas are known with or without some residual, and the others."""
     known = {
         name
@@ -247,21 +550,12 @@ def changed(without: float, with_it: float, number: Callable[[float], str]) -> s
     return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
 
 
-def _small_entries(d: Diagnosis) -> str:
-    """What the small entries are, where that is known: pose blend shapes far from a joint."""
-    if d.thick == d.nonzeros:
-        return ""
-    if pose_moves_template(d.problem):
-        return "; the others are small, such as what pose blend shapes do far from a joint"
-    return "; the others are small"
-
-
-def _derivatives(d: Diagnosis) -> Iterator[str]:
+def _checked(d: "Diagnosis") -> Iterator[str]:
     check = d.derivatives
     of = "" if len(check.columns) == d.shape[1] else f" ({len(check.columns)} columns, at random)"
     yield (
-        f"compared with finite differences{of}: {check.wrong} entries wrong, largest error "
-        f"{check.largest_error:.1e} of the column's largest entry"
+        f"compared with finite differences{of}: {check.wrong} entries wrong, largest "
+        f"error {check.largest_error:.1e} of the column's largest entry"
     )
     if check.slope is not None:
         yield f"the error of the linear model falls like h^{check.slope:.2f} (2 is right)"
@@ -273,7 +567,7 @@ def _derivatives(d: Diagnosis) -> Iterator[str]:
         )
 
 
-def _advice(d: Diagnosis) -> Iterator[str]:
+def _advice(d: "Diagnosis") -> Iterator[str]:
     for s in d.suggestions:
         yield f"{s.what}: {s.before} -> {s.after}"
         yield f"  reason: {s.why}; cost: {s.cost}"

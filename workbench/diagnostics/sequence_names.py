@@ -3,19 +3,21 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csc_array, hstack
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
-from workbench.blocks.directions import dominant
-from workbench.diagnostics.gauges import Gauge, gauges
-from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
-from workbench.diagnostics.single_frames import SingleFrames
+from workbench.blocks.directions import in_units
+from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
+from workbench.diagnostics.joint_motions import JointMotion, joint_motions
 from workbench.diagnostics.sparse_bases import FRESH, beyond
-from workbench.diagnostics.structure import counted, gathered
-from workbench.diagnostics.undoing import Unseen
+from workbench.diagnostics.words import counted, gathered
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.sequences import SingleFrames
 
 OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
 LARGE = 10_000_000  # numbers in the null vectors of several frames, up to which gauges are sought
@@ -56,25 +58,22 @@ class NullDirections:
 
 
 def named(
-    vectors: csc_array, frames: SingleFrames, declared: Sequence[Gauge] = ()
+    vectors: csc_array, frames: "SingleFrames", declared: Sequence[Gauge] = ()
 ) -> tuple[NullDirections, ...]:
     """Names of the null vectors (n, d) of a sequence: gauges of all frames first."""
     frame_of, place = frames.places
     over_all, vectors = _over_all_frames(vectors, frames, declared)
+    reached = _frames_reached(vectors, frame_of)
+    shared = [j for j, some in enumerate(reached) if some[0] < 0]
+    tied = [j for j, some in enumerate(reached) if some[0] >= 0 and len(some) > 1]
     local: dict[int, list[int]] = {}
-    tied, shared = [], []
-    for j, (first, last) in enumerate(zip(vectors.indptr[:-1], vectors.indptr[1:], strict=True)):
-        reached = np.unique(frame_of[vectors.indices[first:last]])
-        if reached[0] < 0:
-            shared.append(j)
-        elif len(reached) > 1:
-            tied.append(j)
-        else:
-            local.setdefault(int(reached[0]), []).append(j)
-    dictionary = Dictionary.of(frames.layout, named_subspaces(frames.layout, frames.trees))
-    found = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
+    for j, some in enumerate(reached):
+        if some[0] >= 0 and len(some) == 1:
+            local.setdefault(int(some[0]), []).append(j)
+    dictionary = Dictionary.of(frames.layout, joint_motions(frames.layout, frames.trees))
+    several = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
     if tied:
-        found += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
+        several += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
     groups: dict[tuple[str, str, tuple[str, ...]], dict[int, int]] = {}
     for t, columns in sorted(local.items()):
         here = frame_of == t
@@ -87,42 +86,45 @@ def named(
         (kind, NullDirections(name, joints, tuple(counts), sum(counts.values())))
         for (kind, name, joints), counts in groups.items()
     ]
-    return (*found, *_gathered(single))
+    return (*several, *_gathered(single))
+
+
+def _frames_reached(vectors: csc_array, frame_of: Index) -> list[Index]:
+    """The frames that each of the vectors (n, d) moves, rising; -1 is what all frames share."""
+    return [np.unique(frame_of[vectors.indices[i:j]]) for i, j in pairwise(vectors.indptr)]
 
 
 def _over_all_frames(
-    vectors: csc_array, frames: SingleFrames, declared: Sequence[Gauge]
+    vectors: csc_array, frames: "SingleFrames", declared: Sequence[Gauge]
 ) -> tuple[list[NullDirections], csc_array]:
     """Gauges that move several frames at once, and the null vectors without them.
 
     They are looked for among the vectors that move several frames, or what frames share.
     """
     frame_of, _ = frames.places
-    moved = [vectors.indices[i:j] for i, j in pairwise(vectors.indptr)]
-    several = [len(np.unique(frame_of[at])) > 1 or bool((frame_of[at] < 0).any()) for at in moved]
+    several = [len(some) > 1 or some[0] < 0 for some in _frames_reached(vectors, frame_of)]
     over = np.flatnonzero(several)
     if not 0 < over.size <= vectors.shape[0] or over.size * vectors.shape[0] > LARGE:
         return [], vectors
     basis = np.linalg.qr(vectors[:, over].toarray())[0]
     problem, values = frames.problem, frames.values
     found, known = [], np.zeros((len(basis), 0))
-    unseen = Unseen(problem.split(values)[0], basis)
-    for motion in gauges(problem, values, unseen, problem.pattern, declared):
-        v = np.zeros((len(basis), 1))
-        assert motion.basis is not None  # of gauges
-        v[motion.entries] = motion.basis
+    space = NullSpace(problem.split(values)[0], np.ones(len(basis)), basis)
+    for motion in gauges(problem, values, Found(space), problem.pattern, declared):
+        v = basis @ motion.coefficients[:, None]
+        v = np.where(abs(v) > TAKES_PART * abs(v).max(), v, 0.0) / np.linalg.norm(v)
         fresh, _ = beyond(known, v)
         if not fresh.shape[1]:
             continue
         known = np.column_stack([known, fresh])
-        some = np.unique(frame_of[motion.entries])
+        some = np.unique(frame_of[np.flatnonzero(v)])
         frames_moved = tuple(int(t) for t in some if t >= 0)
         found.append(NullDirections(motion.name, (), frames_moved, 1, tied=True))
         if len(found) == over.size:
             break
     if not found:
         return [], vectors
-    rest = basis @ _apart(basis.T @ known)
+    rest = basis @ np.linalg.svd(basis.T @ known)[0][:, known.shape[1] :]
     own = csc_array(vectors[:, np.flatnonzero(~np.array(several))])
     return found, csc_array(hstack([own, _by_frame(rest, frame_of)]))
 
@@ -137,11 +139,6 @@ def _by_frame(rest: Array, frame_of: Index) -> csc_array:
     return csc_array(combined)
 
 
-def _apart(A: Array) -> Array:
-    """An orthonormal basis of what is at right angles to the columns of A (d, k)."""
-    return np.asarray(np.linalg.svd(A, full_matrices=True)[0][:, A.shape[1] :])
-
-
 @dataclass(frozen=True, eq=False)
 class Dictionary:
     """The motions of one frame by which its null directions are named.
@@ -153,19 +150,19 @@ class Dictionary:
     """
 
     layout: Layout
-    subspaces: Sequence[NamedSubspace]
+    subspaces: Sequence[JointMotion]
     moves: Mask
 
     @staticmethod
-    def of(layout: Layout, found: Iterable[NamedSubspace]) -> "Dictionary":
-        """The dictionary of those subspaces that are spanned by single entries."""
-        kept = [motion for motion in found if motion.basis is None]
+    def of(layout: Layout, found: Iterable[JointMotion]) -> "Dictionary":
+        """The dictionary of these subspaces."""
+        kept = list(found)
         moves = np.zeros((len(kept), layout.size), dtype=bool)
         for row, motion in zip(moves, kept, strict=True):
             row[motion.entries] = True
         return Dictionary(layout, kept, moves)
 
-    def names(self, V: Array) -> list[tuple[NamedSubspace, Array]]:
+    def names(self, V: Array) -> list[tuple[JointMotion, Array]]:
         """The motions in the span of V (T, n, d), and for each the directions (T, n, k) of it.
 
         A motion is one of them if some combination (d,) of the vectors moves its entries alone, in
@@ -175,7 +172,7 @@ class Dictionary:
         Q = np.linalg.qr(V.reshape(T * n, d))[0].reshape(T, n, d)
         gram = np.einsum("tei,tej->eij", Q, Q)  # of each entry; they add up to the unit matrix
         parts = self.moves.astype(float) @ np.einsum("eii->e", gram)
-        found: list[tuple[NamedSubspace, Array]] = []
+        found: list[tuple[JointMotion, Array]] = []
         known = np.zeros((d, 0))
         others = (~self.moves).astype(float)
         inside = np.zeros(len(self.subspaces))  # how many of those that are known a motion has
@@ -201,7 +198,7 @@ class Dictionary:
             large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
             blocks = [b for b, at in self.layout.slices.items() if large[at].any()]
             name = f"combinations of {' and '.join(blocks)}"
-            found.append((NamedSubspace("mixed", name, (), np.flatnonzero(large)), rest))
+            found.append((JointMotion("mixed", name, (), np.flatnonzero(large)), rest))
         return found
 
 
@@ -227,7 +224,7 @@ def _gathered(found: Iterable[tuple[str, NullDirections]]) -> list[NullDirection
 
 
 def _tied(
-    vectors: csc_array, frames: SingleFrames, dictionary: Dictionary
+    vectors: csc_array, frames: "SingleFrames", dictionary: Dictionary
 ) -> Iterator[tuple[str, NullDirections]]:
     """Null directions that move several frames at once, with their kinds."""
     for motion, moved in dictionary.names(_by_frames(vectors, frames)):
@@ -236,14 +233,13 @@ def _tied(
         yield motion.kind, NullDirections(motion.name, motion.joints, some, count, tied=True)
 
 
-def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]:
+def _of_shared(vectors: csc_array, frames: "SingleFrames") -> list[NullDirections]:
     """Null directions of shared unknowns, and what compensates them in the frames."""
     if not vectors.shape[1]:
         return []
     frame_of, place = frames.places
-    S = np.zeros((frames.shared.size, vectors.shape[1]))
-    S[place[frame_of < 0]] = vectors.toarray()[frame_of < 0]
-    dictionary = Dictionary.of(frames.shared, named_subspaces(frames.shared, ()))
+    S = vectors.toarray()[frame_of < 0][np.argsort(place[frame_of < 0])]
+    dictionary = Dictionary.of(frames.shared, joint_motions(frames.shared, ()))
     V = _by_frames(vectors, frames)
     found = []
     for motion, moved in dictionary.names(S[None]):
@@ -254,7 +250,7 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]
         blocks = [b for b, at in frames.layout.slices.items() if (size[at] > TAKES_PART).any()]
         name = motion.name
         if motion.kind in ("mixed", "block"):
-            name = "; ".join(dominant(v, frames.shared) for v in moved[0].T)
+            name = "; ".join(in_units(v, frames.shared) for v in moved[0].T)
         if there.any():
             where = f"{int(there.sum())} of {frames.count} frames"
             name = f"{name}, undone by {' and '.join(blocks)} in {where}"
@@ -264,7 +260,7 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]
     return found
 
 
-def _by_frames(vectors: csc_array, frames: SingleFrames) -> Array:
+def _by_frames(vectors: csc_array, frames: "SingleFrames") -> Array:
     """(T, n, d): vectors by frames and the places in a frame's layout."""
     frame_of, place = frames.places
     own = np.flatnonzero(frame_of >= 0)

@@ -1,5 +1,6 @@
 """The diagnosis of a long sequence of frames, in time and memory in proportion to the frames."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -8,22 +9,105 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Layout, Values
+from workbench.blocks import Block, Layout, Tree, Values
+from workbench.diagnostics.active_set import check_finite, linearized, not_finite
+from workbench.diagnostics.data import plain
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
+from workbench.diagnostics.diagnosis_of import diagnosis_of
+from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import prior_sigma
-from workbench.diagnostics.linearized import check_finite, linearized, not_finite
 from workbench.diagnostics.null_space import WEAK
+from workbench.diagnostics.report import listed
+from workbench.diagnostics.scales import Scales, scales
 from workbench.diagnostics.sequence_names import NullDirections, named
-from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.sparse_bases import FRESH
-from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
-from workbench.diagnostics.words import diagnosis_of
-from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
+from workbench.diagnostics.wording import Finding, Undiagnosed
+from workbench.diagnostics.words import counted, sections, table
+from workbench.errors import BadArgument, some_of
 from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import columns_of_nonzeros
+
+SCHEMA = "workbench.sequence-diagnosis"
+VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it
+FEW = 0.1  # of the frames: a shared unknown that at most so many see causes a warning
+RUNS = 5  # of frames that are listed
+
+
+@dataclass(frozen=True, eq=False)
+class SingleFrames:
+    """The frames of a sequence, one by one.
+
+    Attributes:
+        problem: the sequence.
+        values: the values of all blocks that it reads.
+    """
+
+    problem: Problem
+    values: Values
+
+    @cached_property
+    def count(self) -> int:
+        """T, the number of frames."""
+        return max((b.shape[0] for b in self.problem.known.values() if b.framed), default=0)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The blocks of one frame of which anything is free in any frame."""
+        blocks = [block.base for block in self.problem.free.blocks if block.base.framed]
+        return Layout(tuple(Block(b.name, b.shape[1:], b.unit, b.labels) for b in blocks))
+
+    @cached_property
+    def shared(self) -> Layout:
+        """The unknowns that all frames share."""
+        return Layout(tuple(b for b in self.problem.free.blocks if not b.base.framed))
+
+    @cached_property
+    def places(self) -> tuple[Index, Index]:
+        """The frame of each unknown (n,), -1 if it is shared, and its place in that layout."""
+        free = self.problem.free
+        frame, place = np.full(free.size, -1), np.zeros(free.size, dtype=np.int64)
+        for block in free.blocks:
+            at, entries = free.slices[block.name], np.array(block.places, dtype=np.int64)
+            if block.base.framed:
+                size = block.base.size // block.base.shape[0]
+                frame[at] = entries // size
+                place[at] = self.layout.slices[block.name].start + entries % size
+            else:
+                start = self.shared.slices[block.name].start
+                place[at] = np.arange(start, start + block.size)
+        return frame, place
+
+    @cached_property
+    def trees(self) -> tuple[Tree, ...]:
+        """The kinematic trees of the bodies whose points single frames read."""
+        parts = {id(one): one for r in self.problem.residuals for _, one in r.by_frame}
+        trees = (p.source.tree for one in parts.values() for p in one.points)
+        return tuple({tree.places: tree for tree in trees if tree is not None}.values())
+
+    def alone(self, t: int) -> tuple[Problem, Values]:
+        """Frame t as a problem, with the shared unknowns free too, and its values.
+
+        What is between frames is left out; what reads shared blocks alone is part of it. Raises
+        BadArgument for a frame that is not there, or that has no residual of its own.
+        """
+        if not 0 <= t < self.count:
+            raise BadArgument(f"there is no frame {t}: the {self.count} frames count from 0")
+        own = [one for r in self.problem.residuals for s, one in r.by_frame if s == t]
+        if not own:
+            raise BadArgument(f"frame {t} has no residuals of its own, and so no diagnosis")
+        known = self.problem.known
+        others = [r for r in self.problem.residuals if not r.by_frame]
+        of_shared = [r for r in others if not any(known[name].framed for name in r.reads)]
+        whole = Problem([*own, *of_shared], ())
+        frame, place = self.places
+        spelled = (*self.layout.chosen(place[frame == t]).spelled(), *self.shared.spelled())
+        names = [name for name in spelled if name.partition("[")[0] in whole.known]
+        values = {
+            name: self.values[name][t] if known[name].framed else self.values[name]
+            for name in whole.known
+        }
+        return whole.freeing(*names), values
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +117,11 @@ class SharedUnknowns:
     The rows of frame t are J_t x_t + B_t s. What the frame's own unknowns x_t can undo is projected
     out of them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t
     where the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well*
-    where a whole yardstick of it changes P_t B_t s by at least one sigma.
+    where a whole characteristic scale of it changes P_t B_t s by at least one sigma.
 
     Attributes:
         layout: the shared unknowns.
-        yardsticks: what changes of them are compared with.
+        scales: what changes of them are compared with.
         seen: (T, b) in which frames each unknown is seen.
         well: (T, b) in which frames each unknown is seen well.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
@@ -45,7 +129,7 @@ class SharedUnknowns:
     """
 
     layout: Layout
-    yardsticks: Yardsticks
+    scales: Scales
     seen: Mask
     well: Mask
     sigma: Array
@@ -53,7 +137,7 @@ class SharedUnknowns:
 
     @staticmethod
     def of(
-        rows: FrameRows, layout: Layout, sizes: Yardsticks, sigma: Array, null_vectors: csc_array
+        rows: FrameRows, layout: Layout, sizes: Scales, sigma: Array, null_vectors: csc_array
     ) -> "SharedUnknowns":
         """The shared unknowns of a sequence's rows and its null vectors (n, d)."""
         lengths = np.array(
@@ -64,7 +148,10 @@ class SharedUnknowns:
         ).reshape(rows.count, len(rows.shared))
         per_unit = lengths * rows.lengths[rows.shared] * sizes.sizes
         hidden = null_vectors.tocsr()[rows.shared].toarray()
-        ranks = {name: at.stop - at.start - _rank(hidden[at]) for name, at in layout.slices.items()}
+        ranks = {
+            name: at.stop - at.start - int(np.linalg.matrix_rank(hidden[at], tol=FRESH))
+            for name, at in layout.slices.items()
+        }
         seen = lengths > rows.tolerance
         return SharedUnknowns(layout, sizes, seen, seen & (per_unit >= WEAK), sigma, ranks)
 
@@ -95,7 +182,6 @@ class SequenceDiagnosis:
         problem: the sequence.
         values: the values of all blocks that it reads.
         here: its linearization at these values; columns that hold only rounding errors are zero.
-        wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
     """
@@ -103,7 +189,6 @@ class SequenceDiagnosis:
     problem: Problem = field(repr=False)
     values: Values = field(repr=False)
     here: Linearization = field(repr=False)
-    wording: "Wording[SequenceDiagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
     gauges: tuple[Gauge, ...] = field(default=(), repr=False)
 
@@ -200,7 +285,7 @@ class SequenceDiagnosis:
         part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
         reads = np.asarray(part.any(axis=1))
         prior = prior_sigma(Linearization(np.zeros(len(part)), part), reads)
-        sizes = yardsticks(layout, self.problem.known.values(), self.values, prior)
+        sizes = scales(layout, self.problem.known.values(), self.values, prior)
         return SharedUnknowns.of(self.rows, layout, sizes, self.sigma[border], self.null_vectors)
 
     @cached_property
@@ -219,7 +304,7 @@ class SequenceDiagnosis:
         return found
 
     @cached_property
-    def blind(self) -> dict[str, tuple[int, ...]]:
+    def insensitive(self) -> dict[str, tuple[int, ...]]:
         """By block, the frames where it is free but whose own residuals do not depend on it."""
         length = np.zeros(self.shape[1])
         for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
@@ -249,12 +334,45 @@ class SequenceDiagnosis:
             if not r.by_frame and any(known[name].framed for name in r.reads)
         )
 
-    # Conclusions.
+    # In words and as data.
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Warnings first, then what is worth knowing."""
-        return self.wording.findings(self)
+        return tuple(sorted(self._found(), key=lambda finding: not finding.warning))
+
+    def _found(self) -> Iterator[Finding]:
+        n, T = self.shape[1], self.count
+        if not self.here.finite:
+            label = self.problem.row_label
+            rows = [label(int(i)) for i in np.flatnonzero(~np.isfinite(self.here.residual))]
+            entries = (f"{label(i)} by {self.free.label(j)}" for i, j in self.here.not_finite)
+            yield Finding("values", f"not finite: {some_of([*rows, *entries])}")
+            return
+        if self.rank < n:
+            yield Finding("rank", f"{n - self.rank} of {n} directions change no residual")
+        for i, count in enumerate(self.shared.frames_seen):
+            if count == T:
+                continue
+            text = f"{self.shared.layout.label(i)} is seen in {count} of {T} frames"
+            if not count and np.isfinite(self.shared.sigma[i]):
+                text += ": only residuals that belong to no single frame determine it"
+            yield Finding("shared", text, bool(count <= FEW * T))
+        for name, some in self.insensitive.items():
+            if some:
+                verb = "sees" if len(some) == 1 else "see"
+                text = f"{frames_in_words(some, T)} {verb} nothing of {name}"
+                warning = bool(np.isinf(self.largest_sigma[name][list(some)]).any())
+                text += (
+                    "" if warning else f": there it is determined by {' and '.join(self.between)}"
+                )
+                yield Finding("frames", text, warning)
+        for name, some in self.missing.items():
+            text = f"the residual {name} is missing in {frames_in_words(some, T)}"
+            yield Finding("frames", text, False)
+        if self.problem.bounded or self.problem.constraints:
+            text = "bounds and constraints are ignored in a sequence of this size"
+            yield Finding("rank", text, False)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -266,8 +384,8 @@ class SequenceDiagnosis:
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:
-            unseen = "; ".join(d.described(self.count) for d in self.null_directions) or "none"
-            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {unseen}")
+            null = "; ".join(d.described(self.count) for d in self.null_directions) or "none"
+            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {null}")
 
     def assert_no_warnings(self) -> None:
         """Raise an AssertionError that lists the warnings, if there are any."""
@@ -275,15 +393,141 @@ class SequenceDiagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return self.wording.summary(self)
+        if not self.here.finite:
+            return "\n".join([*self._size(), *(finding.text for finding in self.findings)])
+        rank = f"numerical rank {self.rank} of {self.shape[1]}"
+        others = [finding.text for finding in self.findings if finding.part != "rank"]
+        return "\n".join([*self._size(), rank, *(self._null() or ["full rank"]), *others])
 
     def report(self) -> str:
         """Everything in words, section by section."""
-        return self.wording.report(self)
+        parts: list[tuple[str, Iterable[str]]] = [
+            ("findings", listed(self.findings)),
+            ("size", self._size()),
+        ]
+        if self.here.finite:
+            parts += [
+                ("rank", self._ranks()),
+                ("null directions", self._null()),
+                ("shared unknowns", self._shared_unknowns()),
+                ("frames", self._frames()),
+            ]
+        return sections(parts)
+
+    def _size(self) -> list[str]:
+        m, n = self.shape
+        shared = self.frames.shared.size
+        each = f"{self.count} frames"
+        each += f", {counted(shared, 'shared unknown')}" if shared else ""
+        coupled = "frames are coupled by " if self.between else "nothing couples frames"
+        return [f"Jacobian {m} x {n}: {each}", coupled + " and ".join(self.between)]
+
+    def _ranks(self) -> Iterator[str]:
+        columns = f"columns of length 1; tolerance {self.tolerance:.1e}"
+        yield f"numerical rank {self.rank} of {self.shape[1]}, {columns}"
+        for name, rank in self.shared.ranks.items():
+            size = self.shared.layout[name].size
+            yield f"{name}: rank {rank} of {size} once all other unknowns are eliminated"
+
+    def _null(self) -> list[str]:
+        missing = self.shape[1] - self.rank
+        if not missing:
+            return []
+        title = f"{counted(missing, 'null direction')} (no residual changes along them):"
+        return [title, *(f"  {one.described(self.count)}" for one in self.null_directions)]
+
+    def _shared_unknowns(self) -> Iterator[str]:
+        known, T = self.shared, self.count
+        if not known.layout.size:
+            return
+        yield "a frame sees an unknown if its own unknowns cannot undo a change of it; it sees it"
+        yield f"well if a characteristic scale ({known.scales}) changes the rest by a sigma or more"
+        rows = [
+            (
+                known.layout.label(i),
+                f"{known.frames_seen[i]} of {T}",
+                f"{known.frames_well[i]} of {T}",
+                f"{known.sigma[i]:.3g}",
+                known.layout.unit(i),
+            )
+            for i in range(known.layout.size)
+        ]
+        yield from table(("unknown", "frames that see it", "see it well", "sigma", "unit"), rows)
+
+    def _frames(self) -> list[str]:
+        rows = []
+        for name, sigma in self.largest_sigma.items():
+            known = np.where(np.isfinite(sigma), sigma, 0.0)
+            least = f"{known.max():.3g} ({int(np.argmax(known))})" if known.any() else "-"
+            unknown = np.flatnonzero(np.isinf(sigma)).tolist()
+            rows.append((name, least, self.free[name].unit, frames_in_words(unknown, self.count)))
+        header = ("block", "largest sigma (frame)", "unit", "not fully identified in")
+        return table(header, rows, numbers=(1,))
 
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
-        return self.wording.data(self)
+        data: dict[str, Any] = {
+            "schema": SCHEMA,
+            "version": VERSION,
+            "finite": self.here.finite,
+            "shape": self.shape,
+            "frames": self.count,
+            "blocks": [
+                {"name": b.name, "shape": b.shape, "unit": b.unit, "shared": not b.base.framed}
+                for b in self.free.blocks
+            ],
+            "residuals": [
+                {
+                    "name": r.name,
+                    "rows": r.size,
+                    "unit": r.unit,
+                    "prior": r.name in self.priors,
+                    "frames": len({t for t, _ in r.by_frame}),
+                    "between": r.name in self.between,
+                }
+                for r in self.problem.residuals
+            ],
+            "findings": [vars(finding) for finding in self.findings],
+        }
+        if self.here.finite:
+            data |= self._numbers()
+        return plain(data)  # type: ignore[no-any-return]
+
+    def _numbers(self) -> dict[str, Any]:
+        known = self.shared
+        return {
+            "rank": self.rank,
+            "tolerance": self.tolerance,
+            "null_directions": [
+                {"directions": one.count, **vars(one)} for one in self.null_directions
+            ],
+            "shared": [
+                {
+                    "name": known.layout.label(i),
+                    "unit": known.layout.unit(i),
+                    "frames_seen": known.frames_seen[i],
+                    "frames_seen_well": known.frames_well[i],
+                    "sigma": known.sigma[i],
+                }
+                for i in range(known.layout.size)
+            ],
+            "shared_ranks": known.ranks,
+            "largest_sigma": self.largest_sigma,
+            "blind": {name: some for name, some in self.insensitive.items() if some},
+            "missing": self.missing,
+        }
+
+
+def frames_in_words(frames: Iterable[int], total: int) -> str:
+    """`3 of 40 frames (0 to 1, 7)`."""
+    some = np.array(list(frames), dtype=np.int64)
+    if not some.size:
+        return "no frame"
+    runs = np.split(some, np.flatnonzero(np.diff(some) > 1) + 1)
+    named = [str(run[0]) if run.size == 1 else f"{run[0]} to {run[-1]}" for run in runs]
+    more = ", ..." if len(named) > RUNS else ""
+    where = f" ({', '.join(named[:RUNS])}{more})" if some.size < total else ""
+    return f"{some.size} of {total} frames{where}"
 
 
 def _beside(R: Array, own: int, tolerance: float) -> Array:
@@ -292,8 +536,3 @@ def _beside(R: Array, own: int, tolerance: float) -> Array:
     U = U[:, s > tolerance]
     B = R[:, own:]
     return np.asarray(np.linalg.norm(B - U @ (U.T @ B), axis=0))
-
-
-def _rank(A: Array) -> int:
-    """The rank of parts of vectors of length 1."""
-    return int(np.sum(np.linalg.svd(A, compute_uv=False) > FRESH)) if A.size else 0

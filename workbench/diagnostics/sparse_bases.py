@@ -1,14 +1,19 @@
 """Bases of a null space: orthonormal ones, and ones whose vectors have few entries."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from workbench.arrays import Array
-from workbench.diagnostics.named_subspaces import MANY
 
+MANY = 400  # entries up to which a linear program looks for few of them
 FRESH = 1e-6  # sine of the angle to the directions so far, above which a direction is new
+APART = 1e-3  # the same sine, below which a vector of few entries is one of those before
+FEW = 3  # vectors, up to which all that are tried are compared
+TRIED = 3  # times as many pivots as vectors: of some the sparsest vector is there already
 CLEARLY_FRESH = 0.1  # the same sine, above which vectors are kept as they are
 
 
@@ -45,33 +50,45 @@ def sparsest(basis: Array, known: Array) -> Array:
     n, d = basis.shape
     if not d:
         return basis
-    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1][:d]
+    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1]
     if n > MANY:
-        return _echelon(basis, pivots)
+        return _echelon(basis, pivots[:d])
     space = np.column_stack([basis, known])
     space = space / np.linalg.norm(space, axis=0)
-    k = space.shape[1]
+    candidates: Iterable[Array] = (_least(space, int(i)) for i in pivots[: TRIED * d])
+    if d <= FEW:  # of several, those of the fewest entries first
+        candidates = sorted(candidates, key=lambda v: int(np.sum(abs(v) > 1e-7 * abs(v).max())))
     chosen: list[Array] = []
-    done = known
-    for pivot in pivots:
-        # v = space c = plus - minus; least sum of both; v[pivot] = 1
-        cost = np.concatenate([np.zeros(k), np.ones(2 * n)])
-        equal = np.hstack([space, -np.eye(n), np.eye(n)])
-        at_pivot = np.concatenate([space[pivot], np.zeros(2 * n)])
-        answer = linprog(
-            cost,
-            A_eq=np.vstack([equal, at_pivot]),
-            b_eq=np.append(np.zeros(n), 1.0),
-            bounds=[(None, None)] * k + [(0, None)] * (2 * n),
-            method="highs",
-        )
-        v = np.zeros(n) if answer.x is None else space @ answer.x[:k]
-        fresh = beyond(done, v[:, None] / (float(np.linalg.norm(v)) or 1.0))[0]
-        if fresh.shape[1]:
+    done = np.linalg.qr(known)[0] if known.shape[1] else known
+    for v in candidates:
+        fresh = v - done @ (done.T @ v)
+        fresh -= done @ (done.T @ fresh)
+        if np.linalg.norm(fresh) > APART * np.linalg.norm(v):
             chosen.append(_polished(v, space))
-            done = np.column_stack([done, fresh])
+            done = np.column_stack([done, fresh / np.linalg.norm(fresh)])
+        if len(chosen) == d:
+            break
     left = beyond(done, basis)[0][:, : d - len(chosen)]
     return np.column_stack([*(v[:, None] for v in chosen), left])
+
+
+def _least(space: Array, pivot: int) -> Array:
+    """The vector v (n,) in the span of `space` (n, k) of the least sum |v_i| with v[pivot] = 1."""
+    n, k = space.shape
+    # v = space c = plus - minus; least sum of both
+    answer = linprog(
+        np.concatenate([np.zeros(k), np.ones(2 * n)]),
+        A_eq=np.vstack(
+            [
+                np.hstack([space, -np.eye(n), np.eye(n)]),
+                np.concatenate([space[pivot], np.zeros(2 * n)]),
+            ]
+        ),
+        b_eq=np.append(np.zeros(n), 1.0),
+        bounds=[(None, None)] * k + [(0, None)] * (2 * n),
+        method="highs",
+    )
+    return np.zeros(n) if answer.x is None else np.asarray(space @ answer.x[:k])
 
 
 def _echelon(basis: Array, pivots: NDArray[np.signedinteger]) -> Array:

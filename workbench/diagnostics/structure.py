@@ -5,20 +5,15 @@ maximum matching of rows with columns: an under-determined part with more column
 over-determined one with more rows than columns, and a square one between them.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import casadi as cs
 import numpy as np
 from numpy.linalg import norm
-from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
-from workbench.arrays import Array, Index
-from workbench.blocks import Layout, Tree
-from workbench.blocks.functions import Buffered
-from workbench.bodies.forward.sources import BodySource
+from workbench.arrays import Index
 from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import columns_of_nonzeros
 from workbench.problem.storage import distance
@@ -176,97 +171,3 @@ def _same(here: Linearization, rows: slice, others: slice) -> bool:
         if np.hypot(*apart) < 1e-10:
             return True
     return False
-
-
-def pose_moves_template(problem: Problem) -> bool:
-    """Whether a free pose moves the surface of a body that has pose blend shapes."""
-    free = set(problem.free.names)
-    return any(
-        isinstance(source, BodySource)
-        and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.arguments.pose))
-        and source.bent
-        for source in (points.source for points in problem.points)
-    )
-
-
-def named_groups(layout: Layout, columns: Index) -> str:
-    """Entries of a vector in few words: whole blocks by name, the entries of a row together."""
-    names = []
-    for name, part in layout.slices.items():
-        inside = columns[(columns >= part.start) & (columns < part.stop)]
-        if layout[name].whole is None and inside.size == part.stop - part.start:
-            names.append(name if inside.size == 1 else f"all of {name}")
-        elif inside.size:
-            names.extend(gathered(layout.labels_of(inside)))
-    return ", ".join(names)
-
-
-def counted(number: int, noun: str) -> str:
-    """A number with its noun: `1 row`, `2 rows`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-def named_rows(rows: Mapping[str, slice], chosen: Index) -> str:
-    """How many of the chosen rows belong to each residual, in words."""
-    counts = {
-        name: int(np.sum((chosen >= part.start) & (chosen < part.stop)))
-        for name, part in rows.items()
-    }
-    return ", ".join(f"{count} of {name}" for name, count in counts.items() if count)
-
-
-def gathered(entries: list[str]) -> list[str]:
-    """`pose[head, x]`, `pose[head, y]` as `pose[head, x y]`."""
-    rows: dict[str, list[str]] = {}
-    for entry in entries:
-        row, comma, last = entry.removesuffix("]").rpartition(", ")
-        rows.setdefault(row + comma, []).append(last if comma else entry)
-    return [row + " ".join(last) + "]" if row else ", ".join(last) for row, last in rows.items()]
-
-
-def only_joints(
-    problem: Problem, at: Mapping[str, ArrayLike]
-) -> tuple[Tree, Array, tuple[int, ...]] | None:
-    """The tree, the posed joints (K, 3) m and which of them are read, for the rank law.
-
-    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
-    free but its pose and perhaps its translation.
-    """
-    if len(problem.points) != 1:
-        return None
-    (found,) = problem.points
-    tree, free = found.source.tree, problem.free
-    if tree is None or not tree.rigid_bones or found.labels != tree.names:
-        return None
-    if sum(p < 0 for p in tree.parents) != 1:
-        return None
-    poses = [block for block in free.blocks if block.name in tree.blocks]
-    if not len(tree.turned(free)) == len(tree.names) == sum(block.size for block in poses) / 3:
-        return None  # the law is of joints that turn freely, each by three numbers of its own
-    if any(residual.weights is not None for residual in problem.residuals):
-        return None  # a weight of zero hides a joint
-    others = [block for block in free.blocks if block.name not in tree.blocks]
-    if [block.shape for block in others] not in ([], [(3,)]) or free.parts:
-        return None
-    if isinstance(found.source, BodySource) and others:
-        maps = found.source.arguments.maps
-        if maps is None or maps[2].plain != others[0].name:
-            return None
-    stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
-    own = {s.name() for s in cs.symvar(stacked)} & set(free.names)
-    if own:  # a prior, or a residual of another kind
-        return None
-    by_points = cs.jacobian_sparsity(stacked, found.symbol)
-    starts, rows = by_points.get_ccs()
-    reads = np.diff(starts).reshape(-1, 3)
-    # the law counts whole positions: every coordinate read, each by rows of its own
-    if len(set(rows)) != len(rows) or not np.isin(reads, (0, 1)).all():
-        return None
-    seen = reads.all(axis=1)
-    if (reads.any(axis=1) != seen).any():
-        return None
-    value = cs.Function(
-        "joints", [b.symbol for b in found.source.blocks], [cs.densify(found.source.expression)]
-    )
-    (joints,) = Buffered(value)(*(np.asarray(at[b.name], dtype=float) for b in found.source.blocks))
-    return tree, joints.reshape(-1, 3), tuple(np.flatnonzero(seen).tolist())

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from workbench.diagnostics.suggestion import Suggestion
+from workbench.diagnostics.remedies import Suggestion
 from workbench.errors import WorkbenchError
 
 D = TypeVar("D")

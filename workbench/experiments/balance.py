@@ -7,14 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
+from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName, check_known, listed
 from workbench.fitting.compared_solvers import MANY
+from workbench.fitting.image_fit import image_fit
+from workbench.fitting.image_recipe import ByHeight
 from workbench.fitting.keypoint_problem import landmark_set
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
 from workbench.reading.arrays import Expected, any_reals, read_expected, reals, shipped, texts
+from workbench.solvers import LevenbergMarquardt
 
 NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
     "Nose": "nose",
@@ -99,31 +103,53 @@ def balance(
     `held_out` are not used for the fit, only for the measures. Raises UnknownName for a frame or a
     camera that does not exist.
     """
-    observed, triangulated = observations(frame, adjusted=adjusted)
-    known = [p.name for p in observed.photographs]
-    held_out = names(held_out)
-    for name in held_out:
-        check_known("camera", name, known)
-    model = load_body(body)
-    places = dict(zip(observed.names, triangulated, strict=True))
-    landmarks = model.landmark_names(landmark_set(model))
-    reference = np.array([places.get(name, np.full(3, np.nan)) for name in landmarks])
-    alone = f" of {listed(set(known) - set(held_out))} alone" if held_out else ""
+    observed, reference, question = _asked(frame, model := load_body(body), held_out, adjusted)
     return keypoint_fit(
         observed,
         model,
-        f"A real person on a beam (frame {frame}) was seen by {len(known)} calibrated cameras. "
-        f"Which pose, shape and place of the body explain the 2D keypoints{alone}, and what do "
-        "the keypoints leave open?",
+        question,
         sigma=sigma,
-        held_out=held_out,
+        held_out=names(held_out),
         reference=reference,
         compared=names(compared),
     )
 
 
 def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
-    """Fit one camera; the other three are held out and show how far off the depth is."""
+    """Fit one camera as `workbench fit` fits an image (`image_fit`); the other three are held out
+    and show how far off the depth is. Raises UnknownName as `balance` does.
+    """
     known = [p.name for p in observations(frame)[0].photographs]
     check_known("camera", camera, known)
-    return balance(frame, body, [name for name in known if name != camera])
+    held_out = tuple(name for name in known if name != camera)
+    observed, reference, question = _asked(frame, model := load_body(body), held_out, True)
+    return image_fit(
+        observed,
+        model,
+        question,
+        recipe=ByHeight(solver=LevenbergMarquardt()),
+        held_out=held_out,
+        reference=reference,
+        compared=MANY,
+    )
+
+
+def _asked(
+    frame: int, body: Body, held_out: Sequence[str], adjusted: bool
+) -> tuple[Observations, Array, str]:
+    """The keypoints of a frame, their places (M, 3) m by the file, and what is asked of them."""
+    observed, triangulated = observations(frame, adjusted=adjusted)
+    known = [p.name for p in observed.photographs]
+    for name in names(held_out):
+        check_known("camera", name, known)
+    places = dict(zip(observed.names, triangulated, strict=True))
+    landmarks = body.landmark_names(landmark_set(body))
+    reference = np.array([places.get(name, np.full(3, np.nan)) for name in landmarks])
+    alone = f" of {listed(set(known) - set(names(held_out)))} alone" if held_out else ""
+    return (
+        observed,
+        reference,
+        f"A real person on a beam (frame {frame}) was seen by {len(known)} calibrated cameras. "
+        f"Which pose, shape and place of the body explain the 2D keypoints{alone}, and what do "
+        "the keypoints leave open?",
+    )

@@ -31,13 +31,13 @@ def balance_video(
     first: int = 40,
     last: int = 60,
     step: int = 5,
-    sigma: float = 4.0,
+    sigma: float | None = None,
 ) -> Setup:
     """Fit one shape and the poses of frames `first` to `last`, of which each `step`-th is taken.
 
-    `sigma` is in px. Frames are told how much they are worth together by their own errors. Raises
-    BadArgument if there are fewer than two frames, and UnknownName for a camera or a frame that
-    does not exist.
+    `sigma` is in px; without one it follows the person's size (`video_fit`). Frames are told how
+    much they are worth together by their own errors. Raises BadArgument if there are fewer than two
+    frames, and UnknownName for a camera or a frame that does not exist.
     """
     all_ = len(published()["keypoints"])
     if step < 1 or not 0 <= first < last < all_ or last - first < step:

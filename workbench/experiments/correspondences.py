@@ -10,6 +10,7 @@ from workbench.experiments.synthetic_people import (
     MADE_OF_THE_MODEL,
     drawn_person,
     exact_answer,
+    likely_person,
     person_at_origin,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
@@ -52,21 +53,28 @@ def known_correspondences(
 
 
 def shape_from_landmarks(
-    body: str = "default", seed: int = 0, pose_sigma: float = 0.3, noise: float = 0.01
+    body: str = "default", seed: int = 0, pose_sigma: float | None = None, noise: float = 0.01
 ) -> Setup:
     """Fit a body to its own 3D joints with noise, at a synthetic pose and shape.
 
-    `pose_sigma` is in rad, and `noise`, which is the residuals' sigma as well, in m. Raises
-    BadArgument if there is no noise.
+    Both are drawn from the priors of the fit, so that intervals of its posterior can be compared
+    with the truth; with `pose_sigma`, angles are normal about the bind pose, with that standard
+    deviation in rad, whatever the prior says. `noise`, which is the residuals' sigma as well, is in
+    m. Raises BadArgument if there is no noise.
     """
     if not noise > 0:
         raise BadArgument(f"noise must be above zero metres, not {noise}; it is the sigma as well")
-    model, rng, truth = drawn_person(body, seed, person_at_origin, pose_sigma)
+    if pose_sigma is None:
+        model, rng, truth = drawn_person(body, seed, likely_person)
+        drawn = "pose and shape drawn from the priors"
+    else:
+        model, rng, truth = drawn_person(body, seed, person_at_origin, pose_sigma)
+        drawn = f"pose {pose_sigma} rad, shape 1 sd"
     return joint_fit(
         model,
         _with_noise(model.joints(*truth.values()), noise, rng),
-        f"The {model.n_joints} joints of a body of the model (synthetic; pose {pose_sigma} rad, "
-        f"shape 1 sd, seed {seed}) are known to {1e3 * noise:g} mm. What do they say about its "
+        f"The {model.n_joints} joints of a body of the model (synthetic; {drawn}, "
+        f"seed {seed}) are known to {1e3 * noise:g} mm. What do they say about its "
         "shape, and what do they leave open?",
         sigma=noise,
         priors=(shape_prior(model), pose_prior(model)),

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.solvers import Solution
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers import Solution, Status
+from workbench.solvers.starts import AS_GOOD
 
 SMALLEST = 1e-16  # of the cost at the start: below it a difference of costs is rounding
 
@@ -55,3 +55,9 @@ def as_good(solutions: Mapping[str, Solution]) -> tuple[str, ...]:
     They count as equally good, whatever their times and the rounding of their costs.
     """
     return tuple(name for name, s in solutions.items() if excess(s, solutions) <= AS_GOOD)
+
+
+def ending_in_words(status: Status, above: bool) -> str:
+    """How a solver ended: `converged, not lowest` where one of several costs is lower."""
+    said = status.name.lower().replace("_", " ")
+    return f"{said}, not lowest" if above and status is Status.CONVERGED else said

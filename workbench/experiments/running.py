@@ -18,7 +18,9 @@ from workbench.experiments.user_errors import user_errors
 from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Measure, Setup, View, expect
 from workbench.interrupts import caused_by
+from workbench.problem import Problem
 from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Status
+from workbench.threads import limited_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +178,7 @@ def run(
         else (),
         surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
-        doubts=doubts(setup, values, solution) if body else (),
+        doubts=doubts(setup, values, solution),
         stages=_at(setup, values, [solution.trace[k].values for k in solution.stages]),
         hypotheses=_at(setup, values, [one.values for one in solution.hypotheses]),
     )
@@ -217,13 +219,23 @@ def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Mea
 def warm_up(setup: Setup, solvers: Iterable[Solver]) -> None:
     """Begin to solve with each solver, so that no clock counts what is made only once.
 
-    That is what is derived for a problem, and what a solver loads and builds at its first call:
-    IPOPT's library, exact Hessians.
+    That is what is derived for a problem, also what a solver asks for only at its end, and what a
+    solver loads and builds at its first call: IPOPT's library, exact Hessians.
     """
-    setup.problem.prepare()
+    warm(setup.problem, setup.start)
     for solver in solvers:
         with suppress(WorkbenchError):
             solver.solve(setup.problem, setup.start, callback=lambda iterate: True)
+
+
+def warm(problem: Problem, start: Values) -> None:
+    """Build and call what solves of a problem build only once, so that no clock counts it."""
+    problem.prepare()
+    x, fixed = problem.split(start)
+    with limited_threads():
+        problem.residual(x, fixed)
+        problem.cost_and_gradient(x, fixed)
+        problem.linearize_at(x, fixed)
 
 
 def overlay(

@@ -11,10 +11,11 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.reading.facts import json_in, toml_in
 
-Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `unread` of each camera
+Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size, `unread`, `degrees` of each
 
 READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
 MOST_CAMERAS = 1000
+LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
 LONGEST_NAME = 200  # characters, of a camera's name
 TOML = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
 
@@ -24,8 +25,9 @@ def read_calibration(path: str | Path) -> Calibration:
 
     TOML: a table per camera with `matrix`, `rotation` (a rotation vector), `translation`,
     `distortions`, `size`. JSON: an object per camera with `K`, `R` (matrix or vector), `t`, and
-    if known `distortion`, `size`. Keys that are not read are listed under `unread`. Raises
-    BadFile, for a fisheye camera too.
+    if known `distortion`, `size`. Keys that are not read are listed under `unread`. Rotation
+    vectors are in radians, or in degrees if one of them is longer than a whole turn in radians;
+    `degrees` says so. Raises BadFile, for a fisheye camera too.
     """
     path = Path(path)
     toml = path.suffix.lower() == ".toml"
@@ -46,10 +48,21 @@ def read_calibration(path: str | Path) -> Calibration:
             f"{path} holds {len(listed):,} cameras, and at most {MOST_CAMERAS:,} are read; leave "
             "out those that saw nothing"
         )
-    cameras = {name: _camera(path, name, given) for name, given in listed}
+    degrees = any(_length(given) > LONGEST_ROTATION for _, given in listed)
+    cameras = {name: _camera(path, name, given, degrees) for name, given in listed}
     if len(cameras) < len(listed):
         raise BadFile(f"{path} holds two cameras of one name; give each its own")
     return cameras
+
+
+def in_degrees(path: str | Path | None, cameras: Calibration) -> list[str]:
+    """A sentence if the rotations of these cameras were taken to be in degrees."""
+    if path is None or not any(camera["degrees"] for camera in cameras.values()):
+        return []
+    return [
+        f"{Path(path).name}: rotation vectors are taken to be in degrees, as one of them is longer "
+        "than a whole turn in radians"
+    ]
 
 
 def _name(path: Path, key: str, table: dict[str, Any]) -> str:
@@ -61,7 +74,16 @@ def _name(path: Path, key: str, table: dict[str, Any]) -> str:
     return str(name)
 
 
-def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
+def _length(given: Any) -> float:
+    """The length of a camera's rotation vector; 0 for a matrix, or what is none."""
+    try:
+        R = np.asarray(given["R"], dtype=float).ravel()
+    except (TypeError, KeyError, ValueError, OverflowError):
+        return 0.0
+    return float(np.linalg.norm(R)) if R.size == 3 and np.isfinite(R).all() else 0.0
+
+
+def _camera(path: Path, name: str, given: Any, degrees: bool) -> dict[str, Any]:
     if len(name) > LONGEST_NAME:
         raise BadFile(
             f"{path}: camera {shown(name)} has a name of {len(name):,} characters; give it one "
@@ -86,7 +108,7 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
     camera["t"], camera["distortion"] = camera["t"].ravel(), camera["distortion"].ravel()
     R = camera["R"]
     if R.size == 3 and np.isfinite(R).all():
-        camera["R"] = matrix_from_vector(R.ravel())
+        camera["R"] = matrix_from_vector(np.radians(R.ravel()) if degrees else R.ravel())
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             Camera().values(**camera)
@@ -94,7 +116,8 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
         raise BadFile(f"{path}: {of}: {cut(error)}") from error
     size = entries.get("size")
     unread = tuple(sorted(key for key in entries if key not in READ))
-    return camera | {"size": None if size is None else size_in(path, of, size), "unread": unread}
+    camera["size"] = None if size is None else size_in(path, of, size)
+    return camera | {"unread": unread, "degrees": degrees and R.size == 3}
 
 
 def _refuse_without_matrix(path: Path, key: str, table: Any) -> None:

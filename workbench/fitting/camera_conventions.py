@@ -1,13 +1,13 @@
 """Which convention of their extrinsics would make several views of a person agree."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.fitting.keypoint_conventions import mirrored, sides_exchanged, y_upwards
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.setup import View
 from workbench.geometry.camera import triangulate
@@ -64,8 +64,8 @@ def unit_of_translations(views: Sequence[View], values: Values) -> str:
 def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[str]) -> str:
     """What would make views that contradict each other agree; empty if nothing known does.
 
-    Other conventions of the extrinsics, other orders of the cameras, and left and right exchanged
-    in one view are tried. `names` (M,) are those of the keypoints.
+    Other conventions of the extrinsics, other orders of the cameras, other readings of images, and
+    views left out are tried. `names` (M,) are those of the keypoints.
     """
     given: Extrinsics = [
         (
@@ -81,11 +81,8 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
             changed[view.camera.rotation.name] = vector_from_matrix(R)
             changed[view.camera.translation.name] = t
         tried.append((what, views, changed))
-    order = [names.index(_opposite(n)) if _opposite(n) in names else i for i, n in enumerate(names)]
-    for k, view in enumerate(views):
-        turned = replace(view, observed=view.observed[order], confidence=view.confidence[order])
-        what = f"left and right were exchanged in {view.name}"
-        tried.append((what, (*views[:k], turned, *views[k + 1 :]), values))
+    for what, seen in _other_views(views, names):
+        tried.append((what, seen, values))
     with np.errstate(all="ignore"):
         here, best, said = disagreement(views, values), AGREE / 0.8, ""
         for what, seen, changed in tried:
@@ -94,21 +91,38 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
                 best, said = found, what
                 if unit := unit_of_translations(seen, changed):
                     said = f"{what}, with translations in {unit}"
-    return said
+        if said or len(views) < 3:
+            return said
+        others = [disagreement((*views[:k], *views[k + 1 :]), values) for k in range(len(views))]
+    k = int(np.argmin(np.nan_to_num(others, nan=np.inf)))
+    if not others[k] < AGREE:
+        return ""
+    return f"{views[k].name} is left out; look at its calibration, its keypoints and whom it shows"
 
 
-def _opposite(name: str) -> str:
-    """The keypoint of the other side: `left_knee` for `right_knee`."""
-    for side, other in (("left_", "right_"), ("right_", "left_")):
-        if name.startswith(side):
-            return other + name.removeprefix(side)
-    return name
+def _other_views(
+    views: Sequence[View], names: Sequence[str]
+) -> Iterator[tuple[str, Sequence[View]]]:
+    """Other readings of the images, of one or of all."""
+    for k, view in enumerate(views):
+        yield (
+            f"left and right were exchanged in {view.name}",
+            (*views[:k], sides_exchanged(view, names), *views[k + 1 :]),
+        )
+    for what, change in (("y pointed up", y_upwards), ("u pointed left (mirrored)", mirrored)):
+        yield f"{what} in all images", tuple(map(change, views))
+        for k, view in enumerate(views):
+            yield f"{what} in {view.name}", (*views[:k], change(view), *views[k + 1 :])
 
 
 def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     yield (
         "the extrinsics are camera-to-world, not world-to-camera",
         [(R.T, -R.T @ t) for R, t in given],
+    )
+    yield (
+        "rotations are in degrees",
+        [(matrix_from_vector(np.radians(vector_from_matrix(R))), t) for R, t in given],
     )
     yield "`t` are the places of the cameras, not translations", [(R, -R @ t) for R, t in given]
     yield (

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, some
-from workbench.fitting.calibration_files import read_calibration
+from workbench.fitting.calibration_files import in_degrees, read_calibration
 from workbench.fitting.clips import Clip, Film
 from workbench.fitting.detected_person import DetectedPerson
 from workbench.fitting.image_lists import by_image, number_in
@@ -111,6 +111,7 @@ def read_clip(
         calibrated = calibration_of(camera, focal, image)
         films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
     assert first is not None
+    notes += in_degrees(calibration, known)
     return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
 
 

@@ -111,16 +111,23 @@ def image_fit(
     recipe: Recipe | None = None,
     hypotheses: int = 1,
     held_out: Sequence[str] = (),
+    reference: Array | None = None,
     compared: tuple[str, ...] = (),
 ) -> Setup:
     """Pose, betas and trans of a body from the keypoints of one image, as SMPLify does.
 
     The setup's `strategy` is how it is solved: in stages, from `hypotheses` starts. To fit many
-    images, make one `ImageFits`. Raises BadObservation if the keypoints cannot place the body.
+    images, make one `ImageFits`. `reference` is as for `keypoint_fit`. Raises
+    BadObservation if the keypoints cannot place the body.
     """
     fits = ImageFits(body, recipe or ByHeight())
     return fits.setup(
-        observations, question, hypotheses=hypotheses, held_out=held_out, compared=compared
+        observations,
+        question,
+        hypotheses=hypotheses,
+        held_out=held_out,
+        reference=reference,
+        compared=compared,
     )
 
 
@@ -132,7 +139,7 @@ def appearance(setup: Setup, values: Values) -> Appearance:
     body = setup.body
     assert body is not None
     found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
-    height = height_in_view(setup, view, values)
+    height = height_in_view(body, view, values)
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
     suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
     return Appearance(height, bool(suspect.any()))

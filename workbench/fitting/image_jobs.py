@@ -154,7 +154,7 @@ class ImageWork:
             Picture(view.camera.pixels(joints, whole), view.observed, view.confidence),
             solution.seconds,
             tuple(note for note in setup.notes if note != FOUND),
-            doubts(setup, whole, solution),
+            doubts(setup, whole, solution, again=False),
         )
 
 

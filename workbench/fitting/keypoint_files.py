@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown, some
-from workbench.fitting.calibration_files import read_calibration
+from workbench.fitting.calibration_files import in_degrees, read_calibration
 from workbench.fitting.detected_person import DetectedPerson, no_such_person
 from workbench.fitting.detector_layouts import BODIES_FILES, COCO_FILES, OPENPOSE, Layout
 from workbench.fitting.mediapipe_files import (
@@ -277,6 +277,7 @@ def read_observations(
         for name, camera in cameras.items()
         if calibration is not None and camera["unread"]
     ]
+    unread += in_degrees(calibration, cameras)
     return Observations(
         names, tuple(photographs), (*(note for one in read for note in one.notes), *unread)
     )

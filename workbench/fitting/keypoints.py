@@ -54,7 +54,7 @@ def keypoint_fit(
     """
     if sigma is None:
         placed = keypoint_setup(KeypointProblem(body), observations, question, held_out)
-        heights = [height_in_view(placed, view, placed.start) for view in placed.views]
+        heights = [height_in_view(body, view, placed.start) for view in placed.views]
         of = KeypointProblem(body, tuple(SIGMA * height for height in heights), kernel)
     else:
         of = KeypointProblem(body, sigma, kernel)
@@ -108,10 +108,8 @@ def keypoint_setup(
     )
 
 
-def height_in_view(setup: Setup, view: View, values: Values) -> float:
+def height_in_view(body: Body, view: View, values: Values) -> float:
     """How high a person at the depth of the body would be in an image, in px."""
-    body = setup.body
-    assert body is not None
     found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     depth = float(np.median(view.camera.depths(found, values)))
     stature = float(np.ptp(body.template[:, 1]))

@@ -88,6 +88,10 @@ class MarkerSet:
             body, landmarks={**body.landmarks, MARKERS: Landmarks(self.names, regressor)}
         )
 
+    def leaders(self, body: SkinnedBody) -> Index:
+        """(M,) the joint that each marker follows most."""
+        return np.asarray(np.argmax(body.weights[self.vertices], axis=1))
+
     def only(self, labels: Sequence[str]) -> "MarkerSet":
         """The markers with these labels, in this order. Raises UnknownName."""
         for label in labels:

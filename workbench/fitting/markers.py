@@ -17,6 +17,7 @@ from workbench.blocks.checks import reals
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.doubts import of_markers
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.offset_prior import offset_prior
@@ -80,6 +81,7 @@ def marker_fit(
         start=first | observations(observed),
         question=question,
         measures=lambda found: marker_measures(dressed, observed, found),
+        doubts=lambda found: of_markers(dressed, marker_set, observed, found),
         priors=priors,
     )
 

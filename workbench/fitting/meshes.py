@@ -11,6 +11,7 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE
+from workbench.fitting.doubts import of_vertices
 from workbench.fitting.mesh_start import placed
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.meshes import read_registered, same_faces
@@ -65,6 +66,11 @@ def mesh_fit(
         body=body,
         truth=truth,
         measures=measures,
+        doubts=lambda values: of_vertices(
+            np.linalg.norm(
+                body.vertices(*(values[block.name] for block in body.blocks())) - observed, axis=1
+            )
+        ),
         priors=tuple(prior.name for prior in priors),
         compared=compared,
         synthetic=synthetic,

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.blocks.directions import dominant
+from workbench.blocks.directions import in_units
 from workbench.diagnostics import diagnose_whole
 from workbench.errors import BadArgument
 from workbench.problem import Problem
@@ -123,7 +123,7 @@ def other_minima(
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")
     here = diagnose_whole(problem, values)
-    sizes = here.point.yardsticks.sizes
+    sizes = here.point.scales.sizes
     s, basis = _weakest(here.here.dense * sizes, directions)
     x, fixed = problem.split(values)
     starts = [
@@ -155,7 +155,7 @@ def other_minima(
         back,
         tuple(one for one in found if abs(one.excess) <= level),
         tuple(sorted((o for o in found if abs(o.excess) > level), key=lambda one: one.excess)),
-        tuple(dominant(d, problem.free) for d in basis),
+        tuple(in_units(d * sizes, problem.free) for d in basis),
     )
 
 

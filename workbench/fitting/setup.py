@@ -127,6 +127,8 @@ class Setup:
             that solver is applied to the problem as it is.
         moving: the body that moves through frames, where the problem is a sequence.
         candidates: measurements that could be made, by name; see `workbench design`.
+        doubts: a function from the values found to what speaks against them, in sentences, beside
+            what `fitting.doubts` looks for in every fit.
         gauges: motions that the problem is invariant to, where `workbench diagnose` does not find
             them by itself.
     """
@@ -147,6 +149,7 @@ class Setup:
     strategy: Callable[[Solver | None], Solver] | None = None
     moving: Moving | None = None
     candidates: Given = field(default_factory=dict)
+    doubts: Callable[[Values], Iterable[str]] = lambda values: ()
     gauges: tuple[Gauge, ...] = ()
 
     def __post_init__(self) -> None:

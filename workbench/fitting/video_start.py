@@ -1,6 +1,6 @@
 """Where the fit of a video begins: frame by frame, some from scratch, the others from the last."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from workbench.blocks import Values
@@ -11,7 +11,7 @@ from workbench.fitting.setup import View
 from workbench.problem import Problem
 from workbench.solvers import Solver, SolveStage, Staged, Status, TrustRegion
 
-COARSE = (286.0, 40.0)  # px, the sigmas of the stages before the last
+COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
 EVERY = 10  # frames between two that are fitted from scratch
 FEWEST = 4  # keypoints that place a body
 QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
@@ -26,16 +26,15 @@ class FrameFits:
     Attributes:
         frame: the problem of a frame.
         body: the body.
-        data: the names of the residuals of keypoints.
-        sigma: their standard deviation in the last stage, in px.
+        sigmas: the standard deviations of the residuals of keypoints, by their names, as shares of
+            the height of the person in the image.
         solver: what solves each stage of a fit from scratch.
         following: what solves a frame from the one before.
     """
 
     frame: Problem
     body: Body
-    data: tuple[str, ...]
-    sigma: float
+    sigmas: Mapping[str, float]
     solver: TrustRegion = QUICK
     following: TrustRegion = ROUGHLY
 
@@ -43,7 +42,7 @@ class FrameFits:
         """Placed in closed form, then in stages whose sigma falls to the last one."""
         seen = [view for view in views if (view.confidence > 0).sum() >= FEWEST]
         stages = tuple(
-            SolveStage(weights=dict.fromkeys(self.data, (self.sigma / wide) ** 2))
+            SolveStage(weights={name: (own / wide) ** 2 for name, own in self.sigmas.items()})
             for wide in COARSE
         )
         start = values | place_body(self.body, seen, values)

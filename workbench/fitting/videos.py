@@ -6,6 +6,7 @@ are fitted from the one before are only a start, and are solved roughly (`video_
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,15 +20,18 @@ from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.clips import Clip, Film
 from workbench.fitting.effective_frames import effective_frames
+from workbench.fitting.image_recipe import SIGMA
 from workbench.fitting.keypoint_problem import (
     camera_residual,
     camera_values,
     focal_prior,
     landmark_set,
 )
-from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE
+from workbench.fitting.keypoint_start import place_body
+from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, height_in_view
+from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Measure, Moving, Setup, View
-from workbench.fitting.video_start import FrameFits, Told, frame_by_frame
+from workbench.fitting.video_start import FEWEST, FrameFits, Told, frame_by_frame
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth
@@ -35,7 +39,8 @@ from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
 from workbench.residuals.sequences import Between, Frames
 from workbench.solvers import TrustRegion
 
-FAR = 100.0  # px, where outliers begin (Bogo et al. 2016, SMPLify)
+FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
+LOOKED_AT = 9  # frames, for the height of the person
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
 ENOUGH = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # keypoints are not better
 EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
@@ -65,7 +70,7 @@ def video_fit(
     body: SkinnedBody | TriangleBody,
     question: str,
     *,
-    sigma: float = 4.0,
+    sigma: float | None = None,
     kernel: Kernel | None = None,
     smoothness: Smoothness = SMOOTH,
     shared: Sequence[str] = ("betas",),
@@ -74,8 +79,9 @@ def video_fit(
 ) -> Setup:
     """Poses and places in T frames, and one shape, from the keypoints of one or several cameras.
 
-    `sigma` is in px. The kernel is Geman and McClure's with outliers from 100 px on, as in SMPLify,
-    unless another is given. Cameras without K share a free focal length. Blocks of the body named
+    `sigma` is in px; without one, it is SIGMA times the height of the person in each film, as for
+    images. The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless
+    another is given. Cameras without K share a free focal length. Blocks of the body named
     in `shared` are one for all frames. The start is found frame by frame, and `told` is called
     with the number of each frame and of all.
 
@@ -100,13 +106,17 @@ def video_fit(
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     evidence = Block(EVIDENCE, (1,))
-    chosen = scaled(geman_mcclure, FAR / sigma) if kernel is None else kernel
     films = _ordered(clip, landmarks)
+    heights = heights_of(films, body, kind)
     common: Values = {EVIDENCE: np.ones(1)}
     data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
-    for film in films:
+    shares: dict[str, float] = {}
+    for film, height in zip(films, heights, strict=True):
         camera = Camera(film.name + "/")
-        residual, blocks = camera_residual(points, camera, landmarks, sigma, chosen)
+        own_sigma = SIGMA * height if sigma is None else sigma
+        chosen = scaled(geman_mcclure, FAR * height / own_sigma) if kernel is None else kernel
+        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, chosen)
+        shares[residual.name] = own_sigma / height
         data.append(replace(residual, weights=residual.weights * evidence.symbol))
         observed.append((blocks[0].name, blocks[1].name))
         cameras.append(camera)
@@ -133,8 +143,8 @@ def video_fit(
             )
         each.append(values)
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
-    data_names = tuple(one.name for one in data)
-    found = frame_by_frame(FrameFits(own, body, data_names, sigma), each, views, told)
+    data_names = tuple(shares)
+    found = frame_by_frame(FrameFits(own, body, shares), each, views, told)
     names = [*(b.name for b in lenses), EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
@@ -168,6 +178,28 @@ def video_fit(
         ),
         moving=moving,
     )
+
+
+def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
+    """How high the person is in each film in px: the median over some frames."""
+    T = len(films[0].confidence)
+    found: list[list[float]] = [[] for _ in films]
+    for t in np.unique(np.linspace(0, T - 1, min(T, LOOKED_AT)).round().astype(int)):
+        values, views = body.start(), []
+        for i, film in enumerate(films):
+            if (film.confidence[t] > 0).sum() < FEWEST:
+                continue
+            camera = Camera(film.name + "/")
+            values |= camera_values(camera, film.photograph(t))
+            seen = film.pixels[t], film.confidence[t]
+            views.append((i, View(film.name, camera, film.size, kind, *seen)))
+        with suppress(BadObservation, np.linalg.LinAlgError):
+            values |= place_body(body, [view for _, view in views], values)
+            for i, view in views:
+                found[i].append(height_in_view(body, view, values))
+    known = [float(np.median(some)) for some in found if some]
+    usual = float(np.median(known)) if known else 0.5 * min(films[0].size)
+    return [max(1.0, float(np.median(some))) if some else usual for some in found]
 
 
 def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from workbench.comparison import Comparison
 from workbench.fitting.known import CERTIFIED_DIGITS
 from workbench.plots.labels import plain
-from workbench.plots.palette import FAINT, INK, solver_line, solver_mark
+from workbench.plots.palette import FAINT, INK, solver_styles
 
 ENOUGH = 4  # digits, for a fit to count as right
 
@@ -15,11 +15,10 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
     """A mark per run with a known answer: digits that agree, of the worst parameter."""
     rng = np.random.default_rng(0)
     y = np.arange(len(comparison.solvers))[::-1]
-    for k, solver in enumerate(comparison.solvers):
+    for k, (solver, style) in enumerate(solver_styles(comparison.solvers).items()):
         digits = comparison.digits(solver)
         at = y[k] + 0.28 * rng.uniform(-1, 1, digits.size)
-        colour = solver_line(k)["color"]
-        ax.plot(digits, at, solver_mark(k), color=colour, markersize=4, alpha=0.7)
+        ax.plot(digits, at, style.marker, color=style.color, markersize=4, alpha=0.7)
         if digits.size:
             ax.plot([digits.mean()] * 2, [y[k] - 0.38, y[k] + 0.38], color=INK, linewidth=1.6)
     ax.axvline(ENOUGH, color=FAINT, linewidth=1.0, linestyle="--")

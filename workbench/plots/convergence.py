@@ -12,12 +12,13 @@ from workbench.experiments.relative_costs import (
     SMALLEST,
     as_good,
     best_cost,
+    ending_in_words,
     share_left,
     start_cost,
 )
 from workbench.plots.labels import note_at, plain
-from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
-from workbench.solvers import Iterate, Solution, Status
+from workbench.plots.palette import FAINT, solver_styles
+from workbench.solvers import Iterate, Solution
 
 TWO_DECADES = 100.0  # an axis of less has ticks at 1, 2 and 5, a longer one at powers of ten
 
@@ -72,8 +73,8 @@ def plot_convergence(
     """
     gaps = {name: gap(solution, solutions) for name, solution in solutions.items()}
     floor = _floor(gaps)
-    longest = 0.0
-    for k, (name, solution) in enumerate(solutions.items()):
+    longest, styles, lowest = 0.0, solver_styles(solutions), as_good(solutions)
+    for name, solution in solutions.items():
         iterates = [
             (against.of(i, iterate), above)
             for i, (iterate, above) in enumerate(zip(solution.trace, gaps[name], strict=True))
@@ -81,20 +82,19 @@ def plot_convergence(
         ]
         x, y = np.array(iterates).reshape(-1, 2).T
         longest = max(longest, float(x.max(initial=0.0)))
-        colour, marker = LINES[k % len(LINES)], MARKERS[k % len(MARKERS)]
+        style, ending = styles[name], ending_in_words(solution.status, name not in lowest)
         ax.plot(
             x,
             np.maximum(y, floor),
-            color=colour,
-            linestyle=DASHES[k // 2 % len(DASHES)],
             linewidth=1.5,
-            marker=marker,
+            marker=style.marker,
             markersize=4,
             markevery=max(1, len(x) // 12),
-            label=plain(f"{name}: {_ending(solution)}"),
+            label=plain(f"{name}: {ending}"),
+            **style.line,
         )
-        fill = colour if solution.converged else "white"
-        ax.plot(x[-1:], np.maximum(y[-1:], floor), marker, color=colour, ms=8, mfc=fill)
+        fill = style.color if solution.converged else "white"
+        ax.plot(x[-1:], np.maximum(y[-1:], floor), style.marker, color=style.color, ms=8, mfc=fill)
     ax.set(yscale="log", ylim=(floor / 100, 5.0))
     ticks = [float(t) for t in ax.get_yticks() if 5 * floor < t <= 1]  # the floor stands for 0
     ax.set_yticks(ticks)
@@ -139,11 +139,3 @@ def _floor(gaps: Mapping[str, Array]) -> float:
     every = np.concatenate([*gaps.values(), np.ones(1)])
     above = every[np.isfinite(every) & (every > SMALLEST)]
     return float(max(SMALLEST, 10.0 ** np.floor(np.log10(above.min()) - 0.5)))
-
-
-def _ending(solution: Solution) -> str:
-    words = solution.status.name.lower().replace("_", " ")
-    return words.replace("max", "out of") if solution.status in _LIMITS else words
-
-
-_LIMITS = (Status.MAX_ITERATIONS, Status.MAX_EVALUATIONS, Status.MAX_SECONDS)

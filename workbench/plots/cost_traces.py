@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from workbench.comparison import Comparison
 from workbench.comparison.targets import named
 from workbench.plots.labels import decades, plain
-from workbench.plots.palette import FAINT, solver_line, solver_mark
+from workbench.plots.palette import FAINT, solver_styles
 
 LOWEST = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there
 
@@ -40,7 +40,7 @@ def plot_cost_traces(
     instances = comparison.of(problem)
     alpha = 0.9 if len(instances) == 1 else max(0.25, 0.8 / len(instances) ** 0.5)
     longest = against.least * 10
-    for k, solver in enumerate(comparison.solvers):
+    for solver, style in solver_styles(comparison.solvers).items():
         for instance in instances:
             trace = comparison.trace(instance, solver)
             if not len(trace):
@@ -48,9 +48,9 @@ def plot_cost_traces(
             x = np.maximum(trace[:, against.column], against.least)
             longest = max(longest, float(np.max(x, where=np.isfinite(x), initial=0.0)))
             y = np.maximum(trace[:, 2], LOWEST)
-            ax.step(x, y, where="post", linewidth=1.3, alpha=alpha, **solver_line(k))
-            ax.plot(x[-1:], y[-1:], ".", color=solver_line(k)["color"], alpha=alpha, markersize=5)
-        ax.plot([], [], linewidth=1.6, label=plain(solver), **solver_line(k))
+            ax.step(x, y, where="post", linewidth=1.3, alpha=alpha, **style.line)
+            ax.plot(x[-1:], y[-1:], ".", color=style.color, alpha=alpha, markersize=5)
+        ax.plot([], [], linewidth=1.6, label=plain(solver), **style.line)
     relative_cost_axis(comparison, ax)
     ax.set(xscale="log", xlim=(against.least, 1.5 * longest), xlabel=against.label)
     decades(ax.xaxis, against.least, 1.5 * longest)
@@ -83,18 +83,18 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
 def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
     """(f - f*) / (f_0 - f*) at the ends on one problem, sorted for each solver, the worst last."""
     instances = comparison.of(problem)
-    for k, solver in enumerate(comparison.solvers):
+    for solver, style in solver_styles(comparison.solvers).items():
         gaps = [t[-1, 2] for i in instances if len(t := comparison.trace(i, solver))]
         y = np.maximum(np.sort(np.array(gaps, dtype=float)), LOWEST)
         x = np.arange(1, len(y) + 1)
         ax.plot(
             x,
             y,
-            marker=solver_mark(k),
+            marker=style.marker,
             markersize=4,
             linewidth=1.0,
             label=plain(solver),
-            **solver_line(k),
+            **style.line,
         )
     relative_cost_axis(comparison, ax)
     ax.set(xlim=(0.5, len(instances) + 0.5), xlabel="run, best first")

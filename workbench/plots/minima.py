@@ -7,7 +7,7 @@ from matplotlib.ticker import MaxNLocator
 from workbench.errors import BadArgument
 from workbench.plots.palette import LINES
 from workbench.solvers import Hypothesis, Solution
-from workbench.solvers.minima import further_minima
+from workbench.solvers.starts import further_minima
 
 LEAST = 1e-12  # of the largest cost; lower costs are drawn there
 

@@ -8,7 +8,7 @@ from workbench.comparison.comparison import MAIN
 from workbench.comparison.pairs import duels
 from workbench.comparison.statistics import FEWEST, LEVEL
 from workbench.comparison.targets import named
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.plots.labels import plain
 from workbench.plots.palette import INK
 

@@ -3,7 +3,13 @@
 Okabe and Ito, Color Universal Design (2008), without its yellow, which is too pale for lines.
 """
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import cycle
 from typing import TypedDict
+
+from workbench.fitting.compared_solvers import MANY
+from workbench.solvers import SOLVERS
 
 INK = "#222222"
 FAINT = "#8a8f98"  # frames and grids
@@ -30,11 +36,44 @@ class Line(TypedDict):
     linestyle: str
 
 
-def solver_line(k: int) -> Line:
-    """The line of the k-th solver of a comparison: 8 colours, then the same ones dashed."""
-    return Line(color=LINES[k % len(LINES)], linestyle=DASHES[k // len(LINES) % len(DASHES)])
+@dataclass(frozen=True)
+class SolverStyle:
+    """How a solver is drawn in every figure and on every page."""
+
+    color: str
+    linestyle: str
+    marker: str
+
+    @property
+    def line(self) -> Line:
+        """Colour and dashes, as `Axes.plot` takes them."""
+        return Line(color=self.color, linestyle=self.linestyle)
 
 
-def solver_mark(k: int) -> str:
-    """The mark of the k-th solver's points."""
-    return MARKERS[k % len(MARKERS)]
+# visible on white and on black, in the order in which solvers get them: first those that
+# experiments compare, which have a colour each, then the others, whose lines are dashed
+OF_SOLVERS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, "#8c6bb1", "#6b7280")
+PLACES = {name: k for k, name in enumerate(dict.fromkeys((*MANY, *SOLVERS)))}
+
+
+def solver_styles(names: Iterable[str]) -> dict[str, SolverStyle]:
+    """The style of each solver: always the same for one of `SOLVERS`.
+
+    One in stages or from several starts, `staged ipopt`, has that of the solver at the end of its
+    name, unless this is there too. Others, such as a user's own, get the first places that are free
+    beside them, in colours that are not taken where there are any.
+    """
+    names, n = tuple(names), len(OF_SOLVERS)
+    own = {name: PLACES[name] for name in names if name in PLACES}
+    for name in names:
+        last = PLACES.get(name.split(" ")[-1])
+        if name not in own and last is not None and last not in own.values():
+            own[name] = last
+    taken, colours = set(own.values()), {k % n for k in own.values()}
+    free = cycle(sorted({*range(n * len(DASHES))} - taken, key=lambda k: (k % n in colours, k)))
+    return {name: _style(own[name] if name in own else next(free)) for name in names}
+
+
+def _style(k: int) -> SolverStyle:
+    n = len(OF_SOLVERS)
+    return SolverStyle(OF_SOLVERS[k % n], DASHES[k // n % len(DASHES)], MARKERS[k % len(MARKERS)])

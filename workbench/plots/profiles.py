@@ -9,9 +9,10 @@ from workbench.comparison import Comparison
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
 from workbench.comparison.targets import named
 from workbench.plots.labels import decades, plain
-from workbench.plots.palette import FAINT, solver_line
+from workbench.plots.palette import FAINT, solver_styles
 
 POINTS = 400
+EQUAL = "Where curves are equal, those below stand out on both sides."
 
 
 def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
@@ -47,14 +48,15 @@ def _known(comparison: Comparison, tau: float) -> tuple[tuple[str, ...], Array]:
 def _curves(
     comparison: Comparison, names: tuple[str, ...], x: Array, shares: Array, tau: float, ax: Axes
 ) -> None:
-    count = len(comparison.solvers)
-    for k, solver in enumerate(comparison.solvers):
+    for solver, style in solver_styles(comparison.solvers).items():
         if solver not in names:
-            ax.plot([], [], linewidth=1.6, label=plain(f"{solver}: not counted"), **solver_line(k))
-            continue
-        lift = 0.012 * (k / max(1, count - 1) - 0.5)  # so that equal curves do not hide each other
-        y = shares[:, names.index(solver)] + lift
-        ax.step(x, y, where="post", linewidth=1.6, label=plain(solver), **solver_line(k))
+            ax.plot([], [], linewidth=1.6, label=plain(f"{solver}: not counted"), **style.line)
+    for k, solver in enumerate(names):
+        # equal curves lie on each other: those below are wider, and show on both sides
+        width = 1.4 + 3.0 * (1 - (k + 1) / len(names))
+        style = solver_styles(comparison.solvers)[solver]
+        y = shares[:, k]
+        ax.step(x, y, where="post", linewidth=width, label=plain(solver), **style.line)
     ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(-0.03, 1.05), ylabel="share of the starts")
     decades(ax.xaxis, x[0], x[-1])
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))
@@ -77,7 +79,7 @@ def caption_performance_profile(comparison: Comparison) -> str:
         f"{len(comparison.comparable)} starts on which a solver needed the least effort of all. At "
         "the right edge: the share on which it met the target at all. Higher is better: a curve "
         "that starts high is of a cheap solver, one that ends high of a reliable one. Effort "
-        "is counted in evaluations of the residual, at fixed prices." + warning
+        f"is counted in evaluations of the residual, at fixed prices. {EQUAL}" + warning
     )
 
 
@@ -88,5 +90,5 @@ def caption_data_profile(comparison: Comparison) -> str:
         f"{len(comparison.comparable)} starts that a solver has brought to the target once it has "
         "spent a given effort, in simplex gradients: n + 1 residuals for n unknowns. Read it at "
         "the effort that you can afford; no curve depends on the other solvers. Where a curve "
-        "stops rising below 100 %, the rest is never solved within the budget."
+        f"stops rising below 100 %, the rest is never solved within the budget. {EQUAL}"
     )

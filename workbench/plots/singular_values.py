@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.diagnostics import Diagnosis, Direction
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.plots.labels import note_at, plain, shortened
 from workbench.plots.palette import BLUE, FAINT, VERMILLION
 

@@ -25,11 +25,16 @@ def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
 
 def caption_taylor(diagnosis: Diagnosis) -> str:
     """What `plot_taylor` shows."""
-    slope = diagnosis.derivatives.slope
+    check = diagnosis.derivatives
+    slope = check.slope
     if slope is None:
         return "The residual is linear, or too nearly so for its second order to be seen."
     verdict = "as it must" if slope > 1.5 else "but should shrink like h^2: a derivative is wrong"
+    h, error = check.steps, check.taylor
+    largest, least = np.argmax(h), np.argmin(h)
+    expected = error[largest] * (h[least] / h[largest]) ** slope
+    rounded = " At the smallest steps rounding dominates." if error[least] > 2 * expected else ""
     return (
         f"The error of the linear model for a step of length h in a random direction shrinks like "
-        f"h^{slope:.2f}, {verdict}. At the smallest steps rounding dominates."
+        f"h^{slope:.2f}, {verdict}.{rounded}"
     )

@@ -78,14 +78,14 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
 def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     """The share of its information that comes from the data, for every direction, largest first.
 
-    Raises BadArgument where unknowns were eliminated part after part, without singular values.
+    Raises BadArgument for a sparse Jacobian, which is factorized without singular values.
     """
     known = diagnosis.identifiability
     if known.data_share is None:
         raise BadArgument(
-            "the shares of single directions take singular values, which a Jacobian that was "
-            f"eliminated part after part does not have; the data decide {known.effective:.1f} of "
-            f"{diagnosis.shape[1]} directions"
+            "the shares of single directions take singular values, which are not computed of a "
+            f"sparse Jacobian; the data decide {known.effective:.1f} of {diagnosis.shape[1]} "
+            "directions"
         )
     share = np.sort(known.data_share)[::-1]
     x = np.arange(1, share.size + 1)

@@ -8,19 +8,19 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison, TargetOutcome
-from workbench.diagnostics.structure import counted
+from workbench.diagnostics.words import counted
 from workbench.errors import joined
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
 
-SADDLE, VALLEY, LOST = "#6a5acd", "#8c6d31", "#f0c987"  # seldom met: beside the palette's
+VIOLET, BROWN, SAND = "#6a5acd", "#8c6d31", "#f0c987"  # seldom met: beside the palette's
 COLOURS = {
     TargetOutcome.REACHED: GREEN,
     TargetOutcome.ALONE: BLUE,
     TargetOutcome.OTHER_BASIN: SKY,
-    TargetOutcome.SADDLE: SADDLE,
-    TargetOutcome.VALLEY: VALLEY,
-    TargetOutcome.LOST: LOST,
+    TargetOutcome.SADDLE: VIOLET,
+    TargetOutcome.NO_FINITE_MINIMUM: BROWN,
+    TargetOutcome.INSENSITIVE: SAND,
     TargetOutcome.STALLED: ORANGE,
     TargetOutcome.OUT_OF_BUDGET: PURPLE,
     TargetOutcome.FALSE_CLAIM: VERMILLION,
@@ -57,8 +57,8 @@ def caption_verdicts(comparison: Comparison) -> str:
         text += " Light blue runs converged in another basin."
     no_minimum = {
         TargetOutcome.SADDLE: "at saddle points (violet)",
-        TargetOutcome.VALLEY: "in valleys without end (brown)",
-        TargetOutcome.LOST: "where unknowns no longer change the residual (sand)",
+        TargetOutcome.NO_FINITE_MINIMUM: "where the cost falls for ever (brown)",
+        TargetOutcome.INSENSITIVE: "where the residual is insensitive to unknowns (sand)",
     }
     if met := [where for verdict, where in no_minimum.items() if came[verdict]]:
         text += f" Some ended {joined(met)}."

@@ -116,17 +116,44 @@ def split(
 def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
-    Terms that cancel each other in the residual must not cancel here. The mean size of a few sums
-    with normally distributed weights estimates it without the single derivatives (Hutchinson, A
-    stochastic estimator of the trace of the influence matrix, 1990).
+    Among the a_i are the constants that are added in r. Terms that cancel each other in the
+    residual must not cancel here. The mean size of a few sums with normally distributed weights
+    estimates it without the single derivatives (Hutchinson, A stochastic estimator of the trace of
+    the influence matrix, 1990).
     """
+    named, symbol, constants = _constants_named(r, arguments)
     rng = np.random.default_rng(0)  # always the same weights
     sums = cs.MX(r.shape[0], SUMS)
-    for a in arguments:
+    every = [*arguments, symbol]
+    for a in every:
         if a.numel():
             weights = rng.standard_normal((a.shape[0], SUMS * a.shape[1]))
-            sums += cs.jtimes(r, a, cs.DM(weights) * cs.repmat(a, 1, SUMS))
-    return cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(SUMS))
+            sums += cs.jtimes(named, a, cs.DM(weights) * cs.repmat(a, 1, SUMS))
+    size = cs.Function("size", every, [cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(SUMS))])
+    (found,) = size.call([*arguments, cs.MX(constants)], True, False)
+    return found
+
+
+def _constants_named(r: cs.MX, symbols: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, cs.DM]:
+    """r with a symbol in the place of the constants that are added in it, and their values."""
+    whole, nodes = cs.Function("whole", [*symbols], [r]), []
+    constants: dict[int, cs.MX] = {}  # by the place in memory where they are
+    for k in range(whole.n_instructions()):
+        kind = whole.instruction_id(k)
+        if kind in (cs.OP_ADD, cs.OP_SUB):
+            nodes += [constants[i] for i in whole.instruction_input(k) if i in constants]
+        for i in whole.instruction_output(k):
+            constants.pop(i, None)
+        if kind == cs.OP_CONST and (node := whole.instruction_MX(k)).is_dense():
+            constants[whole.instruction_output(k)[0]] = node
+    if not nodes:
+        return r, cs.MX.sym("constants", 0), cs.DM(0, 1)
+    values = cs.densify(cs.evalf(cs.veccat(*nodes)))
+    symbol = cs.MX.sym("constants", values.numel())
+    ends = np.cumsum([0, *(node.numel() for node in nodes)]).tolist()
+    pieces = zip(cs.vertsplit(symbol, ends), nodes, strict=True)
+    (named,) = cs.graph_substitute([r], nodes, [cs.reshape(p, *node.shape) for p, node in pieces])
+    return named, symbol, values
 
 
 Entries = Mapping[str, Index]

@@ -21,7 +21,7 @@ Index = NDArray[np.signedinteger]
 ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
-class Limits(NamedTuple):
+class LinearLimits(NamedTuple):
     """left <= d <= right and down <= A d <= up.
 
     Attributes:
@@ -39,73 +39,73 @@ class Limits(NamedTuple):
     up: Array
 
 
-def nearest(pull: Array, limits: Limits) -> Array:
-    """The d (n,) nearest to the pull that meets all limits; infinite where none does.
+def projected(target: Array, limits: LinearLimits) -> Array:
+    """The d (n,) nearest to the target that meets all limits; infinite where none does.
 
-    Small problems are solved at once, large ones part by part: see `at_once` and `by_parts`.
+    Small problems are solved at once, large ones part by part.
     """
     k, n = limits.A.shape
     lengths = row_norms(limits.A)
     flat = lengths == 0
     if (flat & ((limits.down > 0) | (limits.up < 0))).any():
-        return np.full_like(pull, np.inf)
+        return np.full_like(target, np.inf)
     lengths = np.where(flat, 1.0, lengths)
     down, up = limits.down / lengths, limits.up / lengths
     if n * (n + k) <= storage.DENSE_FROM:
         rows = dense(limits.A) / lengths[:, None]
-        return at_once(pull, Limits(limits.left, limits.right, rows, down, up))
+        return projected_dense(target, LinearLimits(limits.left, limits.right, rows, down, up))
     A = csc_array(diags_array(1 / lengths) @ csc_array(limits.A))
-    return by_parts(pull, Limits(limits.left, limits.right, A, down, up))
+    return projected_sparse(target, LinearLimits(limits.left, limits.right, A, down, up))
 
 
-def at_once(pull: Array, limits: Limits) -> Array:
-    """`nearest` for an array A whose rows have length 1, by nonnegative least squares.
+def projected_dense(target: Array, limits: LinearLimits) -> Array:
+    """`projected` for an array A whose rows have length 1, by nonnegative least squares.
 
     These give the multipliers (Lawson and Hanson, Solving least squares problems, 1974, chapter
     23). Infinite where no d meets the limits.
     """
     left, right, A, down, up = limits
     bounded = np.isfinite(left) | np.isfinite(right)
-    rows = np.concatenate([np.eye(len(pull))[bounded], dense(A)])
+    rows = np.concatenate([np.eye(len(target))[bounded], dense(A)])
     lows, highs = np.concatenate([left[bounded], down]), np.concatenate([right[bounded], up])
-    # G z >= h for z = d - pull, in units of the farthest that d may have to go
-    reach = float(np.linalg.norm(pull)) + float(
+    # G z >= h for z = d - target, in units of the farthest that d may have to go
+    reach = float(np.linalg.norm(target)) + float(
         np.max(np.concatenate([lows, -highs, [0.0]]), initial=0.0)
     )
     if reach == 0:
-        return np.zeros_like(pull)
-    at = rows @ pull
+        return np.zeros_like(target)
+    at = rows @ target
     G = np.concatenate([rows, -rows])
     h = np.concatenate([lows - at, at - highs]) / reach
-    near = h > -4.0 * np.sqrt(len(pull))  # a limit farther away than any d stops nothing
+    near = h > -4.0 * np.sqrt(len(target))  # a limit farther away than any d stops nothing
     G, h = G[near], h[near]
     if (h <= 0).all():
-        return pull
+        return target
     E = np.concatenate([G.T, h[None]])
-    u, distance = scipy.optimize.nnls(E, np.append(np.zeros(len(pull)), 1.0))
+    u, distance = scipy.optimize.nnls(E, np.append(np.zeros(len(target)), 1.0))
     if distance < 1e-10:
-        return np.full_like(pull, np.inf)
+        return np.full_like(target, np.inf)
     active = u > 0
     z = np.linalg.lstsq(G[active], h[active], rcond=None)[0]  # the same, to all digits
-    return np.asarray(pull + reach * z)
+    return np.asarray(target + reach * z)
 
 
-def by_parts(pull: Array, limits: Limits) -> Array:
-    """`nearest` for many unknowns and a sparse A whose rows have length 1.
+def projected_sparse(target: Array, limits: LinearLimits) -> Array:
+    """`projected` for many unknowns and a sparse A whose rows have length 1.
 
-    First d is the pull, clipped to the bounds. Then the rows that it violates are imposed, the
+    First d is the target, clipped to the bounds. Then the rows that it violates are imposed, the
     problem is solved again, and so on, until no row is violated. This ends, because each row is
     imposed at most once. The last d is the answer: if the nearest point under some of the limits
     meets the others, it is the nearest point under all of them. Rows that share no unknown are
-    solved separately, and unknowns that no imposed row reads keep their pull. A single part with
+    solved separately, and unknowns that no imposed row reads keep their target. A single part with
     thousands of imposed rows takes long, because it is solved by arrays.
     """
     left, right, A, down, up = limits
     by_rows, sizes = csr_array(A), absolute(A)
-    d = np.clip(pull, left, right)
+    d = np.clip(target, left, right)
     imposed = np.zeros(A.shape[0], dtype=bool)
     while True:
-        at, room = by_rows @ d, ROUNDING * (sizes @ (abs(d) + abs(pull)))
+        at, room = by_rows @ d, ROUNDING * (sizes @ (abs(d) + abs(target)))
         violated = ((at < down - room) | (at > up + room)) & ~imposed
         if not violated.any():
             return np.asarray(d)
@@ -115,20 +115,20 @@ def by_parts(pull: Array, limits: Limits) -> Array:
                 continue  # it was solved before
             rows, columns = part.rows, part.columns
             box = left[columns], right[columns]
-            found = _one(pull[columns], Limits(*box, part.entries(), down[rows], up[rows]))
+            found = _one(target[columns], LinearLimits(*box, part.entries(), down[rows], up[rows]))
             if not np.isfinite(found).all():
-                return np.full_like(pull, np.inf)
+                return np.full_like(target, np.inf)
             d[columns] = found
 
 
-def _one(pull: Array, limits: Limits) -> Array:
+def _one(target: Array, limits: LinearLimits) -> Array:
     """The answer for one part; without bounds, a single row is met by moving along it."""
     left, right, A, down, up = limits
     if len(down) > 1 or np.isfinite(left).any() or np.isfinite(right).any():
-        return at_once(pull, limits)
+        return projected_dense(target, limits)
     row = dense(A)[0]
-    at = float(row @ pull)
-    return np.asarray(pull + row * (min(max(at, down[0]), up[0]) - at))
+    at = float(row @ target)
+    return np.asarray(target + row * (min(max(at, down[0]), up[0]) - at))
 
 
 class _Part(NamedTuple):
@@ -175,7 +175,8 @@ def _parts(A: csr_array, chosen: Index) -> Iterator[_Part]:
 
 
 Box = tuple[Array, Array]
-IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that does no harm
+HARMLESS = 1e-3  # of a sigma: rounding that does no harm
+IMMATERIAL = 1e-6  # of an unknown's own size: the same
 
 
 def optimality(
@@ -215,7 +216,9 @@ def optimality(
         scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
         A = here.constraints.per(scale)
         box = (lower - x) * scale, (upper - x) * scale
-        d = nearest(-here.gradient / scale, Limits(*box, A, *here.constraints.allowed_changes))
+        d = projected(
+            -here.gradient / scale, LinearLimits(*box, A, *here.constraints.allowed_changes)
+        )
     way = np.abs(d)
     if rounding is not None:
         way = np.maximum(way - explained_by_rounding(x, here, support, rounding), 0.0)
@@ -247,10 +250,10 @@ def explained_by_rounding(
 def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
     """By how much rounding leaves each x_i undetermined, (n,), in its unit; 0 if harmless.
 
-    It is harmless up to a millionth of a sigma, or of x_i itself.
+    It is harmless up to a thousandth of a sigma, or a millionth of x_i itself.
     """
     error, norms = _errors(here, support, rounding), here.column_norms
-    harmless = (error <= IMMATERIAL) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
+    harmless = (error <= HARMLESS) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
     return np.where(harmless, 0.0, error / np.where(norms > 0, norms, 1.0))
 
 

@@ -71,7 +71,7 @@ class Problem(Symbolic):
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
-        self.solvers_made: list[object] = []  # for the next run; see `solvers.made`
+        self.solvers_made: list[object] = []  # for the next run; see `solvers.oracle`
         self.stacked_constraints = ConstraintSet.of(self.constraints, *self._layouts)
         self.domain = Domain.of(self.residuals, *self._layouts)
 
@@ -259,13 +259,13 @@ class Problem(Symbolic):
         """Where the Jacobian may be nonzero, (m, n): each point reads all of its body's blocks."""
         return self._chain.pattern
 
-    def rounding(self, x: Array, fixed: Array, residual: Array) -> Rounding:
+    def rounding(self, x: Array, fixed: Array, residual: Array, floor: float = 1.0) -> Rounding:
         """How large the rounding error of each row of the residual (m,) at x may be.
 
         It is estimated from the size of the terms that make up the row at x: derivatives times
-        free numbers, fixed numbers and points.
+        free numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
         """
-        return Rounding.of(residual, self._chain.made_of(x, fixed))
+        return Rounding.of(residual, self._chain.made_of(x, fixed), floor)
 
     @property
     def support(self) -> Support:

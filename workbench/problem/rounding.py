@@ -26,13 +26,12 @@ class Rounding:
     rows: Array
 
     @staticmethod
-    def of(residual: Array, made_of: Array) -> "Rounding":
-        """10 eps times the size of the terms of each row.
+    def of(residual: Array, made_of: Array, floor: float = 1.0) -> "Rounding":
+        """10 eps times the size of the terms of each row, which is at least `floor` sigmas.
 
-        These are its own value, the terms that `made_of` (m,) measures, and one sigma for the
-        constants in its formula.
+        These are its own value, and the terms that `made_of` (m,) measures.
         """
-        return Rounding(FACTOR * EPS * (1.0 + np.abs(residual) + made_of))
+        return Rounding(FACTOR * EPS * (floor + np.abs(residual) + made_of))
 
     @cached_property
     def norm(self) -> float:

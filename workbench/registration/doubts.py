@@ -1,4 +1,4 @@
-"""Whether a fit to a scan can be trusted, judged without the truth."""
+"""Whether a fit to a scan may be believed: doubts as `fitting.doubts` has them, of scans."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,10 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array
-from workbench.diagnostics.wording import Finding
-from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.doubts import of_person, pose_square
 from workbench.fitting.loose_points import loose_points
-from workbench.problem import Problem
 from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit
@@ -65,8 +63,8 @@ def doubts(
     *,
     camera: ArrayLike | None = None,
     limits: Doubts = Doubts(),
-) -> tuple[Finding, ...]:
-    """Warnings in sentences; none if nothing speaks against the fit.
+) -> tuple[str, ...]:
+    """What speaks against a fit, in sentences; none if nothing does.
 
     `found` is the `support` of the fit, if it is known already, and `camera` (3,) m is where the
     whole scan was taken from, if it was taken from one place.
@@ -77,11 +75,11 @@ def doubts(
     if camera is not None:
         here += _before(fit, np.asarray(camera, dtype=float), limits)
     if fit.stopped:
-        here.append(Finding("run", f"the fit did not end by itself: {fit.stopped}"))
-    return tuple(here)
+        here.append(f"the fit did not end by itself: {fit.stopped}")
+    return (*here, *of_person(fit.body, fit.values[fit.body.blocks()[1].name]))
 
 
-def _ties(fit: ModelFit, limits: Doubts) -> Iterator[Finding]:
+def _ties(fit: ModelFit, limits: Doubts) -> Iterator[str]:
     best, forward = fit.vertices(), _facing(fit, 0)
     for k, other in enumerate(fit.hypotheses[1:], start=1):
         gap = (other.cost - fit.cost) / fit.cost
@@ -90,16 +88,15 @@ def _ties(fit: ModelFit, limits: Doubts) -> Iterator[Finding]:
             continue
         angle = float(np.arccos(np.clip(forward @ _facing(fit, k), -1, 1)))
         if angle > limits.turned:
-            yield Finding(
-                "facing",
+            yield (
                 f"which way the body faces is not decided: turned by {np.degrees(angle):.0f} "
-                f"degrees it costs {100 * gap:.1f} % more",
+                f"degrees it costs {100 * gap:.1f} % more; look at the picture, and give --camera "
+                "if the scan was taken from one place"
             )
         else:
-            yield Finding(
-                "tie",
+            yield (
                 f"another pose, {1e3 * off:.0f} mm away in the mean over the vertices, costs "
-                f"{100 * gap:.1f} % more",
+                f"{100 * gap:.1f} % more; look at both"
             )
 
 
@@ -109,50 +106,48 @@ def _facing(fit: ModelFit, k: int) -> Array:
     return facing(pose[0], fit.body.bind_pose[0])
 
 
-def _data(known: Support, limits: Doubts) -> Iterator[Finding]:
+def _data(known: Support, limits: Doubts) -> Iterator[str]:
     stray = 1 - float(known.touching.mean())
     if stray > limits.stray:
-        yield Finding("stray", f"{100 * stray:.0f} % of the points of the scan touch no surface")
+        yield (
+            f"{100 * stray:.0f} % of the points of the scan touch no surface; check its unit, "
+            "which axis is up, and that it is of one person alone"
+        )
     if known.touching.any():
         rough = MAD * float(np.median(np.abs(known.distances[known.touching])))
         if rough > limits.rough:
-            yield Finding(
-                "rough",
-                f"points that touch the surface are {1e3 * rough:.0f} mm off it (robust sd)",
+            yield (
+                f"points that touch the surface are {1e3 * rough:.0f} mm off it (robust sd); the "
+                "scan may be noisy or clothed, or in another unit"
             )
 
 
-def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
+def _hidden(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
     if known.mean_sd <= limits.open:
         return
     hidden = ~known.seen
     share = fit.body.vertex_weights[hidden].T @ known.sd[hidden] ** 2
     names = [fit.body.joint_names[k] for k in np.argsort(-share)[:3]] if hidden.any() else []
-    yield Finding(
-        "hidden",
+    yield (
         f"{100 * hidden.mean():.0f} % of the vertices were not seen and rest on the priors, most "
         f"at {', '.join(names)}; vertices have a "
-        f"standard deviation of {1e3 * known.mean_sd:.0f} mm in the mean",
+        f"standard deviation of {1e3 * known.mean_sd:.0f} mm in the mean; do not measure there"
     )
 
 
-def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
+def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
     """A body that was put into the scan the wrong way is bent as people seldom are."""
     if known.seen.mean() > HALF or np.isinf(limits.unusual):
         return
-    prior = pose_prior(fit.body)
-    name = fit.body.blocks()[0].name
-    off = Problem((prior,), (name,)).linearize({name: fit.values[name]}).residual
-    square = float(np.mean(off**2))
+    square = pose_square(fit.body, fit.values[fit.body.blocks()[0].name])
     if square > limits.unusual:
-        yield Finding(
-            "unusual",
+        yield (
             "people seldom stand like this, and half of the vertices were not seen: the joints are "
-            f"{np.sqrt(square):.2f} standard deviations off the mean pose (root mean square)",
+            f"{np.sqrt(square):.2f} standard deviations off the mean pose (root mean square)"
         )
 
 
-def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
+def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
     """A limb that was not found leaves many points side by side; most clutter is loose."""
     points = fit.scan.points
     away = (np.abs(known.distances) > OFF * fit.reach) & ~loose_points(fit.scan)
@@ -165,20 +160,18 @@ def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[Finding]:
     linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
     most = int(np.bincount(connected_components(linked)[1]).max())
     if most > limits.missed * len(some):
-        yield Finding(
-            "missed",
+        yield (
             f"{100 * most / len(some):.0f} % of the points lie side by side and off the surface: "
-            "a part of the body that was not found, or another thing",
+            "a part of the body that was not found, or another thing"
         )
 
 
-def _before(fit: ModelFit, camera: Array, limits: Doubts) -> Iterator[Finding]:
+def _before(fit: ModelFit, camera: Array, limits: Doubts) -> Iterator[str]:
     within = np.inf if shows_all(fit.body, fit.scan) else BESIDE
     off = Shadow.of(fit.scan.points, camera, within=within).distances(fit.vertices()).numbers
     share = float(np.mean(off > CLEAR))
     if share > limits.before:
-        yield Finding(
-            "before",
+        yield (
             f"{100 * share:.0f} % of the vertices stand where the camera would have seen them, "
-            "in front of the scan or beside it",
+            "in front of the scan or beside it"
         )

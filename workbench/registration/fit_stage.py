@@ -7,8 +7,7 @@ from math import inf
 from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.solvers.iterate import Iterate
-from workbench.solvers.solution import Solution, Solver
+from workbench.solvers.solution import Iterate, Solution, Solver
 
 OVER = 3  # iterations, over which a decrease is measured
 FURTHER = 5  # such decreases are what a run is expected to gain yet, at most

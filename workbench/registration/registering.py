@@ -16,7 +16,6 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.diagnostics.wording import Finding
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.geometry.surface_tree import SurfaceTree
@@ -91,7 +90,7 @@ class Registration:
             no surface within 30 cm faces their way.
         stages: how each stage ended.
         others: further ends of the fit, the lowest cost first.
-        findings: warnings, none if nothing speaks against the registration.
+        doubts: what speaks against the registration, in sentences; none if nothing does.
         size: of the fitted body at rest: the height of a person, the length of a hand.
         bind: (3,) rad, the rotation of the root in the body's bind pose.
         reach: in m, the reach of the fit's last stage: where bad points begin.
@@ -110,7 +109,7 @@ class Registration:
     distances: Array
     stages: tuple[StageOutcome, ...]
     others: tuple[OtherEnd, ...]
-    findings: tuple[Finding, ...]
+    doubts: tuple[str, ...]
     size: BodySize
     bind: Array
     reach: float
@@ -146,7 +145,7 @@ def register(
     The recipe is the `usual_recipe` of the body, unless one is given.
     `camera` (3,) m is where the scan was taken from, if that was one place; then the body is kept
     out of what the camera saw to be empty, and `doubts` looks for what is left there. A camera
-    among the points is not used, and a finding says so. `progress` is told of every iterate of the
+    among the points is not used, and a doubt says so. `progress` is told of every iterate of the
     fit of the body. Ctrl-C raises KeyboardInterrupt, and nothing is returned.
 
     Raises BadScan for a scan that cannot be of a person, or of which nothing is left
@@ -170,9 +169,9 @@ def register(
         fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)
         interrupts.check()
         known = support(fit, near=recipe.near)
-        findings = doubts(fit, known, camera=outside, limits=recipe.doubts)
+        doubted = doubts(fit, known, camera=outside, limits=recipe.doubts)
         if outside is not camera:
-            findings = (*findings, Finding("camera", AMONG))
+            doubted = (*doubted, AMONG)
         vertices, values, seen = fit.vertices(), fit.values, known.seen
         unknowns = fit.problem.free.size
         surfaces = _surfaces(fit, recipe.stages(seen=known_camera is not None))
@@ -204,7 +203,7 @@ def register(
         _distances(used, vertices, body.faces),
         tuple(stages),
         _others(fit),
-        findings,
+        doubted,
         body_size(body, kept[names[1]]),
         np.asarray(body.bind_pose[0]),
         fit.reach,

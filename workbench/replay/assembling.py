@@ -21,7 +21,7 @@ def recording(
     front: Sequence[float] | None = None,
     runs: Sequence[dict[str, Any]] = (),
     directions: Sequence[dict[str, Any]] = (),
-    draws: tuple[str, Sequence[Array]] = ("", ()),
+    draws: tuple[str, str, Sequence[Array]] = ("", "", ()),
     series: Sequence[Series] = (),
     landmarks: dict[str, Any] = NO_LANDMARKS,
     views: Sequence[dict[str, Any]] = (),
@@ -31,9 +31,10 @@ def recording(
     """The replay of a body that the page poses, or of surfaces, of which `shown` has the faces.
 
     `here` are the numbers of the body that the camera is set up for; without a body it is the last
-    surface of the first series, which faces to `front`.
+    surface of the first series, which faces to `front`. `draws` are what they are called, what they
+    are of, and the numbers of each.
     """
-    by, drawn = draws
+    name, by, drawn = draws
     data = {
         "kind": "replay",
         "version": VERSION,
@@ -41,7 +42,7 @@ def recording(
         "front": None if front is None else list(front),
         "runs": list(runs),
         "directions": list(directions),
-        "draws": {"by": by, "count": len(drawn), "x": packed(drawn, "f4")},
+        "draws": {"name": name, "by": by, "count": len(drawn), "x": packed(drawn, "f4")},
         "series": [one.data() for one in series],
         "landmarks": landmarks,
         "views": list(views),

@@ -9,7 +9,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.solvers import Solution, Spread, Starts
-from workbench.solvers.minima import clusters, further_minima
+from workbench.solvers.starts import clusters, further_minima
 
 MOST = 64  # starts
 WIDEST = 3.2  # rad: half a turn and a bit

@@ -24,6 +24,7 @@ from workbench.sampling import Posterior
 from workbench.solvers import Solution
 
 MOST_ENDS = 12  # hypotheses that are shown
+OF_LAPLACE, OF_POSTERIOR = "Laplace's draws", "draws from the posterior"
 GAUSSIAN = "the Gaussian about the solution, whose covariance is (J'J)^-1"
 OF_RUN = (
     "The body at the iterates of each solver. The slider and the play button move all solvers "
@@ -55,7 +56,7 @@ def recorded_run(outcome: Outcome) -> Recording | None:
         return {
             "runs": tracks(outcome.compared, setup.problem, row, setup.start, alone),
             "directions": moves(known, row, shown.surface),
-            "draws": (GAUSSIAN, gaussian_draws(outcome.diagnosis, row)),
+            "draws": (OF_LAPLACE, GAUSSIAN, gaussian_draws(outcome.diagnosis, row)),
             "series": [*_stages(solution, row), *_ends(solution, row)],
         }
 
@@ -125,7 +126,9 @@ def recorded_posterior(
 
     def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
         drawn = [row(values) for values in posterior.values(DRAWS)]
-        return {"draws": (f"the posterior of {name}", drawn)}
+        if posterior.method == "laplace":
+            return {"draws": (OF_LAPLACE, f"Laplace's approximation of {name}", drawn)}
+        return {"draws": (OF_POSTERIOR, f"the posterior of {name}", drawn)}
 
     return _recording(body, problem, at, OF_DRAWS, views, parts)
 

@@ -23,7 +23,7 @@ from workbench.plots.verdicts import caption_basins, caption_verdicts
 from workbench.replay import recorded_ends
 from workbench.reports import comparison_tables as tables
 from workbench.reports import end_tables as ends
-from workbench.reports.figures import Shown, drawn, shown
+from workbench.reports.figures import Shown, drawn, of_solvers, shown
 from workbench.reports.folder import MAKER
 from workbench.reports.page import as_json, page, versions
 from workbench.writing import write_file
@@ -121,12 +121,14 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         fewest=FEWEST,
         level=f"{LEVEL:.0%}",
         sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
-        data_profile=shown(
-            sheets.data_profile_sheet(comparison, taus), caption_data_profile(comparison)
+        data_profile=of_solvers(
+            shown(sheets.data_profile_sheet(comparison, taus), caption_data_profile(comparison))
         ),
-        performance_profile=shown(
-            sheets.performance_profile_sheet(comparison, taus),
-            caption_performance_profile(comparison),
+        performance_profile=of_solvers(
+            shown(
+                sheets.performance_profile_sheet(comparison, taus),
+                caption_performance_profile(comparison),
+            )
         )
         if pairs
         else None,
@@ -151,7 +153,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
 def _accuracy(comparison: Comparison) -> Shown | None:
     if not any(d.certified for d in comparison.described.values()):
         return None
-    return drawn(sheets.accuracy_sheet, caption_accuracy, comparison)
+    return of_solvers(drawn(sheets.accuracy_sheet, caption_accuracy, comparison))
 
 
 def _of(comparison: Comparison, problem: str, replayed: bool) -> dict[str, Any]:
@@ -169,8 +171,12 @@ def _of(comparison: Comparison, problem: str, replayed: bool) -> dict[str, Any]:
         "name": problem,
         "question": comparison.described[instances[0].name].question,
         "table": tables.problem_table(comparison, problem),
-        "traces": drawn(sheets.cost_traces_sheet, caption_cost_traces, comparison, problem),
-        "waterfall": drawn(sheets.waterfall_sheet, caption_waterfall, comparison, problem)
+        "traces": of_solvers(
+            drawn(sheets.cost_traces_sheet, caption_cost_traces, comparison, problem)
+        ),
+        "waterfall": of_solvers(
+            drawn(sheets.waterfall_sheet, caption_waterfall, comparison, problem)
+        )
         if len(instances) >= FEW
         else None,
         "sentence": basin_sentence(comparison, problem),

@@ -101,6 +101,7 @@ def coregistration_page(
         rows=len(found.scans.rows),
         people=len(subjects),
         rounds=found.problem.plan.rounds,
+        doubted=[f"{n}, by itself: {d}" for n, told in found.scans.doubts().items() for d in told],
         folder=place,
         cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, log),
         templates=_templates(found, away),
@@ -151,6 +152,7 @@ def summary(found: Coregistered, measured: Mapping[str, Array], beyond: Array) -
     return {
         "kind": "coregistration",
         "scans": list(found.scans.names),
+        "warnings": found.scans.doubts(),
         "subjects": list(found.scans.subjects),
         "costs": [log[0].before, *(entry.after for entry in log)],
         "blocks": [entry.block for entry in log],

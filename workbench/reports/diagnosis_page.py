@@ -11,9 +11,7 @@ from workbench import plots
 from workbench.bodies.body import Body
 from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagnosis
 from workbench.diagnostics.diagnose import diagnose_whole
-from workbench.diagnostics.findings import held
-from workbench.diagnostics.report import compared_blocks
-from workbench.diagnostics.structure import pose_moves_template
+from workbench.diagnostics.report import compared_blocks, further, held
 from workbench.errors import BadArgument, joined
 from workbench.fitting.profile_likelihood import Profile
 from workbench.fitting.setup import View
@@ -102,8 +100,7 @@ def diagnosis_page(
         **_findings(d, title, question),
         d=d,
         suggestions=diagnosis_tables.suggestions_table(d),
-        thin=d.here.finite and d.thick < d.nonzeros,
-        pose_moves_template=pose_moves_template(d.problem),
+        further=further(d),
         held=held(d) if d.point.active.any else "",
         sparsity=(
             None if d.here.estimated else drawn(sheets.sparsity_sheet, plots.caption_sparsity, d)
@@ -157,12 +154,12 @@ def _drawn_sigmas(d: Diagnosis) -> Shown:
 def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
-        "yardsticks": str(d.point.yardsticks),
+        "scales": str(d.point.scales),
         "ranks": diagnosis_tables.ranks_table(d),
         "spectrum": spectrum(d),
         "unseen": tables.gathered_directions_table(d.null_directions),
         "unseen_pictures": pictures(d, d.null_directions, body),
-        "weak": tables.gathered_directions_table(d.weak_directions, "yardstick"),
+        "weak": tables.gathered_directions_table(d.weak_directions, "characteristic scale"),
         "weak_pictures": pictures(d, d.weak_directions, body),
         "recording": recorded_diagnosis(d, body, views),
         "conditioning": diagnosis_tables.conditioning_table(d),

@@ -5,7 +5,8 @@ import numpy as np
 from workbench.diagnostics import Diagnosis, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.report import VERDICTS, changed, compared_blocks
-from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
+from workbench.diagnostics.structure import Submatrix
+from workbench.diagnostics.words import gathered, named_groups, named_rows
 from workbench.reports import tables
 from workbench.reports.tables import Columns, Table, number
 
@@ -44,7 +45,7 @@ def ranks_table(d: Diagnosis) -> Table:
     ]
     if d.nearby.ranks:
         near = ", ".join(map(str, d.nearby.ranks))
-        rows.append(("nearby", near, "at random points a tenth of a yardstick away"))
+        rows.append(("nearby", near, "at random points a tenth of a characteristic scale away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
     rows.append(("unknowns", str(n), "the rank needed to determine all of them"))
@@ -97,13 +98,13 @@ def known_table(d: Diagnosis) -> Table:
 
 def entries_table(d: Diagnosis) -> Table:
     """A table with a row for every unknown."""
-    known, sizes = d.identifiability, d.point.yardsticks.sizes
+    known, sizes = d.identifiability, d.point.scales.sizes
     columns: Columns[int] = {
         "unknown": d.free.label,
         "unit": d.free.unit,
         "sigma": lambda i: number(float(known.sigma[i]), 3),
         "prior sigma": lambda i: number(float(known.prior_sigma[i]), 3),
-        "yardstick": lambda i: number(float(sizes[i]), 3),
+        "characteristic scale": lambda i: number(float(sizes[i]), 3),
         "verdict": lambda i: known.verdicts[i].value,
     }
     return Table.of(range(min(d.free.size, tables.MOST)), columns, (2, 3, 4))

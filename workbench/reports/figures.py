@@ -2,7 +2,7 @@
 
 from base64 import b64encode
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import ParamSpec
 
@@ -20,7 +20,7 @@ class Shown:
     data: str
     caption: str
     width: int  # px on the page at most
-    chart: bool = True  # and not a picture of a body, whose shading dark pages leave as it is
+    chart: bool = True  # light and dark are exchanged on dark pages, but not in shaded bodies
 
 
 def shown(figure: Figure, caption: str) -> Shown:
@@ -37,6 +37,11 @@ def drawn(
 ) -> Shown:
     """A figure and its caption, both made from the same results."""
     return shown(sheet(*results, **options), caption(*results, **options))
+
+
+def of_solvers(figure: Shown) -> Shown:
+    """The figure in the colours that solvers have everywhere, also on dark pages."""
+    return replace(figure, chart=False)
 
 
 def plotted(

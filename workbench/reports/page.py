@@ -7,14 +7,18 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-from workbench.diagnostics.schema import plain
+from workbench.diagnostics.data import plain
 from workbench.environment import DISTRIBUTION, version_of
+from workbench.plots.palette import solver_styles
+from workbench.solvers import SOLVERS
 
 PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "matplotlib")
 
 
 def page(template: str, **content: Any) -> str:
-    """Fill one of `templates/`, which also get `versions`; every text is escaped.
+    """Fill one of `templates/`; every text is escaped.
+
+    They also get `versions`, and `solver_colours`, that of each solver in the figures.
 
     Templates may include the scripts of `workbench/replay/scripts`.
     """
@@ -30,6 +34,8 @@ def page(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    colours = {name: style.color for name, style in solver_styles(SOLVERS).items()}
+    environment.globals["solver_colours"] = colours  # which macros see as well
     return environment.get_template(template).render(versions=versions(), **content)
 
 

@@ -21,6 +21,7 @@ from workbench.reports.page import page
 from workbench.reports.posterior_summary import (
     BlockPosterior,
     blocks_table,
+    contradictions,
     entries_table,
     truth_of,
 )
@@ -46,7 +47,9 @@ def write_posterior(
     for anchor, part in anchors.items():
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
-    words = ["\n".join(blocks_table(parts, setup).lines()) + "\n"]
+    against = contradictions(setup)
+    words = [f"{text[0].upper()}{text[1:]}.\n" for text in against]
+    words.append("\n".join(blocks_table(parts, setup).lines()) + "\n")
     for part in parts:
         told = part.posterior.summary(truth_of(part.posterior, setup), setup.priors)
         words.append(f"{part.name}\n\n{told}\n")
@@ -56,6 +59,7 @@ def write_posterior(
         question=setup.question,
         summary=blocks_table(parts, setup),
         synthetic=setup.made_of is not None,
+        contradictions=against,
         conditional=any(part.posterior.conditional for part in parts),
         sections={anchor: _section(part, setup) for anchor, part in anchors.items()},
         recordings=_recordings(anchors, setup),
@@ -65,7 +69,7 @@ def write_posterior(
     for anchor, part in anchors.items():
         contents[f"{anchor}.npz"] = partial(_save_draws, part.posterior)
     numbers = {part.name: _summary(part.posterior, setup) for part in parts}
-    summary = {"kind": "posterior", "title": title, "parts": numbers}
+    summary = {"kind": "posterior", "title": title, "warnings": against, "parts": numbers}
     return write_folder(folder, source, contents, summary)
 
 

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.special
 
 from workbench.arrays import Array
 from workbench.fitting.setup import Setup
 from workbench.reports.tables import Table, number
 from workbench.sampling import EntryComparison, Posterior, contraction_bar
+
+UNLIKELY = 1e-3  # the chance of a synthetic truth that contradicts a prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +28,29 @@ class BlockPosterior:
 def truth_of(p: Posterior, setup: Setup) -> Array | None:
     """The true values (k,) of the sampled entries of synthetic data; None for other data."""
     return None if setup.made_of is None else p.coordinates(setup.made_of)
+
+
+def contradictions(setup: Setup) -> list[str]:
+    """Sentences on priors that make the synthetic truth improbable; none for other data.
+
+    Of draws from a prior of m whitened Gaussian rows, the sum of squares is chi-square of m.
+    """
+    if setup.made_of is None:
+        return []
+    problem, found = setup.problem, []
+    whitened = problem.residual(*problem.split({**setup.start, **setup.made_of}))
+    for name in setup.priors:
+        rows = whitened[problem.rows[name]]
+        m, total = len(rows), float(rows @ rows)
+        if scipy.special.chdtrc(m, total) < UNLIKELY:
+            found.append(
+                f"the synthetic truth contradicts the {name}: the sum of its {m} squares there is "
+                f"{total:,.0f}, where draws from that prior have {m} on average, and more than "
+                f"{scipy.special.chdtri(m, UNLIKELY):,.0f} once in {1 / UNLIKELY:,.0f} times. The "
+                "posterior believes the prior, so its intervals will hold this truth less often "
+                "than they say"
+            )
+    return found
 
 
 def truths_inside(p: Posterior, setup: Setup) -> int | None:

@@ -97,7 +97,7 @@ def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
         "seen": float(one.seen.mean()),
         f"{one.size.name}_m": one.size.metres,
         "seconds": sum(stage.seconds for stage in one.stages),
-        "warnings": [finding.text for finding in one.findings],
+        "warnings": list(one.doubts),
         "notes": list(found.notes),
     }
 
@@ -109,7 +109,7 @@ def registration_page(found: RegisteredScan, body: str) -> str:
         "registration.html",
         title=f"{body} on {found.job.path.name}",
         facts=_facts(one),
-        warnings=[finding.text for finding in one.findings],
+        warnings=one.doubts,
         notes=found.notes,
         scan=shown(
             registered_scan_sheet(

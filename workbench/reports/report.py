@@ -13,13 +13,14 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.bodies.posed_capsules import posed_capsules
 from workbench.diagnostics import Diagnosis
+from workbench.errors import joined
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
 from workbench.plots import sheets
 from workbench.replay import recorded_run
 from workbench.reports import tables
-from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
+from workbench.reports.figures import Shown, drawn, of_solvers, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
@@ -61,7 +62,7 @@ def diagnosis_text(outcome: Outcome) -> str:
     """The diagnosis with and without the priors, as text."""
     text = f"{outcome.diagnosis}\n"
     if outcome.data_alone is not None:
-        heading = f"The data alone, without {' and '.join(outcome.setup.priors)}"
+        heading = f"The data alone, without {joined(outcome.setup.priors)}"
         text += f"\n{heading}\n{'-' * len(heading)}\n{outcome.data_alone}\n"
     return text
 
@@ -99,7 +100,9 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         capsules=capsule_figure(outcome),
-        convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
+        convergence=of_solvers(
+            drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared)
+        ),
         solvers=tables.solvers_table(outcome),
         minima=minima_figure(solution),
         hypotheses=tables.hypotheses_table(solution),
@@ -130,11 +133,11 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
     if found is None:
         return None
     return {
-        "priors": " and ".join(outcome.setup.priors),
+        "priors": joined(outcome.setup.priors),
         "diagnosis": found,
         "spectrum": spectrum(found),
         "directions": tables.directions_table(found),
-        "weak": tables.gathered_directions_table(found.weak_directions, "yardstick"),
+        "weak": tables.gathered_directions_table(found.weak_directions, "characteristic scale"),
     }
 
 

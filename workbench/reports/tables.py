@@ -11,14 +11,16 @@ import numpy as np
 
 from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
-from workbench.diagnostics.structure import TermBlock, gathered
-from workbench.diagnostics.tables import table as lines_of
+from workbench.diagnostics.structure import TermBlock
+from workbench.diagnostics.words import gathered
+from workbench.diagnostics.words import table as lines_of
 from workbench.errors import joined, some_of
+from workbench.experiments.relative_costs import ending_in_words
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
 from workbench.solvers import Hypothesis, Solution, Status
-from workbench.solvers.minima import AS_GOOD
+from workbench.solvers.starts import AS_GOOD
 
 SMALL = 24  # entries of a block that is listed number by number
 MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
@@ -110,12 +112,7 @@ def interrupted_said(outcome: Outcome) -> str:
 
 def status_said(outcome: Outcome, solver: str) -> str:
     """How a solver ended, in words: `converged, not lowest` if another one found a lower cost."""
-    return _status(outcome.compared[solver].status, outcome.excess(solver) > AS_GOOD)
-
-
-def _status(status: Status, above: bool) -> str:
-    said = status.name.lower().replace("_", " ")
-    return f"{said}, not lowest" if above and status is Status.CONVERGED else said
+    return ending_in_words(outcome.compared[solver].status, outcome.excess(solver) > AS_GOOD)
 
 
 def solvers_table(outcome: Outcome) -> Table:
@@ -155,7 +152,7 @@ def hypotheses_table(solution: Solution) -> Table:
         "cost": lambda of: number(of[1].cost, 8),
         "starts": lambda of: str(len(of[1].starts)),
         "their numbers": lambda of: some_of(list(map(str, sorted(of[1].starts))), MOST_STARTS),
-        "best run": lambda of: _status(of[1].status, of[0] > 1),
+        "best run": lambda of: ending_in_words(of[1].status, of[0] > 1),
     }
     return Table.of(enumerate(solution.hypotheses, 1), columns, (0, 1, 2))
 

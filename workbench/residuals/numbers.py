@@ -112,7 +112,7 @@ def max_mixture(
     e = 0.5 * cs.sum1(white**2).T + cs.DM(c)  # (C, 1)
     first = _first_of(e <= cs.mmin(e))
     rows = cs.vertcat(white @ first, cs.dot(cs.DM(np.sqrt(2 * (c - c.min()))), first))
-    return Residual(name, rows, 1.0)
+    return Residual(name, rows, 1.0, components=_each_alone(name, white))
 
 
 def log_sum_mixture(
@@ -141,7 +141,13 @@ def log_sum_mixture(
     some = KL > SMALLEST
     root = cs.if_else(some, cs.sqrt(2 * cs.if_else(some, KL, 1)), 0)
     rows = cs.vec(white * cs.repmat(cs.exp(0.5 * log_gamma).T, white.shape[0], 1))
-    return Residual(name, cs.vertcat(rows, root), 1.0)
+    return Residual(name, cs.vertcat(rows, root), 1.0, components=_each_alone(name, white))
+
+
+def _each_alone(name: str, white: cs.MX) -> tuple[Residual, ...]:
+    """Each column L_j^-1 (x - mu_j) of a matrix (D, C) as a residual of its own."""
+    columns = cs.horzsplit(white)
+    return tuple(Residual(f"{name}, component {j}", one, 1.0) for j, one in enumerate(columns))
 
 
 def _components(

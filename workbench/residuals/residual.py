@@ -62,6 +62,8 @@ class Residual(Symbolic):
         by_frame: in a sequence, the frames and their residuals; empty otherwise.
         domain: (m / d, 1) below zero where the rows of a point mean nothing; None if they mean
             something everywhere.
+        components: of a mixture, the residual of each component alone. Searches for the modes of
+            a posterior begin where one of them stands in place of the mixture.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Residual(Symbolic):
     rows_per_point: int = 1
     by_frame: tuple[tuple[int, "Residual"], ...] = ()
     domain: cs.MX | None = None
+    components: tuple["Residual", ...] = ()
     _of_frames: tuple[object, ...] = field(default=(), repr=False)  # what `by_frame` says in full
 
     def __post_init__(self) -> None:

@@ -12,8 +12,7 @@ import scipy.linalg
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
-from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
+from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.errors import TooLarge, joined
 from workbench.problem import Linearization, Problem
 from workbench.problem.banded import BlockMatrix

@@ -4,6 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +32,11 @@ from workbench.sampling.ensemble_settings import (
 )
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import TIMES
-from workbench.sampling.modes import ModeSearch, modes, walkers_at
+from workbench.sampling.modes import ModeSearch, improper_in_words, modes, walkers_at
 from workbench.sampling.moves import refuse_biased
 from workbench.threads import limited_threads
+
+ASKED = 20  # kept steps between two questions whether draws run away
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +94,7 @@ def run(
             samplers = [_taken_up(target, plan, saved) for saved in before]
         else:
             samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
-        team = _Team(samplers, plan)
+        team = _Team(samplers, plan, partial(improper_in_words, target, first))
         kept = Checkpoint(checkpoint, every, lambda path: team.save(path, settings))
         with Interrupts() as interrupts:
             stopped = _drawn(team, plan, kept, interrupts, callback)
@@ -125,8 +128,13 @@ def _drawn(
 class _Team:
     """The samplers, and the last complete step of each."""
 
-    def __init__(self, samplers: list[tuple[Any, Any]], plan: EnsembleSettings) -> None:
-        self._plan = plan
+    def __init__(
+        self,
+        samplers: list[tuple[Any, Any]],
+        plan: EnsembleSettings,
+        improper: Callable[[Array], str],
+    ) -> None:
+        self._plan, self._improper = plan, improper
         self._backends = [sampler.backend for sampler, _ in samplers]
         self._done = [self._mark(backend) for backend in self._backends]
         self._ahead: list[Iterator[Any]] = [
@@ -146,8 +154,9 @@ class _Team:
         return backend.iteration, backend.accepted.copy(), backend.random_state
 
     def advance(self, began: float, check: Callable[[], None]) -> Iterator[Progress]:
-        """Step by step, the ensembles in turn, until there are enough; `check` is called before
-        each of them, and may raise.
+        """Step by step, the ensembles in turn, until there are enough, or until they have run away.
+
+        `check` is called before each of them, and may raise.
         """
         for goal in self._plan.checks:
             while min(done[0] for done in self._done) < goal:
@@ -157,6 +166,8 @@ class _Team:
                         next(self._ahead[e])
                         self._done[e] = self._mark(backend)
                 yield self._progress(began)
+                if self._run_away():
+                    return
             if goal < self._plan.kept and self._enough(goal):
                 return
 
@@ -170,6 +181,13 @@ class _Team:
         steps = sum(done[0] for done in self._done)
         taken = sum(float(done[1].mean()) for done in self._done)
         return taken / steps if steps else 0.0
+
+    def _run_away(self) -> bool:
+        """Whether walkers are where there is no posterior; asked now and then."""
+        count = min(done[0] for done in self._done)
+        if count % ASKED:
+            return False
+        return bool(self._improper(np.stack([b.chain[count - 1] for b in self._backends])))
 
     def _enough(self, goal: int) -> bool:
         draws = np.stack([backend.chain[:goal] for backend in self._backends])

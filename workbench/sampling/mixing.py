@@ -26,6 +26,7 @@ SLOW = 0.01  # of the proposals accepted
 MARGIN = 1.3  # more steps than are needed if all estimates are right
 FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
 MANY = 20  # entries that ensembles sample well
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of which ensembles are compared
 
 
 class Usability(Enum):
@@ -37,6 +38,7 @@ class Usability(Enum):
     MODE_MISSED = "NOT CONVERGED: a mode is missed"
     NOT_GAUSSIAN = "NOT USABLE: not Gaussian"
     CONDITIONAL = "NOT USABLE: conditional"
+    IMPROPER = "NOT USABLE: improper"
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +129,19 @@ class Mixing:
             return 0
         return int(np.sum((late == late[:, :1]).all(axis=(1, 3))))
 
+    @cached_property
+    def apart(self) -> Array:
+        """How far a quantile of an ensemble is at most from that of all draws, for each entry (k,).
+
+        In interquartile ranges of all draws; of the quantiles at 5, 25, 50, 75 and 95 %.
+        """
+        E, k = self.draws.shape[0], self.draws.shape[3]
+        each = np.quantile(self.draws.reshape(E, -1, k), QUANTILES, axis=1)  # (5, E, k)
+        of_all = np.quantile(self.draws.reshape(-1, k), QUANTILES, axis=0)
+        widths = of_all[3] - of_all[1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(abs(each - of_all[:, None]).max(axis=(0, 1)) / widths)
+
     @property
     def slowest(self) -> str:
         """The entry with the longest memory."""
@@ -138,7 +153,25 @@ class Mixing:
 
     @cached_property
     def judgement(self) -> tuple[Usability, str]:
-        """The verdict, and its reason with what to do."""
+        """The verdict, and its reason with what to do.
+
+        Where several ensembles are refused, the reason says how far they are apart: they may agree
+        well, and still be too short for anyone to know that they would stay so.
+        """
+        verdict, why = self._judged()
+        E, S, _, _ = self.draws.shape
+        if verdict is Usability.USABLE or self.exact or E < 2 or S < 2:
+            return verdict, why
+        worst = int(np.argmax(self.apart))
+        if not np.isfinite(self.apart[worst]):
+            return verdict, why
+        return verdict, (
+            f"{why}. The quantiles of single ensembles (5 to 95 %) are within "
+            f"{self.apart[worst]:.2g} interquartile ranges of those of all draws "
+            f"({self.labels[worst]})"
+        )
+
+    def _judged(self) -> tuple[Usability, str]:
         E, S, W, k = self.draws.shape
         if self.exact:
             if (count := E * S * W) < DRAWS:

@@ -21,6 +21,7 @@ ASSIGNED = 20_000  # draws that are looked at
 REACH = (3.0, 1000.0)  # standard deviations of Laplace's approximation that starts are away
 SHELLS = 8  # of distances, in equal ratios
 TRIED = 128  # points in each of them
+BEYOND = np.geomspace(REACH[1], 1e6 * REACH[1], 7)  # Laplace's standard deviations from a mode
 
 
 @dataclass(frozen=True)
@@ -31,16 +32,20 @@ class SearchExtent:
         starts: how many searches there were.
         farthest: the largest distance of a start, in Laplace's standard deviations.
         boxed: how many entries have two bounds, over which starts were spread as well.
+        components: how many of the searches began at a component of a mixture.
     """
 
     starts: int
     farthest: float
     boxed: int
+    components: int = 0
 
     def __str__(self) -> str:
         if not self.starts:
             return "no other modes were looked for"
         said = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
+        if self.components:
+            said += f", from each of {self.components} components of mixtures"
         entries = "entry" if self.boxed == 1 else "entries"
         return said + (f" and all over the bounds of {self.boxed} {entries}" if self.boxed else "")
 
@@ -59,11 +64,14 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
     A search that ends on a plateau, where the linear model still predicts a decrease of the
     cost, has found no mode. Rotation vectors beyond half a turn are replaced by the shorter ones
     of the same rotations, for a turn more is no other mode. Other modes may exist that no search
-    finds.
+    finds, above all much narrower ones. Those of a mixture are looked for from its components.
     """
     found = [first]
-    starts, search = wide_starts(target, first, rng)
-    for start in starts:
+    starts, extent = wide_starts(target, first, rng)
+    from_components = component_starts(target, first)
+    count = len(from_components)
+    extent = replace(extent, starts=extent.starts + count, components=count)
+    for start in (*from_components, *starts):
         try:
             mode = mode_from(target, shortest_rotations(target, start))
             turned = shortest_rotations(target, mode.z)
@@ -92,7 +100,7 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
         for mode, share in zip(found, shares / shares.sum(), strict=True)
         if share > NEGLIGIBLE * shares.max()
     ]
-    return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), search)
+    return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), extent)
 
 
 def missed_in_words(missed: tuple[float, float], exact: bool) -> str:
@@ -113,7 +121,8 @@ def search_in_words(found: ModeSearch) -> str:
     count = len(found.modes)
     if not found.extent.starts:
         return str(found.extent)
-    return f"{found.extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
+    said = f"{found.extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
+    return said if found.extent.components else f"{said}; a much narrower mode can be missed"
 
 
 def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
@@ -162,6 +171,33 @@ def walkers_at(
         else:
             z[i] = into_bounds(target, mode.z, z[i])
     return z
+
+
+def improper_in_words(target: LogDensity, mode: Mode, draws: Array) -> str:
+    """Why there is no posterior where draws (..., k) have run away from a mode; "" if they did not.
+
+    A density in k numbers that can be normalised falls faster than 1 / r^k with the distance r.
+    Draws that are a thousand of Laplace's standard deviations away have run away where in their
+    direction, a million times as far, it has not even fallen like 1 / r.
+    """
+    z = draws.reshape(-1, target.subspace.size)
+    with np.errstate(over="ignore"):
+        distance = np.linalg.norm(np.linalg.solve(mode.half, (z - mode.z).T), axis=0)
+    farthest = int(np.argmax(distance))
+    if not REACH[1] < distance[farthest] < np.inf:
+        return ""
+    way = (z[farthest] - mode.z) / distance[farthest]
+    values = target(mode.z + BEYOND[:, None] * way)
+    fallen, needed = values.max() - values[-1], np.log(BEYOND[-1] / BEYOND[0])
+    if not fallen < needed:
+        return ""
+    most = target.subspace.labels[int(np.argmax(abs(way) / np.linalg.norm(mode.half, axis=1)))]
+    return (
+        f"draws run away without end, above all in {most}. In their direction the log density "
+        f"falls by {fallen:.2g} between {BEYOND[0]:,.0f} and {BEYOND[-1]:,.0f} sd from the mode; "
+        f"were it to fall by less than {needed:.0f} everywhere, its integral would be infinite. "
+        "Give what runs away a prior or bounds"
+    )
 
 
 def shortest_rotations(target: LogDensity, z: Array) -> Array:
@@ -218,6 +254,24 @@ def wide_starts(
         z[:, two_sided] = low[two_sided] + share * (high - low)[two_sided]
         found += _lowest(target, first, np.clip(z, low, high))
     return found, SearchExtent(len(found), farthest, int(two_sided.sum()))
+
+
+def component_starts(target: LogDensity, first: Mode) -> list[Array]:
+    """Starts (k,) for searches, from residuals that know their components, as mixtures do.
+
+    Each is the minimum that least squares reaches from the first mode where one component stands
+    in place of the mixture; without other residuals, that is the component's mean.
+    """
+    problem, starts = target.problem, list[Array]()
+    for i, mixture in enumerate(problem.residuals):
+        for component in mixture.components:
+            each = [*problem.residuals[:i], component, *problem.residuals[i + 1 :]]
+            alone = replace(target, problem=problem.variant(each, problem.free.spelled()))
+            try:
+                starts.append(mode_from(alone, first.z).z)
+            except (Improper, NoMinimum, np.linalg.LinAlgError, ValueError):
+                continue
+    return starts
 
 
 def _lowest(target: LogDensity, first: Mode, z: Array) -> list[Array]:

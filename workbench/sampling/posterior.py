@@ -50,6 +50,7 @@ class Posterior:
         mode_search: the modes that least squares found.
         conditioning: what was held fixed, and how much wider intervals are without that.
         importance: how well a Gaussian stands for what was not sampled; None if there is none.
+        improper: why there is no posterior, where draws run away; empty otherwise.
         seconds: how long the sampling took.
         interrupted: whether it was stopped early.
         unsaved: why the last checkpoint could not be written; empty if it was.
@@ -69,6 +70,7 @@ class Posterior:
     mode_search: ModeSearch = field(repr=False)
     conditioning: Conditioning = field(repr=False)
     importance: Importance | None = None
+    improper: str = ""
     seconds: float = 0.0
     interrupted: bool = False
     unsaved: str = ""
@@ -124,10 +126,12 @@ class Posterior:
     def judgement(self) -> tuple[Usability, str]:
         """The verdict, and its reason: the first problem that was found, or the checks passed.
 
-        The checks: have the chains mixed; do the draws miss a mode; does Laplace's Gaussian fit;
-        are intervals narrow because numbers are held fixed?
+        The checks: is there a posterior at all; have the chains mixed; do the draws miss a mode;
+        does Laplace's Gaussian fit; are intervals narrow because numbers are held fixed?
         """
         of = self if self.whole is None else self.whole
+        if of.improper:
+            return Usability.IMPROPER, of.improper
         verdict, why = of.mixing.judgement
         if verdict is not Usability.USABLE:
             return verdict, why

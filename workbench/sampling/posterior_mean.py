@@ -42,7 +42,8 @@ class PosteriorMean:
     Attributes:
         values: all blocks, with the mean of each free number.
         draws: (N, n) all free numbers in each draw, in the order of `problem.free`.
-        sd: (n,) the standard deviation of each free number.
+        sd: (n,) the standard deviation of each free number in the draws; they begin at one mode,
+            and do not know by how much the model is wrong, so that real errors are larger.
         error: (n,) that of each mean, by how far the means of the chains are apart.
         accepted: the mean chance with which ends of trajectories were accepted.
     """

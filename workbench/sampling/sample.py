@@ -24,6 +24,7 @@ from workbench.sampling.hamiltonian import HamiltonianSettings
 from workbench.sampling.importance import of_the_rest
 from workbench.sampling.joint import jointly, named
 from workbench.sampling.log_density import LogDensity
+from workbench.sampling.modes import improper_in_words
 from workbench.sampling.moves import Moves, differential_evolution
 from workbench.sampling.posterior import Posterior
 from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
@@ -119,7 +120,7 @@ def sample(
         if shown is not None:
             return along.marginal(shown)
         told = along.importance
-        if told is None or told.surely or drawn.interrupted:
+        if told is None or told.surely or drawn.interrupted or along.improper:
             return along
         if steps < WARM_UP:
             remedy = f"take {WARM_UP:,} steps or more, so that all free numbers are sampled"
@@ -133,7 +134,7 @@ def _along_the_ridge(
     """The draws of the ensembles, and what is known of them."""
     space, thin, k = target.subspace, plan.thin, target.subspace.size
     mixing = without_burn_in(drawn.chain, thin, drawn.acceptance, space.labels)
-    kept = mixing.draws
+    kept, first = mixing.draws, drawn.mode_search.modes[0]
     return Posterior(
         target.problem,
         given,
@@ -143,8 +144,9 @@ def _along_the_ridge(
         mixing,
         "emcee",
         drawn.mode_search,
-        conditioning(target.problem, target.fixed, space, drawn.mode_search.modes[0].z),
+        conditioning(target.problem, target.fixed, space, first.z),
         of_the_rest(target, kept.reshape(-1, k), plan.generator(1)),
+        improper_in_words(target, first, drawn.chain[:, -1]),
         drawn.seconds,
         drawn.interrupted,
         drawn.unsaved,

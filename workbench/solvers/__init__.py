@@ -1,47 +1,54 @@
 """Solvers, each by its own name, and the catalogue by which the command line knows them.
 
 A solver runs its loop in a `Run`, which evaluates, counts, keeps the best point and stops; how a
-run ended is judged by the problem (`ending`), never by what a library reports. One that cannot take
-bounds or constraints says so in its `abilities`, from which the refusal is made.
+run ended is judged by the problem (`judgement`), never by what a library reports. One that cannot
+take bounds or constraints says so in its `abilities`, from which the refusal is made.
 
 The minimum of the linear model may be where the residual no longer changes with an unknown, and no
 way leads back from there. Gauss-Newton, the dogleg, and the damping of the Hessian for IPOPT and
-SQP therefore begin with a radius (`trust_radius`): 0.9 times the distance of the start from zero,
-or 0.9 near zero. `gauss-newton-full` and `dogleg-chumpy` have none, because the methods that they
-reproduce have none.
+SQP therefore begin with a radius (`dogleg.first_radius`): 0.9 times the distance of the start from
+zero, or 0.9 near zero. `gauss-newton-full` and `dogleg-chumpy` have none, because the methods that
+they reproduce have none.
 """
 
 from collections.abc import Mapping
 
 from workbench.blocks import Values
-from workbench.errors import BadArgument, some_of
+from workbench.errors import BadArgument, check_known
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed, check_abilities
-from workbench.solvers.damping import Damped
+from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
+from workbench.solvers.casadi_solvers import (
+    DampedGaussNewton,
+    Ipopt,
+    Sqp,
+    exact_hessian,
+    gauss_newton_hessian,
+)
 from workbench.solvers.dogleg import Dogleg, RadiusRule, chumpy, textbook
-from workbench.solvers.gauss_newton import GaussNewton
-from workbench.solvers.ipopt import Ipopt
-from workbench.solvers.iterate import Evaluations, Iterate
+from workbench.solvers.gauss_newton import (
+    GaussNewton,
+    SteepestDescent,
+    backtracking,
+    full_step,
+)
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
-from workbench.solvers.line_search import backtracking, full_step
+from workbench.solvers.limits import Limits
 from workbench.solvers.newton import Newton
 from workbench.solvers.nlopt import Nlopt
-from workbench.solvers.oracle import exact_hessian, gauss_newton_hessian
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import columns, identity
 from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
     Callback,
+    Evaluations,
     Hypothesis,
+    Iterate,
     Solution,
     Solver,
     Status,
 )
-from workbench.solvers.sqp import Sqp
 from workbench.solvers.staged import SolveStage, Staged
 from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
-from workbench.solvers.steepest_descent import SteepestDescent
-from workbench.solvers.trust_region import TrustRegion
+from workbench.solvers.trust_region import TrustRegion, columns, identity
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
 SOLVERS: Mapping[str, Listed] = {
@@ -70,36 +77,36 @@ SOLVERS: Mapping[str, Listed] = {
     "nlopt-bobyqa": Nlopt("LN_BOBYQA"),
     "nlopt-mlsl": Nlopt("G_MLSL_LDS"),
 }
-check_abilities(SOLVERS)
+Damped = DampedGaussNewton  # its former name
 DEFAULT = "trust-region"  # the solver of `solve` and of the commands, where none is named
 
 
 def solve(
     problem: Problem,
     start: Values,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     callback: Callback = None,
 ) -> Solution:
     """Minimise the cost of a problem over its free blocks, from starting values.
 
     `start` has an array for every block that the problem reads, free and fixed, in the unit of the
-    block. `solver` is any Solver, such as one of `SOLVERS`; without one it is TrustRegion(), which
-    honours bounds (Moré 1978). `callback` is called with each Iterate,
-    and ends the run if it returns True. The Solution says how the run ended; its point is never
-    worse than the start.
+    block. `solver` is any Solver, or the name of one in `SOLVERS`, as the commands take it; without
+    one it is TrustRegion(), which honours bounds (Moré 1978). `callback` is called with each
+    Iterate, and ends the run if it returns True. The Solution says how the run ended; its point is
+    never worse than the start.
 
-    Raises BadArgument for what is no Problem, NotSupported for bounds or constraints that the
-    solver does not take, and what `Problem.split` raises for values that do not fit.
+    Raises BadArgument for what is no Problem, UnknownName for a name that is not in `SOLVERS`,
+    NotSupported for bounds or constraints that the solver does not take, and what `Problem.split`
+    raises for values that do not fit.
     """
     if not isinstance(problem, Problem):
         raise BadArgument(f"a Problem is solved, not something of type {type(problem).__name__}")
+    solver = DEFAULT if solver is None else solver
     if isinstance(solver, str):
-        raise BadArgument(
-            f"solver is an object such as SOLVERS[{DEFAULT!r}] or TrustRegion(), not the text "
-            f"{solver!r}; SOLVERS has {some_of(tuple(SOLVERS))}"
-        )
-    return (solver or SOLVERS[DEFAULT]).solve(problem, start, callback=callback)
+        check_known("solver", solver, SOLVERS)
+        solver = SOLVERS[solver]
+    return solver.solve(problem, start, callback=callback)
 
 
 __all__ = [
@@ -109,6 +116,7 @@ __all__ = [
     "Boxes",
     "Callback",
     "Damped",
+    "DampedGaussNewton",
     "Derivative",
     "Dogleg",
     "Draw",
@@ -118,6 +126,7 @@ __all__ = [
     "Ipopt",
     "Iterate",
     "LevenbergMarquardt",
+    "Limits",
     "Listed",
     "Newton",
     "Nlopt",

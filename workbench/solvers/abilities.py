@@ -1,14 +1,12 @@
 """What an algorithm needs and supports, as data from which tables and refusals are made."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
-from workbench.blocks import Values
-from workbench.errors import BadArgument, NotSupported
+from workbench.errors import NotSupported
 from workbench.problem import Problem
-from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.solution import Solver
 
 
 class Derivative(IntEnum):
@@ -30,7 +28,7 @@ class Boxes(IntEnum):
 
 # How far a first step may lead, in the words of the table
 IN_A_RADIUS = "in a radius"  # that follows from how far the start is from zero
-DAMPED = "damped"  # towards the gradient and shorter, by Levenberg and Marquardt's damping
+DAMPED = "damped"  # towards the gradient and shorter, by Levenberg-Marquardt damping
 WHOLE = "whole"  # wherever the model has its minimum; it may leap to where nothing is known
 OWN = "its own"  # the library decides
 
@@ -66,26 +64,12 @@ class Abilities:
     note: str = ""
 
 
-class Listed(Protocol):
+class Listed(Solver, Protocol):
     """A solver of the catalogue, which says what it can do."""
 
     @property
     def abilities(self) -> Abilities:
         """What the solver needs and supports."""
-
-    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
-        """The best point found from `start`; see `Solver`."""
-
-
-def check_abilities(solvers: Mapping[str, Listed]) -> None:
-    """Raise BadArgument if one of the solvers, each given with its name, has no `abilities`."""
-    for name, solver in solvers.items():
-        if not hasattr(type(solver), "abilities"):
-            raise BadArgument(
-                f"the solver {name!r} does not say what it can do; give the class "
-                f"{type(solver).__name__} a property `abilities` that returns "
-                "Abilities(derivative, bounds, ...), as in workbench/solvers/gauss_newton.py"
-            )
 
 
 def refuse(name: str, abilities: Abilities, problem: Problem) -> None:

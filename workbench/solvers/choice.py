@@ -4,22 +4,21 @@ The advice follows rules of the field (Nocedal and Wright, Numerical Optimizatio
 4, 10 and 18), which the comparisons in `benchmarks/SOLVERS.md` test.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.problem import Linearization, Problem
+from workbench.errors import BadArgument, TooLarge
+from workbench.problem import Problem
+from workbench.problem.rounding import half_squared
 
-MANY = 1000  # unknowns above which dense linear algebra dominates a step
 STEEP = 0.25  # gain ratio of a full Gauss-Newton step below which the linear model is not trusted
 ILL = 1e6  # condition of the columns of length one
 
 
 @dataclass(frozen=True)
-class Temperament:
+class ProblemTraits:
     """What a problem is like at its start.
 
     Attributes:
@@ -29,8 +28,9 @@ class Temperament:
         bounded: how many unknowns have a finite bound.
         equations: the number of constraints with equal limits.
         inequalities: the number of other constraints.
-        rank: the numerical rank of the Jacobian.
-        condition: the condition number of the Jacobian with columns of length one.
+        rank: the numerical rank of the Jacobian; None if it is too large to compute it.
+        condition: the condition number of the Jacobian with columns of length one; NaN if it is too
+            large to compute it.
         gain_ratio: the gain ratio of a full Gauss-Newton step, 1 if the linear model is exact.
     """
 
@@ -40,31 +40,29 @@ class Temperament:
     bounded: int
     equations: int
     inequalities: int
-    rank: int
+    rank: int | None
     condition: float
     gain_ratio: float
 
-    def facts(self) -> Iterator[str]:
+    def facts(self) -> list[str]:
         """What the problem is like, in sentences."""
-        yield (
+        known = "the Jacobian is too large to compute its rank here"
+        if self.rank == self.unknowns:
+            known = f"condition number of the Jacobian, columns of length one: {self.condition:.2g}"
+        elif self.rank is not None:
+            left = f"{self.unknowns - self.rank:,} directions are undetermined"
+            known = f"the Jacobian has rank {self.rank:,}: {left}"
+        facts = [
             f"{self.unknowns:,} unknowns, {self.residuals:,} residuals; {self.density:.0%} of the "
-            "Jacobian's entries can be nonzero"
-        )
+            "Jacobian's entries can be nonzero",
+            known,
+            f"gain ratio of a Gauss-Newton step: {self.gain_ratio:.2f} (1: the model is exact)",
+        ]
         if self.bounded:
-            yield f"{self.bounded:,} unknowns are bounded"
+            facts.append(f"{self.bounded:,} unknowns are bounded")
         if self.equations or self.inequalities:
-            yield f"{self.equations} equations and {self.inequalities} inequalities constrain it"
-        if self.rank < self.unknowns:
-            free = self.unknowns - self.rank
-            yield f"the Jacobian has rank {self.rank:,}: {free:,} directions are undetermined"
-        else:
-            yield (
-                f"condition number of the Jacobian with columns of length one: {self.condition:.2g}"
-            )
-        yield (
-            f"gain ratio of a Gauss-Newton step: {self.gain_ratio:.2f} "
-            "(1: the linear model is exact)"
-        )
+            facts.append(f"{self.equations} equations and {self.inequalities} inequalities")
+        return facts
 
 
 @dataclass(frozen=True)
@@ -74,102 +72,76 @@ class Recommendation:
     Attributes:
         solver: its name in `SOLVERS`.
         reasons: why, in sentences.
-        others: names of solvers worth comparing it with.
-        temperament: what the problem is like at its start.
+        traits: what the problem is like at its start.
     """
 
     solver: str
     reasons: tuple[str, ...]
-    others: tuple[str, ...]
-    temperament: Temperament
+    traits: ProblemTraits
 
     def __str__(self) -> str:
-        lines = [*(f"  {fact}" for fact in self.temperament.facts()), f"recommended: {self.solver}"]
-        lines += [f"  {reason}" for reason in self.reasons]
-        return "\n".join([*lines, f"compare with: {', '.join(self.others)}"])
+        facts = (f"  {fact}" for fact in self.traits.facts())
+        reasons = (f"  {reason}" for reason in self.reasons)
+        return "\n".join([*facts, f"recommended: {self.solver}", *reasons])
 
 
 def recommend(problem: Problem, start: Values) -> Recommendation:
     """A solver for a problem from a start, with reasons.
 
     The advice comes from one point, which does not show whether the residual is noisy or has other
-    minima. It says where to begin; `workbench compare` decides.
+    minima. It says where to begin; `workbench compare` decides. Raises BadArgument for a problem
+    without unknowns.
     """
-    found = temperament(problem, start)
-    if found.equations or found.inequalities:
-        name, others, reasons = _constrained(problem.has_graph)
+    traits = traits_of(problem, start)
+    if traits.equations or traits.inequalities:
+        name, why = "ipopt", ["An interior point method takes constraints and bounds."]
+        if problem.has_graph:
+            name = "ipopt-exact"
+            why.append("The exact Hessian saves iterations if constraints are curved.")
     else:
-        name, others, reasons = _least_squares(found)
-    if found.rank < found.unknowns:
-        reasons.append(
-            "The residuals leave some directions undetermined, so that solvers end at different "
-            "points. `workbench diagnose` names these directions."
-        )
-    reasons.append("No local solver looks for other minima. Start from several places if in doubt.")
-    return Recommendation(name, tuple(reasons), others, found)
+        name = "trust-region"
+        why = ["The cost is a sum of squares: damped Gauss-Newton steps need few evaluations."]
+        if traits.bounded:
+            why.append("Its steps are the best ones inside the bounds.")
+        if traits.gain_ratio < STEEP:
+            why.append("The linear model is wrong about a full step: steps must be limited.")
+        elif not traits.bounded:
+            why.append("The linear model is right about a full step: gauss-newton works as well.")
+        if traits.condition > ILL:
+            why.append("Columns of the Jacobian nearly depend on each other: damping helps.")
+    if traits.rank is not None and traits.rank < traits.unknowns:
+        why.append("Solvers may end at different points: `workbench diagnose` names directions.")
+    why.append("No local solver looks for other minima. Start from several places if in doubt.")
+    return Recommendation(name, tuple(why), traits)
 
 
-def _constrained(drawn: bool) -> tuple[str, tuple[str, ...], list[str]]:
-    reasons = ["An interior point method takes equations, inequalities and bounds."]
-    if not drawn:
-        return "ipopt", ("sqp", "nlopt-slsqp"), reasons
-    reasons.append("The exact Hessian saves iterations if constraints are curved.")
-    return "ipopt-exact", ("ipopt", "sqp"), reasons
-
-
-def _least_squares(found: Temperament) -> tuple[str, tuple[str, ...], list[str]]:
-    reasons = ["The cost is a sum of squares, and damped Gauss-Newton steps need few evaluations."]
-    others: tuple[str, ...] = ("dogleg", "scipy-trf", "ipopt")
-    if found.bounded:
-        reasons.append(
-            "It projects its steps on the bounds. Gauss-Newton and dogleg cannot keep bounds."
-        )
-        others = ("scipy-trf", "ipopt")
-    if found.unknowns > MANY:
-        reasons.append("It uses the sparsity of the Jacobian, which NLopt's algorithms do not.")
-        others = ("ipopt", "scipy-trf")
-    if found.gain_ratio < STEEP:
-        reasons.append(
-            "The linear model is wrong about a full Gauss-Newton step: steps must be limited."
-        )
-    elif not found.bounded:
-        reasons.append(
-            "The linear model is right about a full step, so that gauss-newton works as well."
-        )
-        others = ("gauss-newton", *others)
-    if found.condition > ILL:
-        reasons.append(
-            "Columns of the Jacobian nearly depend on each other. Damping keeps the steps short."
-        )
-    return "trust-region", others, reasons
-
-
-def temperament(problem: Problem, start: Values) -> Temperament:
-    """What a problem is like at its start."""
+def traits_of(problem: Problem, start: Values) -> ProblemTraits:
+    """What a problem is like at its start. Raises BadArgument for one without unknowns."""
+    if not problem.free.size:
+        raise BadArgument("no solver is needed: the problem has no unknowns; leave a block free")
     x, fixed = problem.split(start)
     here = problem.linearize_at(x, fixed)
     rows, n = here.shape
-    kept = problem.stacked_constraints
-    equal = 0 if kept is None else int(kept.equal.sum())
+    there = problem.stacked_constraints
+    equal = 0 if there is None else int(there.equal.sum())
     lengths = np.where(here.column_norms > 0, here.column_norms, 1.0)
-    values = here.scaled(1 / lengths).singular_values
-    return Temperament(
+    rank, condition = None, np.nan
+    try:
+        values = here.scaled(1 / lengths).singular_values
+        rank, condition = here.rank, float(values[0] / values[-1]) if values[-1] > 0 else np.inf
+    except TooLarge:
+        pass
+    step = here.step()
+    predicted = here.predicted_decrease(step)
+    actual = here.cost - half_squared(problem.residual(x + step, fixed))
+    return ProblemTraits(
         unknowns=n,
         residuals=rows,
-        density=problem.pattern.nnz / (rows * n),
+        density=problem.pattern.nnz / max(rows * n, 1),
         bounded=int((np.isfinite(problem.lower) | np.isfinite(problem.upper)).sum()),
         equations=equal,
-        inequalities=0 if kept is None else len(kept.equal) - equal,
-        rank=here.rank,
-        condition=float(values[0] / values[-1]) if values[-1] > 0 else np.inf,
-        gain_ratio=_gain_ratio(problem, x, fixed, here),
+        inequalities=0 if there is None else len(there.equal) - equal,
+        rank=rank,
+        condition=condition,
+        gain_ratio=actual / predicted if predicted > 0 and np.isfinite(actual) else 0.0,
     )
-
-
-def _gain_ratio(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float:
-    """The actual decrease of the cost over the predicted one, for a full Gauss-Newton step."""
-    step = here.step()
-    new = problem.residual(x + step, fixed)
-    predicted = here.predicted_decrease(step)
-    actual = here.cost - 0.5 * float(new @ new)
-    return actual / predicted if predicted > 0 and np.isfinite(actual) else 0.0

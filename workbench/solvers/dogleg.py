@@ -1,6 +1,7 @@
 """Powell's dogleg: along the gradient, then towards the Gauss-Newton step, in a trust region."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -9,10 +10,14 @@ from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
 from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
-from workbench.solvers.trust_radius import FIRST, first_radius, trusted
+from workbench.solvers.trust_region import Scaling, identity
+
+FIRST = 0.9  # of the distance from zero: at zero itself roots and logarithms have no derivative
+AGREED = 0.95  # of the predicted decrease: the linear model holds, and is tried farther out
+GROWTH = 2.0  # of a step over the one before
 
 
 @dataclass(frozen=True)
@@ -36,10 +41,45 @@ class RadiusRule:
 
 
 # Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.3;
-# the first radius, which they leave to the user, is that of `trust_radius`
+# they leave the first radius to the user
 textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5, first=FIRST)
 # the rule of chumpy, the optimizer with which SMPL was first fitted
 chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25, first=np.inf)
+
+
+def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
+    """The radius at the start x (n,) in the metric D (n,): a share of max(|D x|, 1), usually 0.9.
+
+    At a point far from a minimum the linear model may promise the most at a place that it knows
+    nothing about: there an exponential underflows, no unknown changes the residual any more, and no
+    way leads back. With this radius the first step does not lead as far as zero, and from zero it
+    is shorter than one unit. SciPy's trf begins with |D x|, and with 1 at zero; MINPACK with 100
+    times as much (Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
+    """
+    return share * max(float(np.linalg.norm(D * x)), 1.0)
+
+
+def trusted(
+    run: Run, x: Array, here: Linearization, step: Callable[[float], Array], longest: float
+) -> float:
+    """How long the first step may be, as a multiple of the radius; 0 if not even the radius holds.
+
+    `step` gives the step p (n,) of a length. The lengths 1, 2, 4, ..., and `longest` are tried, and
+    it is the last of these up to which the cost falls by 95 % of what the linear model predicts. So
+    a start at which the model holds costs evaluations of the residual, and no further Jacobian. See
+    Dennis and Schnabel, Numerical methods for unconstrained optimization and nonlinear equations,
+    1983, section 6.4.3.
+    """
+    held, length = 0.0, 1.0
+    while True:
+        p = step(length)
+        fall = here.cost - run.cost(x + p)
+        if not 0 < AGREED * here.predicted_decrease(p) <= fall:
+            return held
+        held = length
+        if length >= longest:
+            return held
+        length = min(GROWTH * length, longest)
 
 
 def cauchy_point(here: Linearization, D: Array) -> Array:
@@ -68,14 +108,14 @@ def dogleg_step(newton: Array, cauchy: Array, D: Array, radius: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Dogleg:
+class Dogleg(Limits):
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
     The first radius is the length of the first Gauss-Newton step or, if that is longer, 0.9 of the
     distance of the start from zero, or 0.9 near zero, or as much as the linear model proves right
-    (see `trust_radius`); chumpy's rule takes the Gauss-Newton step, however long it is. See Powell,
-    A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for
-    non-linear least squares problems, 2004, section 3.3.
+    (see `first_radius`, `trusted`); chumpy's rule takes the Gauss-Newton step, however long it is.
+    See Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff,
+    Methods for non-linear least squares problems, 2004, section 3.3.
 
     Attributes:
         rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the
@@ -83,22 +123,13 @@ class Dogleg:
         scaling: the metric D of the trust region. `identity`: a radian, a metre and a standard
             deviation count the same; `columns`: units of unknowns do not matter.
         linear_algebra: how the Gauss-Newton step is computed; `automatic` chooses a factorization.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     rule: RadiusRule = textbook
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:

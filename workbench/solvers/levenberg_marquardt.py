@@ -1,6 +1,6 @@
 """The Levenberg-Marquardt method: Gauss-Newton steps, damped as long as they gain too little."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import isfinite
 from typing import NamedTuple
 
@@ -12,14 +12,22 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
-from workbench.solvers.box_step import box_step
-from workbench.solvers.damping import FASTEST_FALL, eased
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Known, Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, box_step, identity
 
+FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 SHORTER = 0.75  # of a step: the longest further one with the same Jacobian
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
+
+
+def eased(gain_ratio: float) -> float:
+    """The factor of the damping after a step with a gain ratio above zero, from 0.1 to 2.
+
+    See Nielsen, Damping parameter in Marquardt's method, 1999.
+    """
+    return float(max(FASTEST_FALL, 1 - (2 * gain_ratio - 1) ** 3))
 
 
 class Trial(NamedTuple):
@@ -33,7 +41,7 @@ class Trial(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LevenbergMarquardt:
+class LevenbergMarquardt(Limits):
     """The Levenberg-Marquardt method: (J'J + damping D^2) p = -J'r.
 
     The damping follows the gain ratio, which is the actual decrease of the cost over the decrease
@@ -67,25 +75,16 @@ class LevenbergMarquardt:
         linear_algebra: how the step is computed; `automatic` chooses a factorization.
         first_damping: the damping at the start, as a share of the largest (|J_i| / D_i)^2 there. A
             larger one begins with shorter steps, nearer to the gradient.
-        steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the method of
-            Levenberg and Marquardt, 2 for Fan's.
-        max_iterations: the largest number of iterates after the start.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
+        steps_per_jacobian: how many steps are taken at most with each Jacobian; 1 for the plain
+            method, 2 for Fan's.
     """
 
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
     first_damping: float = 1e-3
     steps_per_jacobian: int = 1
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         if self.steps_per_jacobian < 1:
@@ -164,11 +163,11 @@ class LevenbergMarquardt:
         trials = [Trial(np.clip(x + p, lower, upper), predicted)]
         while len(trials) < self.steps_per_jacobian:
             to, predicted, _ = trials[-1]
-            found = run.cost_and_residual(to)
-            trials[-1] = Trial(to, predicted, found)
-            if not isfinite(found[0]):
+            known = run.cost_and_residual(to)
+            trials[-1] = Trial(to, predicted, known)
+            if not isfinite(known[0]):
                 break
-            there, at_most = here.with_residual(found[1]), SHORTER * length
+            there, at_most = here.with_residual(known[1]), SHORTER * length
             step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
             if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
                 break

@@ -1,8 +1,11 @@
-"""How far a run may go, and the exception that ends it."""
+"""How far a run may go, what is counted for that, and the exception that ends it."""
 
-from contextlib import ContextDecorator
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ContextDecorator, contextmanager
+from dataclasses import KW_ONLY, dataclass
 from types import TracebackType
-from typing import Protocol
 
 import numpy as np
 
@@ -12,31 +15,30 @@ from workbench.solvers.abilities import Abilities
 from workbench.solvers.solution import Status
 
 
-class Options(Protocol):
-    """What every solver's options include: what it can do, and how far a run may go.
+@dataclass(frozen=True)
+class Limits(ABC):
+    """How far a run may go: the options that all solvers have, each with defaults of its own.
 
-    See `LevenbergMarquardt` for the limits.
+    Attributes:
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together; those of constraints are not counted.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
+    _: KW_ONLY
+    max_iterations: int = 1_000
+    max_evaluations: int = 10_000
+    max_seconds: float = 600.0
+    gradient_tolerance: float = 1e-6
+
     @property
+    @abstractmethod
     def abilities(self) -> Abilities:
         """What the algorithm needs and supports."""
-
-    @property
-    def max_iterations(self) -> int:
-        """The largest number of steps."""
-
-    @property
-    def max_evaluations(self) -> int:
-        """The largest number of evaluations, those of constraints not counted."""
-
-    @property
-    def max_seconds(self) -> float:
-        """Wall time in s, which is looked at before every evaluation."""
-
-    @property
-    def gradient_tolerance(self) -> float:
-        """The `Problem.optimality` up to which a point counts as converged."""
 
 
 class Stop(Exception):
@@ -70,19 +72,17 @@ class Guarded(ContextDecorator):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        if isinstance(error, Exception) and not isinstance(error, Stop):
-            raise _quoting(error) from error
+        if not isinstance(error, Exception) or isinstance(error, Stop):
+            return
+        if isinstance(error, TooLarge):
+            raise Stop(Status.TOO_LARGE, str(error)) from error
+        if isinstance(error, MemoryError):
+            raise Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}") from error
+        said = f"the residual raised {type(error).__name__}: {error}"
+        raise Stop(Status.RAISED, said) from error
 
 
 GUARDED = Guarded()
-
-
-def _quoting(error: Exception) -> Stop:
-    if isinstance(error, TooLarge):
-        return Stop(Status.TOO_LARGE, str(error))
-    if isinstance(error, MemoryError):
-        return Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}")
-    return Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}")
 
 
 def unwarned() -> np.errstate:
@@ -92,3 +92,49 @@ def unwarned() -> np.errstate:
     is an exception for those who turn warnings into errors.
     """
     return np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore")
+
+
+class Meter:
+    """The number of evaluations of each kind, and a clock, which starts when this is made.
+
+    Attributes:
+        counts: the number of evaluations by kind.
+    """
+
+    def __init__(self, kinds: Iterable[str], max_evaluations: int, max_seconds: float) -> None:
+        self.counts = dict.fromkeys(kinds, 0)
+        self._limited = tuple(kind for kind in self.counts if is_limited(kind))
+        self._max_evaluations, self._max_seconds = max_evaluations, max_seconds
+        self._began, self._pauses = time.perf_counter(), 0.0
+
+    @property
+    def seconds(self) -> float:
+        """The time on the clock, in s."""
+        return time.perf_counter() - self._began - self._pauses
+
+    def check_evaluations(self) -> None:
+        """Raise Stop if all evaluations are used up; those of constraints are not limited."""
+        if sum(map(self.counts.__getitem__, self._limited)) >= self._max_evaluations:
+            raise Stop(Status.MAX_EVALUATIONS)
+
+    def check_seconds(self) -> None:
+        """Raise Stop if the time is used up."""
+        if self.seconds > self._max_seconds:
+            raise Stop(Status.MAX_SECONDS)
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """A context in which the clock stands still."""
+        before = time.perf_counter()
+        yield
+        self._pauses += time.perf_counter() - before
+
+
+def limited(counts: Mapping[str, int]) -> int:
+    """How many of the evaluations are limited."""
+    return sum(count for kind, count in counts.items() if is_limited(kind))
+
+
+def is_limited(kind: str) -> bool:
+    """Whether evaluations of a kind are limited: all but those of constraints."""
+    return not kind.startswith("constraint")

@@ -1,23 +1,81 @@
 """Newton's method on the cost: its exact Hessian, made positive definite where it is not."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse import csc_array, diags_array
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.problem.storage import dense
+from workbench.problem.steps import factorized
+from workbench.problem.storage import Stored, dense
 from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
-from workbench.solvers.convexity import Convexify, reflected
-from workbench.solvers.line_search import LineSearch, backtracking
+from workbench.solvers.gauss_newton import LineSearch, backtracking
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, columns
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_region import Scaling, columns
+
+LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for
+SHARES = (0.0, 1 / 64, 1 / 16, 1 / 4)  # of what is certain to be enough, tried in this order
+Convexify = Callable[[Array], tuple[Array, float]]  # the matrix, and by how much it was changed
+
+
+def shifted(H: Array) -> tuple[Array, float]:
+    """H + tau I (n, n) with the smallest tau >= 0 that makes it positive definite, and tau.
+
+    No eigenvalue is then below 1e-8 of the largest absolute one (Nocedal and Wright, Numerical
+    Optimization, 2006, section 3.4).
+    """
+    values = np.linalg.eigvalsh(H)
+    tau = max(0.0, LEAST * float(np.abs(values).max(initial=1e-300)) - float(values.min()))
+    return H + tau * np.eye(len(H)), tau
+
+
+def reflected(H: Array) -> tuple[Array, float]:
+    """H (n, n) with the absolute values of its eigenvalues, and the largest change of one.
+
+    Steps then lead away from saddles. No eigenvalue is below 1e-8 of the largest (Nocedal and
+    Wright, Numerical Optimization, 2006, section 3.4).
+    """
+    values, vectors = np.linalg.eigh(H)
+    least = LEAST * float(np.abs(values).max(initial=1e-300))
+    if values.min() >= least:
+        return H, 0.0
+    positive = np.maximum(np.abs(values), least)
+    return (vectors * positive) @ vectors.T, float(np.max(positive - values))
+
+
+def raised(normal: Stored, H: Stored) -> tuple[csc_array, float]:
+    """A sparse H with its diagonal raised until Cholesky's factorization of it exists.
+
+    H is the sum of J'J, which has no negative curvature, and of a rest N. By Gershgorin's theorem
+    N has none once e_i = max(0, sum over j != i of |N_ij| - N_ii) is added to its diagonal, for
+    its rows are then dominated by their diagonal entries. So H + diag(e) is positive semidefinite,
+    whatever J'J is. What is returned is H + t diag(e) with t, the first of 0, 1/64, 1/16, 1/4 for
+    which Cholesky's factorization tells that this is positive definite (Nocedal and Wright,
+    Numerical optimization, 2006, algorithm 3.3, raises the diagonal step by step in the same way),
+    else 1. A further 1e-8 of the largest diagonal entry of J'J is added to the diagonal,
+    so that a singular matrix does not pass for a definite one.
+    """
+    H, normal = csc_array(H), csc_array(normal)
+    N = csc_array(H - normal)
+    largest = float(abs(normal.diagonal()).max(initial=0.0))
+    least = (LEAST * largest or LEAST) * np.ones(H.shape[0])
+    own = N.diagonal()
+    lacking = np.maximum(0.0, np.asarray(abs(N).sum(axis=0)) - abs(own) - own)
+    for share in SHARES if lacking.any() else ():
+        matrix = csc_array(H + diags_array(least + share * lacking))
+        if factorized(matrix) is not None:
+            return matrix, share
+    return csc_array(H + diags_array(least + lacking)), 1.0 if lacking.any() else 0.0
 
 
 @dataclass(frozen=True)
-class Newton:
+class Newton(Limits):
     """Newton's method: H p = -g with H = J'J + sum r_i H_i, then a line search along p.
 
     It converges quadratically at every minimum where H is positive definite. Far from a minimum H
@@ -31,22 +89,13 @@ class Newton:
         scaling: the metric D in which H is changed; with `columns`, units do not
             matter.
         line_search: how far to go along p: `backtracking` or `full_step`.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     convexify: Convexify = reflected
     scaling: Scaling = columns
     line_search: LineSearch = backtracking
+    _: KW_ONLY
     max_iterations: int = 200
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     @property
     def abilities(self) -> Abilities:
@@ -72,10 +121,10 @@ class Newton:
                         "number; choose units in which columns are neither so long nor so "
                         "short"
                     )
-                convex = self.convexify(even)
-                p = -scipy.linalg.solve(convex.matrix, here.gradient / D, assume_a="pos") / D
+                convex, change = self.convexify(even)
+                p = -scipy.linalg.solve(convex, here.gradient / D, assume_a="pos") / D
                 to = x + self.line_search(run, x, here, p) * p
                 if np.array_equal(to, x):
                     run.stall()
-                x, here = run.move(to, convex.change, "cholesky")
+                x, here = run.move(to, change, "cholesky")
         return run.solution()

@@ -1,19 +1,21 @@
 """The algorithms of NLopt; a run counts, keeps the best point and judges it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass
+from math import isfinite, sqrt
 
 import nlopt
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.errors import check_known
-from workbench.problem import Problem
+from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
-from workbench.solvers.abilities import Abilities, Derivative
-from workbench.solvers.limits import Stop
-from workbench.solvers.nlopt_algorithms import ALGORITHMS
-from workbench.solvers.nlopt_objective import Objective
+from workbench.problem.rounding import all_finite
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.judgement import BOUGHT
+from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
@@ -32,28 +34,94 @@ GAVE_UP = (nlopt.SUCCESS, nlopt.FTOL_REACHED, nlopt.XTOL_REACHED)  # nothing mor
 
 STEP_SECONDS = {"LD_SLSQP": 1e-8}  # times n^3: a step that NLopt does not interrupt; 10 s at 1,000
 SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking for nothing
+NOT_A_POINT = (
+    "the algorithm broke down, for it asks for the cost at a point that is not a number; the best "
+    "point before that was kept; try another algorithm"
+)
+LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
+
+_DIRECT, _DIRECT_L = "Jones, Perttunen and Stuckman 1993", "Gablonsky and Kelley 2001"
+_STOGO, _TNEWTON = "Madsen and Zertchaninov 1998", "Dembo and Steihaug 1982; Luksan"
+_LOCAL = "its local searches are made by the algorithm of the option `local`"
+_TWO = "two unknowns at least"
+_BOTH, _RANDOM = ("equations", "inequalities"), ("stochastic",)
+_TABLE: Mapping[str, tuple[str, str, tuple[str, ...]]] = {  # the source, a note, other abilities
+    "LD_LBFGS": ("Nocedal 1980; Luksan", "", ()),
+    "LD_VAR1": ("Vlcek and Luksan 2006", "rank 1", ()),
+    "LD_VAR2": ("Vlcek and Luksan 2006", "rank 2", ()),
+    "LD_TNEWTON": (_TNEWTON, "", ()),
+    "LD_TNEWTON_RESTART": (_TNEWTON, "", ()),
+    "LD_TNEWTON_PRECOND": (_TNEWTON, "", ()),
+    "LD_TNEWTON_PRECOND_RESTART": (_TNEWTON, "", ()),
+    "LD_SLSQP": ("Kraft 1994", "O(n^3) per iteration", _BOTH),
+    "LD_MMA": ("Svanberg 2002", "", ("inequalities",)),
+    "LD_CCSAQ": ("Svanberg 2002", "", ("inequalities",)),
+    "LN_BOBYQA": ("Powell 2009", "to about 30 unknowns", ()),
+    "LN_NEWUOA": ("Powell 2004", _TWO, ()),
+    "LN_NEWUOA_BOUND": ("Powell 2004", _TWO, ()),
+    "LN_COBYLA": (
+        "Powell 1994",
+        "NaN would make it run for ever; it is never shown one",
+        _BOTH,
+    ),
+    "LN_PRAXIS": ("Brent 1972", "", _RANDOM),
+    "LN_NELDERMEAD": ("Nelder and Mead 1965", "", ()),
+    "LN_SBPLX": ("Rowan 1990", "", ()),
+    "G_MLSL": ("Rinnooy Kan and Timmer 1987", _LOCAL, _RANDOM),
+    "G_MLSL_LDS": ("Rinnooy Kan and Timmer 1987; Kucherenko and Sytsko 2005", _LOCAL, ()),
+    "GD_STOGO": (_STOGO, "", ()),
+    "GD_STOGO_RAND": (_STOGO, "", _RANDOM),
+    "GN_DIRECT": (_DIRECT, "", ()),
+    "GN_DIRECT_NOSCAL": (_DIRECT, "", ()),
+    "GN_DIRECT_L": (_DIRECT_L, "", ()),
+    "GN_DIRECT_L_NOSCAL": (_DIRECT_L, "", ()),
+    "GN_DIRECT_L_RAND": (_DIRECT_L, "", _RANDOM),
+    "GN_DIRECT_L_RAND_NOSCAL": (_DIRECT_L, "", _RANDOM),
+    "GN_ORIG_DIRECT": (_DIRECT, "", ()),
+    "GN_ORIG_DIRECT_L": (_DIRECT_L, "", ()),
+    "GN_CRS2_LM": ("Kaelo and Ali 2006", "", _RANDOM),
+    "GN_ISRES": ("Runarsson and Yao 2005", "", (*_BOTH, *_RANDOM)),
+    "GN_ESCH": ("da Silva Santos 2010", "", _RANDOM),
+    "GN_AGS": ("Sergeyev and Markin 1995", "to about 10 unknowns", ()),
+}
+
+
+def _abilities(name: str, source: str, note: str, others: tuple[str, ...]) -> Abilities:
+    """The abilities of an algorithm: its name says whether it is global and takes gradients."""
+    is_global, derivative = name.startswith("G"), Derivative.GRADIENT
+    if name.startswith(("LN", "GN")):
+        derivative = Derivative.COST
+    bounds = Boxes.UNKNOWN if name == "LN_NEWUOA" else Boxes.TAKEN
+    return Abilities(
+        derivative,
+        Boxes.NEEDED if is_global else bounds,
+        equations="equations" in others,
+        inequalities="inequalities" in others,
+        is_global=is_global,
+        stochastic="stochastic" in others,
+        source=source,
+        note=note,
+    )
+
+
+# What each algorithm of NLopt 2.10 needs and supports, by its manual or by measurement. A global
+# one searches the box between the bounds until its evaluations are used up. LD_LBFGS_NOCEDAL is
+# left out, because it is a name without an implementation.
+ALGORITHMS: Mapping[str, Abilities] = {name: _abilities(name, *row) for name, row in _TABLE.items()}
 
 
 @dataclass(frozen=True)
-class Nlopt:
+class Nlopt(Limits):
     """An algorithm of NLopt (Johnson, The NLopt nonlinear-optimization package).
 
     NLopt sees the unknowns y_i = |J_i| x_i, with the Jacobian at the start: quasi-Newton methods
     begin with the identity as their Hessian, and after this scaling its diagonal is right. Raises
-    UnknownName for an algorithm that is not in `nlopt_algorithms.ALGORITHMS`, which names the
-    source of each.
+    UnknownName for an algorithm that is not in `ALGORITHMS`, which names the source of each.
 
     Attributes:
         algorithm: NLopt's name of the algorithm, such as `LD_LBFGS`.
         local: the algorithm of the descents of MLSL; others do not read it.
         seed: of the stochastic algorithms.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
         cost_tolerance: the relative decrease of the cost in one step below which NLopt gives up. A
             larger one ends earlier; whether the point has converged is judged by
             `gradient_tolerance` all the same.
@@ -62,11 +130,10 @@ class Nlopt:
     algorithm: str = "LD_LBFGS"
     local: str = "LD_LBFGS"
     seed: int = 0
+    cost_tolerance: float = 1e-16  # less than a single bit; at 1e-15 BOBYQA stops short
+    _: KW_ONLY
     max_iterations: int = 100_000
     max_evaluations: int = 20_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
-    cost_tolerance: float = 1e-16  # less than a single bit; at 1e-15 BOBYQA stops short
 
     def __post_init__(self) -> None:
         for name in (self.algorithm, self.local):
@@ -94,7 +161,7 @@ class Nlopt:
             optimizer.set_lower_bounds(problem.lower * scale)
             optimizer.set_upper_bounds(problem.upper * scale)
             if problem.stacked_constraints is not None:
-                _constrain(optimizer, objective, problem.stacked_constraints)
+                objective.constrain(problem.stacked_constraints)
             if self.algorithm.startswith("G_MLSL"):
                 optimizer.set_local_optimizer(self._optimizer(self.local, x0.size))
             if self.algorithm.startswith("LN_"):
@@ -170,16 +237,150 @@ def _optimize_quietly(optimizer: nlopt.opt, y: Array) -> None:
             raise
 
 
-def _constrain(optimizer: nlopt.opt, objective: Objective, there: ConstraintSet) -> None:
-    """Give the constraints to NLopt in its form: h(x) = 0 and g(x) <= 0."""
-    equal, above, below = there.equal, np.isfinite(there.upper), np.isfinite(there.lower)
-    if equal.any():
-        rows = objective.rows(there, equal, 1.0, there.lower)
-        optimizer.add_equality_mconstraint(rows, there.tolerance[equal])
-    for wanted, sign, limit in (
-        (above & ~equal, 1.0, there.upper),
-        (below & ~equal, -1.0, there.lower),
-    ):
-        if wanted.any():
-            rows = objective.rows(there, wanted, sign, limit)
-            optimizer.add_inequality_mconstraint(rows, there.tolerance[wanted])
+class Objective:
+    """The cost and the constraints in NLopt's variables y = scale x.
+
+    An exception stops NLopt and is kept as `error`. Where the residual is not finite, NLopt gets
+    the values of a cone that rises from the last good point, because with a NaN COBYLA never
+    returns and the other algorithms do not get far.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        here: Linearization,
+        scale: Array,
+        optimizer: nlopt.opt,
+        abilities: Abilities,
+    ) -> None:
+        self.run, self.scale, self.optimizer = run, scale, optimizer
+        self.error: BaseException | None = None
+        self._descends = abilities.derivative is Derivative.GRADIENT and not abilities.is_global
+        self._lowest = run.best.cost
+        self._bounded, self._look = run.problem.bounded, LOOK
+        self._last = run.x * scale, run.best.cost  # the last good point
+        self._worst = run.best.cost
+        self._norms = np.where(scale > 0, scale, np.inf)
+        self._error = run.problem.support.norms(run.rounding_noise.at(run.x, here).rows)
+
+    def cost(self, y: Array, gradient: Array) -> float:
+        """The cost at y, its gradient written into `gradient`, if that has a length."""
+        if self.error is None:
+            try:
+                return self._evaluate(y, gradient)
+            except BaseException as error:
+                self._give_up(error)
+        gradient[:] = 0.0
+        return float(self._last[1])
+
+    def constrain(self, there: ConstraintSet) -> None:
+        """Give the constraints to NLopt in its form: h(x) = 0 and g(x) <= 0."""
+        equal, above, below = there.equal, np.isfinite(there.upper), np.isfinite(there.lower)
+        if equal.any():
+            rows = self._rows(there, equal, 1.0, there.lower)
+            self.optimizer.add_equality_mconstraint(rows, there.tolerance[equal])
+        for wanted, sign, limit in (
+            (above & ~equal, 1.0, there.upper),
+            (below & ~equal, -1.0, there.lower),
+        ):
+            if wanted.any():
+                rows = self._rows(there, wanted, sign, limit)
+                self.optimizer.add_inequality_mconstraint(rows, there.tolerance[wanted])
+
+    def _rows(
+        self, there: ConstraintSet, wanted: Mask, sign: float, limit: Array
+    ) -> Callable[[Array, Array, Array], None]:
+        """A function of NLopt's form for sign (c - limit) of the `wanted` rows (k,)."""
+
+        def evaluate(result: Array, y: Array, gradient: Array) -> None:
+            result[:] = 0.0
+            if gradient.size:
+                gradient[:] = 0.0
+            if self.error is not None:
+                return
+            try:
+                x = self._x(y)
+                if gradient.size:
+                    at = (x, self.run.fixed)
+                    here = self.run.evaluate("constraint", lambda: there.linearize(*at))
+                    values = here.values
+                    J = sign * here.rows(wanted) / self.scale
+                    gradient[:] = np.where(np.isfinite(J), J, 0.0)
+                else:
+                    values = self.run.constraints(x)
+                over = sign * (values - limit)[wanted]
+                result[:] = np.where(np.isfinite(over), over, 1e10)
+            except BaseException as error:
+                self._give_up(error)
+
+        return evaluate
+
+    def _give_up(self, error: BaseException) -> None:
+        self.error = error
+        self.optimizer.force_stop()
+
+    def _x(self, y: Array) -> Array:
+        x, problem = y / self.scale, self.run.problem
+        if not self._bounded:
+            return x
+        return np.clip(x, problem.lower, problem.upper)  # which rounding may have left
+
+    def _evaluate(self, y: Array, gradient: Array) -> float:
+        run, x = self.run, self._x(y)
+        if not all_finite(y):
+            run.stall(NOT_A_POINT)
+        if gradient.size:
+            cost, g = run.cost_and_gradient(x)
+            if isfinite(cost):
+                gradient[:] = g / self.scale
+        else:
+            cost, g = run.cost(x), np.zeros(0)
+        if not isfinite(cost):
+            return self._cone(y, gradient)
+        self._last, self._worst = (y.copy(), cost), max(self._worst, cost)
+        if self._is_worth_recording(cost):
+            self._lowest = cost
+            run.record(x, cost, self._linearization(x, g))
+        return cost
+
+    def _is_worth_recording(self, cost: float) -> bool:
+        """Whether the cost is the lowest, or may be that of a more stationary feasible point."""
+        best = self.run.best
+        if self.run.problem.stacked_constraints is None:
+            return cost < self._lowest
+        return best.cost == cost or (best.violation <= 1 and cost <= (1 + BOUGHT) * best.cost)
+
+    def _cone(self, y: Array, gradient: Array) -> float:
+        """A cost higher than all before, whose gradient leads back to the last good point."""
+        good, cost = self._last
+        way, high = y - good, 10 * abs(self._worst) + 1
+        length = float(np.linalg.norm(way))
+        if gradient.size:
+            gradient[:] = (high - cost) * way / length**2 if length > 0 else 0.0
+        return float(high)
+
+    def _linearization(self, x: Array, g: Array) -> Linearization | None:
+        """The linearization at x (n,) if the point may be nearly stationary, else None.
+
+        The gradient g (n,) and the column norms of the last Jacobian tell whether it may be.
+        """
+        run, problem = self.run, self.run.problem
+        if not (self._descends and g.size):
+            return None
+        if problem.stacked_constraints is None and self._is_steep(x, g):
+            return None
+        here = run.linearize(x)
+        self._look = 1.0  # from here on the norms are good
+        self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
+        self._error = problem.support.norms(run.rounding_noise.at(x, here).rows)
+        return here
+
+    def _is_steep(self, x: Array, g: Array) -> bool:
+        """Whether the gradient g (n,) at x (n,) is clearly no longer that of a stationary point."""
+        run, problem = self.run, self.run.problem
+        more = self._look * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+        way = g / self._norms
+        if self._bounded:
+            low, high = (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
+            way = np.clip(-way, low, high)
+        return bool((np.abs(way) > self._error + more).any())

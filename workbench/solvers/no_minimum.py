@@ -1,86 +1,430 @@
-"""Whether the end of a run is no minimum: a saddle, or a point in a valley without end."""
+"""Whether the end of a run is no minimum: a saddle, or a cost that falls for ever.
 
-from dataclasses import replace
+At a minimum the Hessian H of the cost has no negative eigenvalue on the directions that bounds
+leave free (Nocedal and Wright, Numerical Optimization, 2006, theorem 12.5). At most minima H is
+nearly M = J'J + 1e-4 D^2, D the lengths of J's columns, so that M^-1 H has eigenvalues near 1 and a
+negative one would lie apart. Lanczos' method finds such a one in a few steps, each of which takes
+one gradient (Golub and Van Loan, Matrix Computations, 2013, sections 10.1 and 11.5).
+
+exp(-x) has no least square, nor has any model that fits the better, the larger one of its numbers.
+A run shows this if some unknowns grew to its last iterates without slowing down as they do near a
+minimum, or a thousandfold in all. Then they are taken further and further. The one that grew most
+is held there, the others follow by Gauss-Newton steps, and there is no finite minimum if the cost
+never rises.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from math import acosh, cosh
+from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 
-from workbench.arrays import Mask
-from workbench.blocks.directions import dominant
-from workbench.errors import some_of
-from workbench.problem import Linearization
-from workbench.solvers.end_point import EndPoint
-from workbench.solvers.ended import NAMED, Ended, Ending
-from workbench.solvers.iterate import Evaluations
-from workbench.solvers.limits import Stop
-from workbench.solvers.saddle import Saddle, most_gradients, saddle
-from workbench.solvers.solution import Status
-from workbench.solvers.valley import valley
+from workbench.arrays import Array, Mask
+from workbench.problem import Linearization, Problem
+from workbench.problem.linearization import inverse_times
+from workbench.problem.rounding import FACTOR, Rounding, fall, half_squared
+from workbench.problem.steps import EPS, SLIGHT, factor_of
+from workbench.solvers.solution import Evaluations, Iterate
 
-LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum
-MAY_BE_A_VALLEY = (
-    Status.CONVERGED,
-    Status.STALLED,
-    Status.MAX_ITERATIONS,
-    Status.MAX_EVALUATIONS,
-)
+WORTH = 10.0  # times the tolerance's share of the cost: a fall by less is none
+DAMPING = 1e-4  # of D^2, in M: directions that J does not notice are looked at first
+STEP = 1e-6  # of the terms of the residual: how far a gradient is taken for a difference
+FLAT = 0.1  # an eigenvalue of M^-1 H below this one is worth looking at
+MORE, CLEAR = 20, 0.1  # gradients once an eigenvalue is negative; how well its vector is known
+SHORTEST = 1e-3  # of |r|, along columns of length 1: where the cost is tried first
+NEARBY = 0.1  # of an unknown's size, or of 1: where it is tried last
+NEARLY_ZERO = 1e-9  # a number whose size says nothing of its unit
+DOUBLINGS = 10  # of the step to a lower point, as long as the cost falls on
+ACROSS = 0.1  # of 1/n: the least squared part of a random vector along any one direction
+FEW = 20  # unknowns up to which every direction is looked at, by gradients to both sides
+FEWEST, SHARE = 2, 10  # gradients otherwise, and one for so many evaluations of the run
+DENSE = 3000  # unknowns up to which an M that is an array is factorized
+
+ITERATES = 5  # at least: fewer show no tendency
+GROWN = 0.02  # of an unknown's size, in the last quarter of a run
+SLOWED = 0.3  # of the growth in the quarter before: at a minimum it is much less
+BEYOND = 3.0  # times its value at the start, at least: how large such an unknown has become
+THOUSANDFOLD = 1e3  # the size of an unknown over that at the start, or over 1: it may run off
+FIRST = 100.0  # times the way so far: tried first, because a minimum shows there most cheaply
+NEAR = (0.01, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 8.0, 15.0, 30.0)  # times the way so far: each
+FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum between, the cost rises
+SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
+FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
+IMPERFECT = 1e-6  # of the cost: what these steps may leave above the least
+HELD = 1e20  # times the squared length of a column: added to it, holds its unknown
+SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
+
+Product = Callable[[Array], Array]
 
 
-def unless_no_minimum(run: Ended, here: Linearization, found: Ending, converged: bool) -> Ending:
-    """The same ending with its evaluations, or SADDLE or VALLEY if the point is shown to be one.
+@dataclass(frozen=True, eq=False)
+class EndPoint:
+    """The point where a run ended. What is evaluated to judge it is counted apart from the run.
 
-    What cannot be evaluated shows nothing. After Ctrl-C nothing is looked for, and neither is it
-    where the gradient tolerance is `LOOSE`, as in a stage whose end is only a start.
+    Attributes:
+        problem: the problem that was solved, by `Problem.for_judging`, so that a metered one takes
+            none of these points for the best of the run.
+        fixed: its fixed numbers.
+        x: (n,) the point.
+        here: the linearization there.
+        rounding: the rounding errors of the residual there.
+        start: (n,) where the run began.
+        tolerance: the `Problem.optimality` up to which points count as stationary.
+        check: called before every evaluation; it raises Stop if nobody wants to wait any longer.
+        counts: how often the methods evaluated the problem, by kind.
     """
-    if run.limits.gradient_tolerance >= LOOSE:
-        return found
 
-    def check() -> None:
-        if run.interrupted:
-            raise Stop(Status.STOPPED)
+    problem: Problem
+    fixed: Array
+    x: Array
+    here: Linearization
+    rounding: Rounding
+    start: Array
+    tolerance: float
+    check: Callable[[], object]
+    counts: dict[str, int] = field(default_factory=lambda: asdict(Evaluations()))
 
-    x, noise = run.best.x, run.rounding_noise.at(run.best.x, here)
-    tolerance = run.limits.gradient_tolerance
-    size = run.sensitivity.size(x)
-    judged = run.problem.for_judging()
-    end = EndPoint(judged, run.fixed, x, here, noise, size, tolerance, check)
-    no_minimum: Saddle | Mask | None = None
-    try:
-        check()
-        if converged:
-            evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
-            no_minimum = saddle(end, most_gradients(x.size, evaluations))
-        if no_minimum is None and (converged or found.status in MAY_BE_A_VALLEY):
-            noticed = run.sensitivity.noticed(x, run.problem.support.norms(noise.rows))
-            no_minimum = valley(end, run.x, run.trace, noticed, converged)
-    except Exception:  # of the user's residual far away, or of a limit outside of the run
-        no_minimum = None
-    found = replace(found, judging=Evaluations(**end.counts))
-    if isinstance(no_minimum, Saddle):
-        return _at_saddle(end, no_minimum, found)
-    return found if no_minimum is None else _in_valley(end, no_minimum, found)
+    @property
+    def size(self) -> Array:
+        """The size of each unknown (n,): its own, or how far it is from the start; 1 for zero."""
+        size = np.maximum(np.abs(self.x), np.abs(self.x - self.start))
+        return np.where(size > NEARLY_ZERO, size, 1.0)
+
+    @property
+    def noise(self) -> float:
+        """By how much rounding may have changed the cost."""
+        return self.rounding.of_cost(self.here.residual)
+
+    @property
+    def worth(self) -> float:
+        """By how much the cost must fall so that neither rounding nor the tolerance explains it."""
+        return self.noise + WORTH * self.tolerance**2 * self.here.cost
+
+    def residual(self, x: Array) -> Array:
+        """The residual at another point, (m,)."""
+        self._count("residual")
+        return self.problem.residual(x, self.fixed)
+
+    def gradient(self, x: Array) -> Array:
+        """The gradient of the cost at another point, (n,)."""
+        self._count("gradient")
+        return self.problem.cost_and_gradient(x, self.fixed)[1]
+
+    def linearize(self, x: Array) -> Linearization:
+        """The linearization at another point."""
+        self._count("jacobian")
+        return self.problem.linearize_at(x, self.fixed)
+
+    def _count(self, kind: str) -> None:
+        self.check()
+        self.counts[kind] += 1
 
 
-def _at_saddle(end: EndPoint, there: Saddle, found: Ending) -> Ending:
-    """The direction in the words of a diagnosis, and where to start instead."""
-    free, cost = end.problem.free, end.here.cost
-    along = dominant(there.direction, free, NAMED)
-    message = (
-        f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
-        f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
-        "start from there"
-    )
-    lower = free.unpack(there.to, end.problem.fixed.unpack(end.fixed) if free.parts else None)
-    return replace(found, status=Status.SADDLE, message=message, lower=lower)
+class Saddle(NamedTuple):
+    """What shows that a point is no minimum.
+
+    Attributes:
+        direction: (n,) along which the cost falls, of length 1, in the unknowns y_i = D_i x_i,
+            which change the residual by themselves by about one sigma.
+        to: (n,) a point along it where the cost is lower.
+        fall: by how much it is lower there.
+    """
+
+    direction: Array
+    to: Array
+    fall: float
 
 
-def _in_valley(end: EndPoint, running: Mask, found: Ending) -> Ending:
-    """Which unknowns grow without limit, and how far they have come."""
-    places = np.flatnonzero(running)
-    labels = end.problem.free.labels_of(places)
-    told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
-    message = (
-        "the cost falls along a valley without end as unknowns grow without limit "
-        f"({some_of(told, NAMED)}), and has no minimum there; bound them, give them a prior, or "
-        "choose other unknowns, such as their inverses"
-    )
-    return replace(found, status=Status.VALLEY, message=message, running=tuple(labels))
+def most_gradients(n: int, evaluations: int) -> int:
+    """How many gradients a search among n unknowns may take after so many evaluations."""
+    return n if n <= FEW else max(FEWEST, evaluations // SHARE)
+
+
+def saddle(end: EndPoint, most: int) -> Saddle | None:
+    """A direction along which the cost falls from a stationary point; None if none is found.
+
+    At most `most` gradients are evaluated, and 20 more once a negative eigenvalue has shown. If
+    they are fewer than the unknowns, a saddle may be missed. No minimum is taken for a saddle: the
+    cost falls by more than rounding, the gradient that is left and the tolerance explain. With
+    constraints other than bounds nothing is looked for, because the cost may fall along their
+    curves without falling along any line.
+    """
+    here, x = end.here, end.x
+    if here.constraints is not None or here.cost <= end.worth:
+        return None
+    D = np.maximum(here.column_norms, np.linalg.norm(here.residual) / end.size)
+    held = _held(end, D)
+    inverse = None if held.all() else _inverse(here, D, held)
+    if inverse is None:
+        return None
+    step = STEP * end.rounding.norm / (FACTOR * EPS)
+
+    def hessian_product(v: Array) -> Array:
+        h = step / float(np.linalg.norm(v))
+        ahead = (end.gradient(x + h * v / D) - here.gradient) / (h * D)
+        if len(x) > FEW and np.isfinite(ahead).all():
+            return np.where(held, 0.0, ahead)
+        behind = (here.gradient - end.gradient(x - h * v / D)) / (h * D)
+        sides = [side for side in (ahead, behind) if np.isfinite(side).all()]
+        return np.where(held, 0.0, np.mean(sides or [ahead], axis=0))
+
+    def falls(v: Array) -> Saddle | None:
+        return _falls(end, v / float(np.linalg.norm(v)), D)
+
+    return _searched(hessian_product, inverse, falls, held, most)
+
+
+def _held(end: EndPoint, D: Array) -> Mask:
+    """Unknowns that a bound holds, (n,): they are on it, and the cost falls towards it."""
+    problem, x, slope = end.problem, end.x, end.here.gradient / D
+    least = end.tolerance * float(np.linalg.norm(end.here.residual))
+    low, high = x <= problem.lower, x >= problem.upper
+    held = (low & (slope > least)) | (high & (slope < -least)) | (low & high)
+    return np.asarray(held | ~problem.support.read)
+
+
+def _inverse(here: Linearization, D: Array, held: Mask) -> Product | None:
+    """The product of M^-1 and a vector, of the unknowns D x; None if that is not affordable."""
+    normal, n = here.normal, len(D)
+    if not isinstance(normal, np.ndarray):
+        factor = factor_of(normal, np.where(held, 1.0, DAMPING) * D**2)
+        return None if factor is None else lambda v: np.where(held, 0.0, D * factor.solve(D * v))
+    if n > DENSE:
+        return None
+    M = normal / np.outer(D, D)
+    if held.any():
+        M[held], M[:, held] = 0.0, 0.0
+    M[np.diag_indices(n)] += DAMPING
+    L, failed = scipy.linalg.lapack.dpotrf(M, lower=True)
+    if failed:
+        return None
+    return lambda v: np.asarray(scipy.linalg.lapack.dpotrs(L, v, lower=True)[0])
+
+
+@lru_cache(maxsize=4)
+def random_vector(n: int) -> Array:
+    """Random numbers (n,), normally distributed and always the same; they cannot be written to."""
+    found = np.random.default_rng(0).standard_normal(n)
+    found.setflags(write=False)
+    return found
+
+
+def _searched(
+    hessian_product: Product,
+    inverse: Product,
+    falls: Callable[[Array], Saddle | None],
+    held: Mask,
+    most: int,
+) -> Saddle | None:
+    """Lanczos' method for the least eigenvalue of M^-1 H, and whether the cost falls along it.
+
+    `hessian_product` gives H v, and `falls` tries a direction. The search ends where an eigenvalue
+    of 0 would have shown by now, for about three of four random vectors: the least one found is so
+    far above it that Chebyshev's polynomial would have brought it out (Kuczynski and Wozniakowski,
+    Estimating the largest eigenvalue by the power and Lanczos algorithms, 1992).
+    """
+    n, size = len(held), int((~held).sum())
+    u = np.where(held, 0.0, random_vector(n))
+    w = inverse(u)
+    beta = float(np.sqrt(u @ w))
+    dual, primal = np.zeros((n, 0)), np.zeros((n, 0))
+    before, most, tried = np.zeros((0, 0)), min(most, size), False
+    most_once_seen = most + MORE
+    for k in range(1, size + 1):
+        dual = np.concatenate([dual, (u / beta)[:, None]], axis=1)
+        primal = np.concatenate([primal, (w / beta)[:, None]], axis=1)
+        u = hessian_product(primal[:, -1])
+        if not np.isfinite(u).all():
+            return None
+        T = np.zeros((k, k))
+        T[:-1, :-1] = before
+        T[-1, -1] = u @ primal[:, -1]
+        if k > 1:
+            T[-1, -2] = T[-2, -1] = beta
+        for _ in range(2):  # twice, so that rounding does not bring the same vectors back
+            u = u - dual @ (primal.T @ u)
+        w = inverse(u)
+        beta = float(np.sqrt(max(float(u @ w), 0.0)))
+        values, vectors = np.linalg.eigh(T)
+        before = T
+        least = float(values[0])
+        if least < -FLAT and not tried:
+            most = min(most_once_seen, size)
+        last = k >= most or beta <= EPS * float(np.abs(values).max())
+        clear = beta * abs(float(vectors[-1, 0])) <= CLEAR * abs(least)
+        if least < FLAT and (last or (least < -FLAT and clear and not tried)):
+            found, tried = falls(primal @ vectors[:, 0]), True
+            if found is not None:
+                return found
+        if last or (k > 1 and _shown(values, k, size)):
+            return None
+    return None
+
+
+def _shown(values: Array, k: int, n: int) -> bool:
+    """Whether k steps that found these eigenvalues would have shown one that is 0."""
+    low, high = float(values[0]), float(values[-1])
+    if low <= FLAT:
+        return False
+    if high - low <= EPS * high:
+        return True
+    grown = min((k - 1) * acosh((high + low) / (high - low)), 100.0)
+    return cosh(grown) ** 2 * ACROSS * low > n * high
+
+
+def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
+    """Whether the cost falls along d (n,), of length 1, to one of its sides, and how far it does.
+
+    It is tried at growing distances until it changes by more than rounding. If it bends upwards
+    there, or falls by no more than its gradient says, there is no fall.
+    """
+    here, x = end.here, end.x
+    low, high = end.problem.lower, end.problem.upper
+    size = float(np.linalg.norm(here.residual))
+    longest = NEARBY / float(np.max(np.abs(d) / D / end.size))
+
+    def at(length: float) -> tuple[float, float, float]:
+        r = end.residual(np.clip(x + length * d / D, low, high))
+        lower = fall(here.residual, r)
+        noise = end.rounding.of_fall(here.residual, r != here.residual)
+        return length, (lower if np.isfinite(lower) else -np.inf), noise
+
+    length = SHORTEST * size
+    while length <= longest:
+        sides = at(length), at(-length)
+        curved, noise = sides[0][1] + sides[1][1], sides[0][2] + sides[1][2]
+        best, lower, _ = max(sides, key=lambda side: side[1])
+        explained = noise + 2 * length * abs(float(here.gradient @ (d / D)))
+        if curved > noise or lower > explained:
+            for _ in range(DOUBLINGS):
+                further, much_lower, _ = at(2 * best)
+                if much_lower <= lower:
+                    break
+                best, lower = further, much_lower
+            to = np.clip(x + best * d / D, low, high)
+            return Saddle(np.sign(best) * d, to, lower) if lower > end.worth else None
+        if curved < -noise:
+            return None
+        length *= 10
+    return None
+
+
+def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged: bool) -> Mask:
+    """The unknowns (n,) that run off while the cost falls.
+
+    Those are tried that are large by `_growing` or have become a thousand times as large as they
+    were, or as 1, of those that changed the residual by more than rounding: `noticed` (n,).
+    """
+    last, none = len(trace) - 1, np.zeros(len(end.x), dtype=bool)
+    if last < 1 or not trace[last // 2].cost > end.here.cost + end.noise:
+        return none
+    start, noise = end.start, end.noise
+    limit = np.where(end.x > 0, end.problem.upper, end.problem.lower)
+    far = (np.abs(end.x) > THOUSANDFOLD * np.maximum(np.abs(start), 1.0)) & ~np.isfinite(limit)
+    growing = _growing(end, trace, converged) & noticed if last + 1 >= ITERATES else none
+    running = (growing | far) & noticed & (end.x != start)
+    if not running.any():
+        return none
+    way, tried = np.where(running, end.x - start, 0.0), 0
+    growth = np.where(running, np.abs(end.x) / np.maximum(np.abs(start), 1.0), 0.0)
+    driven = np.arange(len(growth)) == np.argmax(growth)
+    begun = _followed(end, end.x, driven, noise)
+    first = end.residual(begun)
+
+    def fallen(times: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
+        """The point farther out after x (n,), its residual (m,), and whether it is no higher."""
+        to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
+        further = end.residual(to)
+        rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
+        left = IMPERFECT * half_squared(r) + rounding.of_fall(further, further != r)
+        return to, further, not fall(r, further) < -left
+
+    if not fallen(FIRST, begun, first)[2]:
+        return none
+    at, before = begun, first
+    for times in FARTHER:
+        at, r, lower = fallen(times, at, before)
+        if not np.isfinite(r).all():
+            break
+        if not lower:
+            return none
+        before, tried = r, tried + 1
+    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or fall(first, before) > end.worth
+    return running if tried >= SURELY and falls else none
+
+
+def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
+    """The unknowns (n,) that grew as fast in the last quarter of the run as before.
+
+    If the run has `converged`, its last step must also be about as long as those before.
+    """
+    last, pack = len(trace) - 1, end.problem.free.pack
+    quarter = (3 * last) // 4
+    middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))
+    growing = _grown(end, middle, late, end.x)
+    if trace[last].cost <= end.here.cost + end.noise:  # the best may be one of several at its cost
+        growing |= _grown(end, middle, late, there)
+    if converged:
+        step = np.abs(there - pack(trace[last - 1].values))
+        growing &= step > SLOWED * np.abs(there - late) / (last - quarter)
+    return growing
+
+
+def _grown(end: EndPoint, middle: Array, late: Array, final: Array) -> Mask:
+    """The unknowns (n,) that grew as fast from `late` to `final` (n,) as they did before."""
+    before, now = late - middle, final - late
+    size = np.abs(final)
+    grew = (size >= BEYOND * np.abs(end.start)) & (np.abs(now) > GROWN * size)
+    grew &= np.abs(now) > SLOWED * np.abs(before)
+    grew &= (now * before > 0) & (now * final > 0)
+    limit = np.where(now > 0, end.problem.upper, end.problem.lower)
+    return np.asarray(grew & ~np.isfinite(limit))
+
+
+def _followed(end: EndPoint, x: Array, held: Mask, noise: float) -> Array:
+    """The point after the unknowns that are not `held` (n,) followed, by Gauss-Newton steps."""
+    for _ in range(0 if held.all() else FOLLOWED):
+        cost, step = _step_of_others(end, x, held)
+        to = None if step is None else _lower(end, x, step, cost - noise)
+        if to is None:
+            return x
+        x = to
+    return x
+
+
+def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
+    """The first point along a step (n,) at which the cost is lower than this one, if there is."""
+    for part in SHORTER:
+        to = np.clip(x + part * step, end.problem.lower, end.problem.upper)
+        if half_squared(end.residual(to)) < cost:
+            return to
+    return None
+
+
+def _step_of_others(end: EndPoint, x: Array, held: Mask) -> tuple[float, Array | None]:
+    """The cost at x, and the Gauss-Newton step (n,) of the unknowns that are not `held` (n,).
+
+    There is no step where the linearization is not finite. In a sequence no columns are copied,
+    because the copy would take much more memory than the Jacobian. Instead, a
+    number is added on the diagonal of those held that is so large that their step is zero.
+    The others are slightly damped if their columns are dependent.
+    """
+    here = end.linearize(x)
+    cost = here.cost
+    if not here.finite:
+        return cost, None
+    if not here.by_frames:
+        rest, found = np.flatnonzero(~held), np.zeros(len(x))
+        found[rest] = here.columns(rest).step()
+        return cost, found
+    gradient, normal = here.gradient, here.normal
+    squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
+    del here  # and its Jacobian, before the normal equations are copied
+    for damping in (0.0, SLIGHT):
+        step = inverse_times(normal, -gradient, np.where(held, HELD, damping) * squares)
+        if step is not None:
+            return cost, np.where(held, 0.0, step)
+    return cost, None

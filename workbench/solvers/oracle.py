@@ -1,96 +1,69 @@
-"""A run's numbers as CasADi functions, for the solvers that CasADi calls."""
+"""A run's numbers as CasADi functions, for the solvers that CasADi calls.
 
-from collections.abc import Callable, Mapping, Sequence
+Where C++ calls Python, an exception counts as a failed evaluation, and Ctrl-C would be lost. So an
+exception is kept, the value is NaN, and it is raised again outside. Numbers pass through shared
+memory, because making a DM of a Hessian takes longer than computing the Hessian.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array, eye_array
 
 from workbench.arrays import Array
-from workbench.problem import Linearization, Problem
-from workbench.problem.sparsity import Pattern
-from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
-from workbench.solvers.convexity import raised, reflected
-from workbench.solvers.damping import Damped
-from workbench.solvers.external import Compute, External, Kept, Places, Recorder
-from workbench.solvers.one_pass import has_one_pass
+from workbench.problem import Problem
+from workbench.problem.sparsity import entries_at
+from workbench.problem.storage import Stored, dense, unblocked
+from workbench.solvers.limits import Stop
+from workbench.solvers.newton import raised, reflected
 from workbench.solvers.run import Run
 
-Hessian = Callable[[Run, Array, Linearization], Stored] | Damped
+MOST = 500  # unknowns: with more, what a solver keeps takes memory, and making it hardly matters
 StoredBy = Callable[[Array, Array], Stored]  # of x (n,) and the multipliers (k,)
+Compute = Callable[[Array, Array], float | Stored]
+Places: TypeAlias = tuple[int, ...] | csc_array  # the shape of an array, or where nonzeros stand
 T = TypeVar("T")
 
 
-def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
-    """The matrix J'J (n, n), positive semidefinite, and exact where the residual vanishes."""
-    return dense(here.normal)
+@dataclass
+class Serving:
+    """What CasADi's functions compute at present; nothing of a run is kept between runs.
 
-
-def exact_hessian(run: Run, x: Array, here: Linearization) -> Stored:
-    """The Hessian of the cost (n, n), J'J + sum r_i H_i, by differentiation of the whole graph.
-
-    It is sparse if it is large and most of it is zero.
+    Attributes:
+        run: the run that they serve.
+        compute: what each of them computes, by its name.
+        error: the exception that was raised inside; it would lose its type on the way through C++.
     """
-    return run.hessian(x)
 
-
-def abilities_with(hessian: Hessian | None, source: str) -> Abilities:
-    """What a solver can do that CasADi calls with this Hessian: it takes bounds and constraints."""
-    damped = isinstance(hessian, Damped)
-    first_derivatives = damped or hessian in (None, gauss_newton_hessian)
-    return Abilities(
-        Derivative.JACOBIAN if first_derivatives else Derivative.HESSIAN,
-        Boxes.TAKEN,
-        equations=True,
-        inequalities=True,
-        first_step=IN_A_RADIUS if damped else WHOLE,
-        source=source,
-    )
-
-
-def is_of_first_order(hessian: Hessian | None) -> bool:
-    """Whether a Hessian is made of J'J, which is then asked for at every iterate."""
-    return isinstance(hessian, Damped) or hessian is gauss_newton_hessian
-
-
-def unless_solved(run: Run, hessian: Hessian | None) -> None:
-    """End the run if its start is already a solution; then no solver has to be made.
-
-    From here on J'J comes with each Jacobian, if the Hessian needs it and one pass gives both; then
-    trials are also linearized at once.
-    """
-    run.one_pass.on = is_of_first_order(hessian) and has_one_pass(run.problem)
-    here = run.linearize(run.x)
-    if run.optimality(run.x, here) <= run.limits.gradient_tolerance:
-        run.record(run.x, here.cost, here)
+    run: Run | None = None
+    compute: dict[str, Compute] = field(default_factory=dict)
+    error: BaseException | None = None
 
 
 class Oracle:
     """Cost, constraints and their derivatives as CasADi functions of x and the multipliers.
 
-    All of them use one linearization per point, and each is made when it is first asked for.
-    Nothing that an oracle makes refers back to it, so that large Jacobians are freed with the last
-    reference to a run. The constraints' Jacobian is sparse where the problem's Jacobian or that of
-    its constraints is. Hessians are sparse where the Hessian of the cost is J'J of a sparse J, or
-    the exact one and stored by its nonzeros. The places of nonzeros follow from the structure and
-    are the same at every point.
+    All of them use one linearization per point, and each is made when it is first asked for. The
+    constraints' Jacobian is sparse where the problem's Jacobian or that of its constraints is.
+    Hessians are sparse if the places of the nonzeros of that of the cost are given; these follow
+    from the structure and are the same at every point.
+
+    Attributes:
+        solver: a solver of CasADi that asks these functions; None until one is made.
     """
 
-    def __init__(
-        self,
-        run: Run,
-        hessian: Hessian | None,
-        functions: dict[str, External | Recorder] | None = None,
-    ) -> None:
-        """`functions` are those of an earlier oracle of such a problem, and get those made here."""
-        self._run, self._kept = run, Kept()
-        self._functions = {} if functions is None else functions
-        self._hessian: Hessian = hessian or Damped()
-        self._there = run.problem.stacked_constraints
-        self._n, self._k = run.problem.free.size, 0 if self._there is None else self._there.size
+    def __init__(self, problem: Problem, nonzeros: csc_array | None, options: object = None):
+        """`options` are what else a solver depends on, beside the problem."""
+        self.options = options
+        self.solver: cs.Function | None = None
+        self._problem, self._nonzeros, self._serving = problem, nonzeros, Serving()
+        self._there = problem.stacked_constraints
+        self._n, self._k = problem.free.size, 0 if self._there is None else self._there.size
 
     @cached_property
     def symbols(self) -> dict[str, cs.MX]:
@@ -107,149 +80,172 @@ class Oracle:
         arguments = [self.symbols[name] for name in reads]
         return cs.Function("oracle", arguments, [*outputs.values()], [*reads], [*outputs])
 
-    def serve_again(self) -> None:
-        """Let all functions of an earlier oracle compute the numbers of this run."""
-        for name in self._functions:
-            getattr(self, name)  # each is served when it is asked for
+    @contextmanager
+    def serving(self, run: Run, of_cost: StoredBy) -> Iterator[None]:
+        """Let all functions compute the numbers of a run, with this Hessian of the cost."""
+        now = self._serving
+        now.run, now.compute, now.error = run, _numbers_of(run, of_cost), None
+        try:
+            yield
+        finally:
+            now.run, now.compute, now.error = None, {}, None
 
     def minimize(self, solver: cs.Function) -> None:
         """Run a solver of CasADi from the start of the run; raise what was raised inside."""
-        problem, there = self._run.problem, self._there
+        problem, there, run = self._problem, self._there, self._serving.run
+        assert run is not None
         limits = {} if there is None else {"lbg": there.lower, "ubg": there.upper}
         if problem.bounded:
             limits |= {"lbx": problem.lower, "ubx": problem.upper}
         try:
-            solver(x0=self._run.x, **limits)
+            solver(x0=run.x, **limits)
         finally:
             if self.error is not None:
                 raise self.error
 
     @cached_property
-    def cost(self) -> External:
+    def cost(self) -> "External":
         """The cost at x (n,), half the sum of squares, as a number; infinite if not finite."""
-        return self._external("cost", (), _asked_twice(_cost_of(self._run)))
+        return self._external("cost", ())
 
     @cached_property
-    def gradient(self) -> External:
+    def gradient(self) -> "External":
         """The gradient of the cost at x, (n, 1)."""
-        return self._external("gradient", (self._n,), _gradient_of(self._run))
+        return self._external("gradient", (self._n,))
 
     @cached_property
-    def constraints(self) -> External:
+    def constraints(self) -> "External":
         """The constraints at x, (k, 1)."""
-        return self._external("constraints", (self._k,), _asked_twice(self._run.constraints))
+        return self._external("constraints", (self._k,))
 
     @cached_property
-    def constraint_jacobian(self) -> External:
+    def constraint_jacobian(self) -> "External":
         """The Jacobian of the constraints at x, (k, n)."""
-        n, at, there = self._n, self._run.linearize, self._there
-
-        def rows(x: Array, _: Array) -> Stored:
-            constraints = at(x).constraints
-            return np.zeros((0, n)) if constraints is None else constraints.jacobian
-
-        thin = self._run.problem.sparse or self._nonzeros is not None
-        places: Places = self._k, n
-        if there is not None and (thin or there.sparse):
-            places = there.pattern
-        return self._external("constraint_jacobian", places, rows)
+        there = self._there
+        if there is not None and (
+            self._problem.sparse or self._nonzeros is not None or there.sparse
+        ):
+            return self._external("constraint_jacobian", there.pattern)
+        return self._external("constraint_jacobian", (self._k, self._n))
 
     @cached_property
-    def hessian(self) -> External:
+    def hessian(self) -> "External":
         """The Hessian of the cost at x, (n, n)."""
-        places = self._square if self._nonzeros is None else self._nonzeros
-        return self._external("hessian", places, _of_cost(self._run, self._hessian))
+        return self._external("hessian", self._square)
 
     @cached_property
-    def constraint_hessian(self) -> External:
+    def constraint_hessian(self) -> "External":
         """The sum of the constraints' Hessians at x, each times its multiplier, (n, n)."""
-        places: Places = self._square
+        places = self._square
         if self._there is not None and self._nonzeros is not None:
             places = self._there.hessian_pattern
-        return self._external(
-            "constraint_hessian", places, _of_constraints(self._run), multiplied=True
-        )
+        return self._external("constraint_hessian", places, multiplied=True)
 
     @cached_property
-    def convex_hessian(self) -> External:
+    def convex_hessian(self) -> "External":
         """The Hessian of the Lagrangian at x, made positive definite, (n, n).
 
         Eigenvalues of an array that are below zero are `reflected`. Those of a sparse matrix are
         too many to compute; there the diagonal is `raised`.
         """
-        of_cost, bend = _of_cost(self._run, self._hessian), _of_constraints(self._run)
-        there, at = self._there, self._run.linearize
-
-        def of_both(x: Array, multipliers: Array) -> Stored:
-            H = of_cost(x, multipliers)
-            if there is None:
-                return H
-            if isinstance(H, csc_array):
-                return csc_array(H + csc_array(bend(x, multipliers)))
-            return H + dense(bend(x, multipliers))
-
-        def definite(x: Array, multipliers: Array) -> Stored:
-            return reflected(dense(of_both(x, multipliers))).matrix
-
-        def raised_at(x: Array, multipliers: Array) -> Stored:
-            return raised(unblocked(at(x).normal), of_both(x, multipliers)).matrix
-
         if self._nonzeros is None:
-            return self._external("convex_hessian", self._square, definite, multiplied=True)
+            return self._external("convex_hessian", self._square, multiplied=True)
         places = self._nonzeros + eye_array(self._n)
-        if there is not None:
-            places = places + there.hessian_pattern
-        return self._external("convex_hessian", csc_array(places), raised_at, multiplied=True)
+        if self._there is not None:
+            places = places + self._there.hessian_pattern
+        return self._external("raised_hessian", csc_array(places), multiplied=True)
 
     @cached_property
-    def recorder(self) -> Recorder:
+    def recorder(self) -> "Recorder":
         """The function that CasADi's solvers call at every iterate."""
-        found = self._functions.get("recorder")
-        if not isinstance(found, Recorder):
-            found = self._functions["recorder"] = Recorder((self._n, self._k))
-        found.serve(self._run, self._kept)
-        return found
+        return Recorder((self._n, self._k), self._serving)
 
     @property
     def error(self) -> BaseException | None:
         """What was raised inside, if anything was."""
-        return self._kept.error
+        return self._serving.error
 
     @property
-    def _square(self) -> tuple[int, int]:
-        return self._n, self._n
+    def _square(self) -> Places:
+        return (self._n, self._n) if self._nonzeros is None else self._nonzeros
 
-    @cached_property
-    def _nonzeros(self) -> csc_array | None:
-        """Where the Hessian of the cost can be nonzero, if it is sparse."""
-        if is_of_first_order(self._hessian):
-            return _nonzeros_of_normal(self._run.problem)
-        return _nonzeros_of_exact(self._run.problem) if self._hessian is exact_hessian else None
-
-    def _external(
-        self, name: str, places: Places, compute: Compute, *, multiplied: bool = False
-    ) -> External:
-        found = self._functions.get(name)
-        if not isinstance(found, External):
-            sizes = self._n, self._k if multiplied else 0
-            found = self._functions[name] = External(name, sizes, places)
-        found.serve(compute, self._run, self._kept)
-        return found
+    def _external(self, name: str, places: Places, *, multiplied: bool = False) -> "External":
+        return External(name, (self._n, self._k if multiplied else 0), places, self._serving)
 
 
-def _nonzeros_of_normal(problem: Problem) -> csc_array | None:
-    """Where J'J can be nonzero, and the diagonal, if J is sparse."""
-    if not problem.sparse:
-        return None
-    normal = gram_of_nonzeros(csc_array(problem.pattern, dtype=float))
-    return csc_array(normal + eye_array(problem.free.size))
+@contextmanager
+def kept_oracle(
+    run: Run, of_cost: StoredBy, nonzeros: csc_array | None, options: object
+) -> Iterator[Oracle]:
+    """The oracle of an earlier run on this problem with its solver, or a new one.
+
+    To make IPOPT's solver takes about as long as two of its iterations on the pose of a body, and a
+    problem is often solved again with other fixed numbers, as for each frame of a video. Afterwards
+    it is left with the problem for the next run, unless something unexpected was raised, the
+    problem is sparse, or it has more than 500 unknowns. A problem keeps one oracle at a time, so
+    that a run within a run makes its own.
+    """
+    problem = run.problem
+    try:
+        oracle = problem.solvers_made.pop()  # at once, whatever other threads do
+    except IndexError:
+        oracle = None
+    if not isinstance(oracle, Oracle) or oracle.options != options:
+        oracle = Oracle(problem, nonzeros, options)
+    expected = False
+    try:
+        with oracle.serving(run, of_cost):
+            yield oracle
+        expected = True
+    except Stop:
+        expected = True
+        raise
+    finally:
+        if expected and problem.free.size <= MOST and not problem.sparse:
+            problem.solvers_made[:] = [oracle]
 
 
-def _nonzeros_of_exact(problem: Problem) -> csc_array | None:
-    """Where the exact Hessian can be nonzero, if it is stored by its nonzeros."""
-    there, n = Pattern(problem.hessian.sparsity_out(0)), problem.free.size
-    nonzeros = len(there.rows)
-    return there.matrix(np.ones(nonzeros)) if is_sparse(n, n, nonzeros) else None
+def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
+    """What the functions of an oracle compute for a run, by their names.
+
+    Where constraints or bounds have to be met, the cost may well rise, and no trial is linearized
+    at once. The gradient is asked for at trials that are taken.
+    """
+    problem, at, there = run.problem, run.linearize, run.problem.stacked_constraints
+    n = problem.free.size
+
+    def tried(x: Array) -> float:
+        return run.tried(x, run.best.cost)[0]
+
+    def gradient(x: Array, _: Array) -> Array:
+        run.one_pass.judged(taken=True)
+        return at(x).gradient
+
+    def constraint_jacobian(x: Array, _: Array) -> Stored:
+        constraints = at(x).constraints
+        return np.zeros((0, n)) if constraints is None else constraints.jacobian
+
+    def of_constraints(x: Array, multipliers: Array) -> Stored:
+        return np.zeros((n, n)) if there is None else there.hessian(x, run.fixed, multipliers)
+
+    def of_both(x: Array, multipliers: Array) -> Stored:
+        H = of_cost(x, multipliers)
+        if there is None:
+            return H
+        if isinstance(H, csc_array):
+            return csc_array(H + csc_array(of_constraints(x, multipliers)))
+        return H + dense(of_constraints(x, multipliers))
+
+    return {
+        "cost": _asked_twice(run.cost if there is not None or problem.bounded else tried),
+        "gradient": gradient,
+        "constraints": _asked_twice(run.constraints),
+        "constraint_jacobian": constraint_jacobian,
+        "hessian": of_cost,
+        "constraint_hessian": of_constraints,
+        "convex_hessian": lambda x, y: reflected(dense(of_both(x, y)))[0],
+        "raised_hessian": lambda x, y: raised(unblocked(at(x).normal), of_both(x, y))[0],
+    }
 
 
 def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
@@ -258,40 +254,115 @@ def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
     return lambda x, _: known(x.tobytes())
 
 
-def _cost_of(run: Run) -> Callable[[Array], float]:
-    """The cost at a trial x. Where constraints or bounds have to be met, it may well rise."""
-    if run.problem.stacked_constraints is not None or run.problem.bounded:
-        return run.cost
-    return lambda x: run.tried(x, run.best.cost)[0]
+class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of calling back
+    """A CasADi function of x and multipliers whose value Python computes; NaN after an error.
+
+    Its value is a number, an array, or a sparse matrix with nonzeros in given places.
+    """
+
+    def __init__(self, name: str, sizes: tuple[int, int], places: Places, serving: Serving) -> None:
+        super().__init__()
+        if isinstance(places, csc_array):
+            places.sort_indices()
+            starts, rows = places.indptr.tolist(), places.indices.tolist()
+            self._shape: tuple[int, ...] = (places.nnz,)
+            self._sparsity = cs.Sparsity(*places.shape, starts, rows)
+        else:
+            self._shape, self._sparsity = places, cs.Sparsity.dense(*(places or (1,)))
+        self._name, self._sizes, self._places, self._serving = name, sizes, places, serving
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """The number of arguments."""
+        return 2
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Every argument is a dense column."""
+        return cs.Sparsity.dense(self._sizes[i], 1)
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """The places of the value: all of an array, or the nonzeros of a sparse matrix."""
+        return self._sparsity
+
+    def has_eval_buffer(self) -> bool:
+        """Numbers are exchanged through shared memory, not as DM."""
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        """Write the value; called by CasADi."""
+        if results[0] is None:  # the value is not needed
+            return 0
+        out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
+        now = self._serving
+        if now.run is None:
+            return 1
+        try:
+            if now.error is None:
+                x, multipliers = (
+                    _inside(arguments[0], now.run),
+                    _column(arguments[1], self._sizes[1]),
+                )
+                value = self._numbers(now.compute[self._name](x, multipliers))
+                if value.shape != self._shape:  # a user's Hessian
+                    raise ValueError(f"{self._name} is {self._shape}, not {value.shape}")
+                out[...] = value
+                return 0
+        except BaseException as error:
+            now.error = error
+        out[...] = np.nan
+        return 0
+
+    def _numbers(self, value: float | Stored) -> Array:
+        if isinstance(self._places, csc_array) and not isinstance(value, float):
+            return entries_at(value, self._places)
+        return dense(value) if isinstance(value, csc_array) else np.asarray(value)
 
 
-def _gradient_of(run: Run) -> Callable[[Array, Array], Array]:
-    """The gradient of the cost, which is asked for at trials that are taken."""
+class Recorder(cs.Callback):  # type: ignore[misc]
+    """Adds a solver's iterates to the trace of a run, and stops the solver when the run ends."""
 
-    def gradient(x: Array, _: Array) -> Array:
-        run.one_pass.judged(taken=True)
-        return run.linearize(x).gradient
+    def __init__(self, sizes: tuple[int, int], serving: Serving) -> None:
+        super().__init__()
+        n, k = sizes
+        self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
+        self._serving = serving
+        self.construct("recorder", {})
 
-    return gradient
+    def get_n_in(self) -> int:
+        """The number of outputs of a solver."""
+        return int(cs.nlpsol_n_out())
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Every argument is a dense column."""
+        return cs.Sparsity.dense(self._sizes.get(cs.nlpsol_out(i), 0), 1)
+
+    def has_eval_buffer(self) -> bool:
+        """Numbers are exchanged through shared memory, not as DM."""
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        """Record an iterate; called by CasADi, which stops its solver if the value is 1."""
+        stop, now = 1.0, self._serving
+        if now.run is not None and now.error is None:
+            try:
+                x = _inside(arguments[0], now.run)
+                here = now.run.linearize(x)
+                now.run.record(x, here.cost, here)
+                stop = 0.0
+            except BaseException as error:
+                now.error = error
+        if results[0] is not None:
+            np.frombuffer(results[0])[:] = stop
+        return 0
 
 
-def _of_cost(run: Run, hessian: Hessian) -> StoredBy:
-    """The Hessian of the cost, which does not depend on the multipliers."""
-    if isinstance(hessian, Damped):
-        return hessian.along(run)
-    if hessian is gauss_newton_hessian:
-        return lambda x, _: unblocked(run.linearize(x).normal)
-
-    def given(x: Array, _: Array) -> Stored:
-        found = hessian(run, x, run.linearize(x))
-        return found if isinstance(found, csc_array) else np.asarray(found)
-
-    return given
+def _column(memory: Any, size: int) -> Array:
+    """A copy of CasADi's memory, (size,); zeros for a missing argument."""
+    return np.zeros(size) if memory is None else np.array(np.frombuffer(memory))
 
 
-def _of_constraints(run: Run) -> StoredBy:
-    """The sum of the constraints' Hessians, each times its multiplier."""
-    there, n = run.problem.stacked_constraints, run.problem.free.size
-    if there is None:
-        return lambda x, _: np.zeros((n, n))
-    return lambda x, multipliers: there.hessian(x, run.fixed, multipliers)
+def _inside(memory: Any, run: Run) -> Array:
+    """The point (n,), moved between the bounds: an infeasible quadratic program may leave them."""
+    problem = run.problem
+    x = _column(memory, problem.free.size)
+    return np.clip(x, problem.lower, problem.upper) if problem.bounded else x

@@ -5,28 +5,28 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict
 from math import isfinite, isnan, sqrt
 from types import TracebackType
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
-from workbench.problem import Linearization, Problem
-from workbench.problem.rounding import all_finite, fall, half_squared
+from workbench.problem import Linearization, Problem, gram
+from workbench.problem.rounding import Rounding, all_finite, fall, half_squared
+from workbench.problem.steps import automatic, cholesky, sparing
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
-from workbench.solvers.best import Best
-from workbench.solvers.ending import ending, prefer_stationary
-from workbench.solvers.iterate import Evaluations, Iterate
-from workbench.solvers.limits import GUARDED, Options, Stop, stop_asked, stop_of, unwarned
-from workbench.solvers.linearization_cache import LinearizationCache
-from workbench.solvers.meter import Meter
-from workbench.solvers.one_pass import HIGHER, OnePass, takes_one_pass
-from workbench.solvers.rounding_noise import RoundingNoise
-from workbench.solvers.sensitivity import Sensitivity
-from workbench.solvers.solution import Callback, Solution, Status
-from workbench.solvers.wrapping import rewrapped
+from workbench.solvers.judgement import (
+    LOOSE,
+    end_point,
+    ending,
+    prefer_stationary,
+    rewrapped,
+    running_off,
+)
+from workbench.solvers.limits import GUARDED, Limits, Meter, Stop, stop_asked, stop_of, unwarned
+from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.threads import limited_threads
 
 T = TypeVar("T")
@@ -34,6 +34,12 @@ Known = tuple[float, Array] | None  # the cost and the residual (m,) at a point
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 TRIES = 6  # to find a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
+LOOKED_AT = (128, 256, 512, 1024)  # iterates at which the cost is asked whether it falls for ever
+CLEARLY = 100.0  # times the rounding errors of a few points ago: they do not matter
+OFTEN = 5  # linearizations after which rounding errors are measured in any case
+BY_NORMAL_EQUATIONS = (automatic, cholesky, sparing)
+LARGEST = 2**26  # bytes of a Jacobian, of which two are in memory at a time
+HIGHER = 1.001  # times the cost: where a trial costs more, its Jacobian is not looked at
 POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
@@ -47,7 +53,7 @@ class Run:
     """
 
     def __init__(
-        self, name: str, solver: Options, problem: Problem, start: Values, callback: Callback
+        self, name: str, solver: Limits, problem: Problem, start: Values, callback: Callback
     ) -> None:
         refuse(name, solver.abilities, problem)
         self.name, self.limits, self.problem, self.callback = name, solver, problem, callback
@@ -60,7 +66,7 @@ class Run:
         self.stopped: Stop | None = None
         self.not_finite = 0  # points in a row at which the residual was NaN or infinite
         self.met_not_finite = -2  # how long the trace was when the last of them was met
-        self.sensitivity = Sensitivity(self.x)
+        self.longest_columns = np.zeros(self.x.size)  # of the Jacobian, at all points
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
         self.linearizations = LinearizationCache()
         self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
@@ -132,7 +138,7 @@ class Run:
             _ = here.normal  # with the gradient and the lengths of columns
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             return None
-        self.sensitivity.observe(x, here)
+        self.longest_columns = np.maximum(self.longest_columns, here.column_norms)
         self.rounding_noise.age += 1
         self.linearizations.keep(x, here)
         return here.cost, here.residual
@@ -175,6 +181,8 @@ class Run:
                 raise Stop(Status.NOT_FINITE)
             return np.inf
         self.not_finite = 0
+        if not isfinite(self.best.cost):
+            self.rounding_noise.first_cost = cost
         self.best.offer(x, cost, violation)
         return cost
 
@@ -269,10 +277,21 @@ class Run:
         self._interrupts.check()
         if optimality <= self.limits.gradient_tolerance:
             raise Stop(Status.CONVERGED)
+        if len(self.trace) in LOOKED_AT and here is not None and self._runs_off(x, here):
+            raise Stop(Status.NO_FINITE_MINIMUM)
         if asked is not None:
             raise asked
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
+
+    def _runs_off(self, x: Array, here: Linearization) -> bool:
+        """Whether unknowns grow without limit, at the best point x (n,) of a long run."""
+        if self.limits.gradient_tolerance >= LOOSE or not np.array_equal(x, self.best.x):
+            return False
+        try:
+            return bool(running_off(self, end_point(self, here)).any())
+        except Exception:  # of the user's residual far away, which shows nothing
+            return False
 
     def stall(self, message: str = "") -> NoReturn:
         """End the run because no better point is found, for the reason in `message` if given."""
@@ -298,3 +317,212 @@ class Run:
             violation=max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
             **told,
         )
+
+
+class Best:
+    """The feasible point of lowest cost; as long as there is none, that of the least violation.
+
+    Points whose costs differ by no more than rounding are compared by how stationary they are: the
+    cost is flat at a minimum, the gradient is not.
+
+    Attributes:
+        x: (n,) the point.
+        cost: the cost there.
+        violation: by how many tolerances the worst constraint is exceeded there.
+    """
+
+    def __init__(self, start: Array) -> None:
+        self.x, self.cost, self.violation = start.copy(), np.inf, np.inf
+        self._settled: tuple[Array, float, float, float] | None = None  # and its optimality
+        self._noise = 0.0  # of the cost there
+
+    def offer(self, x: Array, cost: float, violation: float) -> None:
+        """Take a point with a finite cost if it is better; `violation` is in tolerances."""
+        if violation <= 1 and self.violation <= 1:
+            better = cost < self.cost
+        else:
+            better = (violation, cost) < (self.violation, self.cost)
+        if better:
+            self.x, self.cost, self.violation = x.copy(), cost, violation
+
+    def settle(
+        self, x: Array, cost: float, violation: float, optimality: float, noise: float
+    ) -> None:
+        """Remember a point of known optimality, whose cost is uncertain by `noise`."""
+        if violation > 1 or self.violation > 1 or not cost <= self.cost + noise:
+            return
+        if self._settled is None or optimality < self._settled[2] or self._settled_is_worse():
+            self._settled, self._noise = (x.copy(), cost, optimality, violation), noise
+
+    def decide(self, optimality: float) -> float:
+        """Prefer the settled point if it costs the same and is more stationary than the best.
+
+        Takes the optimality of the best point, and returns that of the chosen one.
+        """
+        if self._settled is None or self._settled_is_worse() or optimality <= self._settled[2]:
+            return optimality
+        self.x, self.cost, optimality, self.violation = self._settled
+        return optimality
+
+    def _settled_is_worse(self) -> bool:
+        return self._settled is not None and self._settled[1] > self.cost + self._noise
+
+
+class LinearizationCache:
+    """One linearization, the point where it was made, and what was measured there.
+
+    Only one is kept, because Jacobians are large and the next one can use the same memory.
+    """
+
+    def __init__(self) -> None:
+        self._point = b""
+        self._here: Linearization | None = None
+        self._measured: dict[str, Any] = {}
+
+    def at(self, x: Array) -> Linearization | None:
+        """The linearization if it was made at x (n,), else None."""
+        return self._here if self._here is not None and self._point == x.tobytes() else None
+
+    def forget(self) -> None:
+        """Free the memory of the linearization and of everything measured there."""
+        self._here, self._measured = None, {}
+
+    def keep(self, x: Array, here: Linearization) -> Linearization:
+        """Keep a linearization at x (n,) in place of the one before, and return it."""
+        self._point, self._here, self._measured = x.tobytes(), here, {}
+        return here
+
+    def once(self, what: str, here: Linearization, measure: Callable[[], T]) -> T:
+        """The result of `measure`, which is called once for the linearization that is kept.
+
+        `what` names the quantity. For any other linearization it is measured every time.
+        """
+        if here is not self._here:
+            return measure()
+        if what not in self._measured:
+            self._measured[what] = measure()
+        found: T = self._measured[what]
+        return found
+
+
+class RoundingNoise:
+    """How much rounding errors hide at the points of a run.
+
+    Measuring rounding errors takes up to a tenth of the time of a linearization. During most of a
+    run, the measurement at an earlier point is enough to tell that rounding errors are much smaller
+    than the residual.
+    """
+
+    def __init__(self, problem: Problem, fixed: Array, linearizations: LinearizationCache) -> None:
+        self._problem, self._fixed, self._linearizations = problem, fixed, linearizations
+        self._last: Rounding | None = None
+        self.age = 0  # of the last measurement, in linearizations
+        self.first_cost = np.inf  # at the start: far below its residual nothing matters
+
+    def at(self, x: Array, here: Linearization) -> Rounding:
+        """How much of each row of the residual may be rounding error at x (n,), measured there.
+
+        At a far start it may be larger than all of the residual at the minimum.
+        """
+
+        def measure() -> Rounding:
+            r = here.residual
+            floor = min(1.0, sqrt(2 * self.first_cost / max(r.size, 1)))
+            self._last, self.age = self._problem.rounding(x, self._fixed, r, floor), 0
+            return self._last
+
+        return self._linearizations.once("rounding", here, GUARDED(measure))
+
+    def of_cost(self, x: Array, here: Linearization) -> float:
+        """By how much rounding may have changed the cost at x (n,)."""
+        return self.at(x, here).of_cost(here.residual)
+
+    def recent(self, x: Array, here: Linearization) -> Rounding:
+        """The rounding errors measured a few points ago, or those at x (n,) if there are none."""
+        return self._recent or self.at(x, here)
+
+    def optimality(self, x: Array, here: Linearization) -> float:
+        """`Problem.optimality` at x (n,), less what rounding explains there."""
+
+        def measure() -> float:
+            if (last := self._recent) is not None:
+                found = self._problem.optimality(x, here)
+                if found * min(1.0, float(np.sqrt(2 * here.cost))) > CLEARLY * last.norm:
+                    return found
+            return self._problem.optimality(x, here, self.at(x, here))
+
+        return self._linearizations.once("optimality", here, measure)
+
+    def hides(
+        self,
+        predicted: float,
+        x: Array,
+        here: Linearization,
+        moved: Mask | None = None,
+    ) -> bool:
+        """Whether rounding may hide that the cost falls from x (n,) by as much as `predicted`.
+
+        If `moved` (m,) is given, only these rows of the residual count.
+        """
+        last = self._recent
+        if last is not None and predicted > CLEARLY * last.of_cost(here.residual):
+            return False
+        rounding = self.at(x, here)
+        if moved is None:
+            return predicted <= rounding.of_cost(here.residual)
+        return predicted <= rounding.of_fall(here.residual, moved)
+
+    @property
+    def _recent(self) -> Rounding | None:
+        return self._last if self.age < OFTEN else None
+
+
+class OnePass:
+    """Whether a run computes residual, Jacobian and normal equations together, also at trials.
+
+    A trial is expected to be taken unless the one before was refused, or the line search before
+    took a later trial than its first.
+
+    Attributes:
+        on: whether they are computed together.
+        at_once: how many trials were linearized at once.
+        saved: how many evaluations of the residual were saved, because such a trial was taken.
+    """
+
+    def __init__(self, on: bool) -> None:
+        self.on, self.at_once, self.saved = on, 0, 0
+        self._refused = self._last_at_once = False
+        self._since = 0  # trials since the last that was judged
+
+    def expected(self) -> bool:
+        """Whether to linearize the next trial; it counts as refused until it is `judged`."""
+        self._last_at_once, self._refused = self.on and not self._refused, True
+        self.at_once += self._last_at_once
+        self._since += 1
+        return self._last_at_once
+
+    def judged(self, taken: bool) -> None:
+        """Whether the last trial was taken; a line search says so at the end."""
+        self.saved += self._last_at_once and taken
+        self._refused = not taken or self._since > 1
+        self._last_at_once, self._since = False, 0
+
+
+def takes_one_pass(solver: Limits, problem: Problem) -> bool:
+    """Whether a run computes the normal equations with each Jacobian, and Jacobians of trials.
+
+    So it does where its steps come from normal equations, and where compiled code computes these
+    with the gradient and the lengths of columns, instead of one after the other. A posed surface
+    and its derivative read the same arrays: to ask for its points first costs a third to a half of
+    both.
+    """
+    by = getattr(solver, "linear_algebra", None)
+    return by in BY_NORMAL_EQUATIONS and has_one_pass(problem)
+
+
+def has_one_pass(problem: Problem) -> bool:
+    """Whether compiled code computes the normal equations with the gradient and column lengths."""
+    if problem.sparse:
+        return False
+    m, n = problem.size, problem.free.size
+    return gram.worthwhile(m, n) and 8 * m * n <= LARGEST and gram.compiled() is not None

@@ -12,9 +12,10 @@ from workbench.errors import check_known
 from workbench.problem import Problem
 from workbench.problem.storage import Stored, columns_of, dense, stacked, unblocked
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution, Status
+from workbench.solvers.trust_region import Scaling, identity
 
 METHODS = {
     name: Abilities(Derivative.JACOBIAN, boxes, first_step=IN_A_RADIUS, source=source)
@@ -28,7 +29,7 @@ TOLERANCE = 1e-15  # of SciPy's own rules, so that ours is asked first
 
 
 @dataclass(frozen=True)
-class Scipy:
+class Scipy(Limits):
     """A method of `scipy.optimize.least_squares`. Raises UnknownName for any other method.
 
     Attributes:
@@ -39,21 +40,10 @@ class Scipy:
             algorithm: implementation and theory, 1978).
         scaling: the metric D of a step, computed once, at the start. `identity`: a radian, a metre
             and a standard deviation count the same; `columns`: units do not matter.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     method: str = "trf"
     scaling: Scaling = identity
-    max_iterations: int = 1_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         check_known("method of SciPy", self.method, METHODS)

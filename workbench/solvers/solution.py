@@ -1,11 +1,11 @@
 """What every solver takes and returns: a problem and a start, and a solution with its trace."""
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Callable
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -24,11 +24,11 @@ from workbench.reading.facts import (
     whole,
 )
 from workbench.reading.facts import facts as facts_of
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.writing import write_arrays
 
 FACTS, VALUE, TRACE = "solution", "value:", "trace:"  # in a file
 HYPOTHESES, LOWER = "hypotheses:", "lower:"
+T = TypeVar("T")
 Row = tuple[Any, ...]  # all of an Iterate but its values
 
 
@@ -45,14 +45,13 @@ class Status(Enum):
         "from the `lower` point of the solution, which lies along it"
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
-    LOST = (
-        "the residual no longer changes with some unknowns, although it did on the way, and says "
-        "nothing about them; start nearer, bound them, or give them a prior"
+    INSENSITIVE = (
+        "the residual hardly changes with some unknowns here, and says nothing about them; start "
+        "nearer, bound them, or give them a prior"
     )
-    VALLEY = (
-        "the cost falls along a valley without end as some unknowns grow without limit, and has no "
-        "minimum there; bound them, give them a prior, or choose other unknowns, such as their "
-        "inverses"
+    NO_FINITE_MINIMUM = (
+        "the cost falls for ever as some unknowns grow without limit, and has no minimum there; "
+        "bound them, give them a prior, or choose other unknowns, such as their inverses"
     )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
@@ -62,6 +61,67 @@ class Status(Enum):
     RAISED = "the residual raised an exception; see the message"
     TOO_LARGE = "memory does not suffice for what the solver asks for; see the message"
     STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
+    LOST = INSENSITIVE  # its name in older files
+    VALLEY = NO_FINITE_MINIMUM  # its name in older files
+
+
+@dataclass(frozen=True)
+class Evaluations:
+    """The number of evaluations of each kind.
+
+    Attributes:
+        residual: of the residual, and so of the cost.
+        gradient: of the cost and its gradient.
+        jacobian: of the residual and its Jacobian.
+        hessian: of the exact Hessian of the cost.
+        constraint: of the values, the Jacobian or the Hessian of the constraints.
+    """
+
+    residual: int = 0
+    gradient: int = 0
+    jacobian: int = 0
+    hessian: int = 0
+    constraint: int = 0
+
+    @property
+    def total(self) -> int:
+        """All evaluations but those of the constraints."""
+        return self.residual + self.gradient + self.jacobian + self.hessian
+
+    def __add__(self, other: "Evaluations") -> "Evaluations":
+        """The evaluations of both."""
+        return Evaluations(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """One point that a solver visited.
+
+    Attributes:
+        values: the values of the free blocks.
+        cost: the cost at the point.
+        optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
+        step_norm: the length of the step from the iterate before, in the units of the unknowns.
+        damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
+            that have neither.
+        evaluations: the evaluations up to here.
+        seconds: the time up to here, in s.
+        linear_algebra: the factorization that gave the step to this point; empty where it is not
+            known.
+    """
+
+    values: Values
+    cost: float
+    optimality: float
+    step_norm: float
+    damping: float
+    evaluations: Evaluations
+    seconds: float
+    linear_algebra: str = ""
+
+
+# called at every iterate; stops the solver if it says True
+Callback = Callable[[Iterate], object] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,14 +159,10 @@ class Solution:
         trace: the iterates, the start first.
         violation: by how many tolerances the worst constraint is exceeded; up to 1 the point is
             feasible.
-        lost: labels of the lost unknowns: the residual changed with them on the way, and no longer
-            did where the run ended. If the status is LOST, this point is the best one before that.
-        lost_since: for the first few of `lost`, one for each: the number of the iterate from which
-            on the residual did not change with it; empty for any other status.
-        unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
-            was computed.
+        insensitive: labels of unknowns with which the residual hardly changes where the run ended,
+            or does not change anywhere that the Jacobian was computed.
         hypotheses: the minima that several starts led to, this one first; empty for one start.
-        running: labels of the unknowns that grow without limit along a valley without end.
+        diverging: labels of the unknowns that grow without limit while the cost falls for ever.
         lower: if the status is SADDLE, values beside the saddle where the cost is lower, from which
             to start again; else None.
         judging: the evaluations by which the end was judged after the run. They are not among
@@ -125,11 +181,9 @@ class Solution:
     seconds: float
     trace: tuple[Iterate, ...] = field(repr=False)
     violation: float = 0.0
-    lost: tuple[str, ...] = ()
-    unnoticed: tuple[str, ...] = ()
+    insensitive: tuple[str, ...] = ()
     hypotheses: tuple[Hypothesis, ...] = ()
-    lost_since: tuple[int, ...] = ()
-    running: tuple[str, ...] = ()
+    diverging: tuple[str, ...] = ()
     lower: Values | None = None
     judging: Evaluations = field(default_factory=Evaluations)
     stages: tuple[int, ...] = ()
@@ -161,11 +215,9 @@ class Solution:
             "evaluations": asdict(self.evaluations),
             "seconds": self.seconds,
             "missed": self.violation,
-            "lost": self.lost,
-            "unnoticed": self.unnoticed,
+            "insensitive": self.insensitive,
             "trace": [list(asdict(replace(i, values={})).values())[1:] for i in self.trace],
-            "lost_since": self.lost_since,
-            "running": self.running,
+            "diverging": self.diverging,
             "judging": asdict(self.judging),
             "stages": self.stages,
             "hypotheses": [[h.cost, h.status.name, h.starts, h.violation] for h in self.hypotheses],
@@ -185,69 +237,63 @@ class Solution:
         what = "solution that Solution.save wrote"
         with opened(path, what, "give the .npz of a run") as archive:
             facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
-            rows = facts.several("trace", _row)
-            minima = facts.several("hypotheses", _minimum) if "hypotheses" in facts.entries else ()
-            expected = {}
+            rows, minima = facts.several("trace", _row), _several(facts, _minimum, "hypotheses")
             shapes = {
                 key.removeprefix(VALUE): header.shape
                 for key, header in archive.headers.items()
                 if key.startswith(VALUE)
             }
+            has_lower = any(key.startswith(LOWER) for key in archive.headers)
+            expected = {}
             for name, shape in shapes.items():
                 expected[VALUE + name] = doubles(*shape)
                 # the array of an empty trace has the shape (0,)
                 expected[TRACE + name] = doubles(len(rows), *shape) if rows else doubles(0)
                 if minima:
                     expected[HYPOTHESES + name] = doubles(len(minima), *shape)
-            lower = any(key.startswith(LOWER) for key in archive.headers)
-            if lower:
-                expected |= {LOWER + name: doubles(*shape) for name, shape in shapes.items()}
+                if has_lower:
+                    expected[LOWER + name] = doubles(*shape)
             nothing_else(archive, (*expected, FACTS))
             arrays = read_expected(archive, expected)
-            found = _solution(facts, rows, arrays, tuple(shapes))
-        several_minima = (
-            Hypothesis({name: arrays[HYPOTHESES + name][i] for name in shapes}, *one)
-            for i, one in enumerate(minima)
-        )
-        beside = {name: arrays[LOWER + name] for name in shapes} if lower else None
-        return replace(found, hypotheses=tuple(several_minima), lower=beside)
+
+            def values(of: str, i: int | None = None) -> Values:
+                each = {name: arrays[of + name] for name in shapes}
+                return each if i is None else {name: several[i] for name, several in each.items()}
+
+            old = facts.entries  # older files lack some of the facts
+            return Solution(
+                values=values(VALUE),
+                cost=facts.amount("cost"),
+                optimality=facts.amount("optimality"),
+                status=Status[facts.among("status", Status.__members__)],
+                message=facts.text("message"),
+                solver=facts.text("solver"),
+                evaluations=_evaluations(facts.facts("evaluations")),
+                seconds=facts.duration("seconds"),
+                trace=tuple(Iterate(values(TRACE, i), *row) for i, row in enumerate(rows)),
+                violation=facts.amount("missed") if "missed" in old else 0.0,
+                insensitive=_several(facts, text, "insensitive", "lost", "unnoticed"),
+                hypotheses=tuple(
+                    Hypothesis(values(HYPOTHESES, i), *one) for i, one in enumerate(minima)
+                ),
+                diverging=_several(facts, text, "diverging", "running"),
+                lower=values(LOWER) if has_lower else None,
+                judging=_evaluations(facts.facts("judging")) if "judging" in old else Evaluations(),
+                stages=_several(facts, whole, "stages"),
+            )
 
 
-def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
-    """The solution from arrays that are checked already. Raises BadFile for wrong facts.
-
-    Older files lack some of the facts.
-    """
-    since = facts.several("lost_since", whole) if "lost_since" in facts.entries else ()
-    judging = facts.facts("judging") if "judging" in facts.entries else None
-    return Solution(
-        values={name: arrays[VALUE + name] for name in names},
-        cost=facts.amount("cost"),
-        optimality=facts.amount("optimality"),
-        status=Status[facts.among("status", Status.__members__)],
-        message=facts.text("message"),
-        solver=facts.text("solver"),
-        evaluations=_evaluations(facts.facts("evaluations")),
-        seconds=facts.duration("seconds"),
-        trace=tuple(
-            Iterate({name: arrays[TRACE + name][i] for name in names}, *row)
-            for i, row in enumerate(rows)
-        ),
-        violation=facts.amount("missed") if "missed" in facts.entries else 0.0,
-        lost=facts.several("lost", text) if "lost" in facts.entries else (),
-        unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.entries else (),
-        lost_since=since,
-        running=facts.several("running", text) if "running" in facts.entries else (),
-        judging=Evaluations() if judging is None else _evaluations(judging),
-        stages=facts.several("stages", whole) if "stages" in facts.entries else (),
-    )
+def _several(facts: Facts, of: Callable[[object, str], T], *names: str) -> tuple[T, ...]:
+    """The items under a name and under those that it had in older files; none without any."""
+    known = (name for name in names if name in facts.entries)
+    return tuple(item for name in known for item in facts.several(name, of))
 
 
-def _row(given: object, name: str) -> Row:
+def _row(value: object, name: str) -> Row:
     """All of one iterate but its values; older files do not have the linear algebra."""
-    entries = several(given, name, lambda entry, _: entry)
+    entries = several(value, name, lambda entry, _: entry)
     if len(entries) not in (6, 7):
-        raise BadFile(f"{name} has {len(entries)} entries, but must have 7")
+        raise BadFile(f"{name} has {len(entries)} entries, but must have 6 or 7")
     cost, optimality, step, damping, counts, seconds, *by = entries
     return (
         *(amount(one, name) for one in (cost, optimality, step)),
@@ -258,9 +304,9 @@ def _row(given: object, name: str) -> Row:
     )
 
 
-def _minimum(given: object, name: str) -> Row:
+def _minimum(value: object, name: str) -> Row:
     """All of one hypothesis but its values."""
-    entries = several(given, name, lambda entry, _: entry)
+    entries = several(value, name, lambda entry, _: entry)
     if len(entries) != 4:
         raise BadFile(f"{name} has {len(entries)} entries, but must have 4")
     cost, status, starts, violation = entries
@@ -276,10 +322,6 @@ def _evaluations(facts: Facts) -> Evaluations:
     facts.nothing_else(*known)
     needed = [name for name in known if name != "constraint" or name in facts.entries]
     return Evaluations(**{name: facts.whole(name) for name in needed})
-
-
-# called at every iterate; stops the solver if it says True
-Callback = Callable[[Iterate], object] | None
 
 
 class Solver(Protocol):

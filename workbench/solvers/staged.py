@@ -15,21 +15,15 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.problem.problem import in_stage
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.attempts import beyond_saddle
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
-from workbench.solvers.solution import (
-    Callback,
-    Solution,
-    Solver,
-    Status,
-)
+from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Solver, Status
+from workbench.solvers.starts import beyond_saddle
 
-GOES_ON = (
+GOES_ON = (  # ends from which the next stage begins; from INSENSITIVE no way leads back
     Status.CONVERGED,
     Status.SADDLE,
-    Status.VALLEY,
+    Status.NO_FINITE_MINIMUM,
     Status.STALLED,
     Status.MAX_ITERATIONS,
     Status.INFEASIBLE,
@@ -79,9 +73,9 @@ class Staged:
     The rest is fixed meanwhile, so that, say, a body stands in the right place before the pose of
     its arms is looked for. The trace of the solution is that of all stages and holds all blocks;
     where a stage weights residuals otherwise, its costs are not those of the problem. A stage that
-    ends at a saddle goes on once from the `lower` point beside it. The limits of
-    the solver apply to each stage by itself. Raises BadArgument for a stage that is no tuple of
-    names and no `SolveStage`.
+    ends at a saddle goes on once from the `lower` point beside it; one that is INSENSITIVE, or ends
+    at a limit of evaluations or time, is the last. The limits of the solver apply to each stage by
+    itself. Raises BadArgument for a stage that is no tuple of names and no `SolveStage`.
 
     Attributes:
         stages: what is different in each stage but the last: a `SolveStage`, or only the names that

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -15,20 +16,21 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes import forked
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.attempts import beyond_saddle
-from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.limits import Stop, stop_asked
-from workbench.solvers.minima import clusters, further_minima
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
+    Evaluations,
     Hypothesis,
+    Iterate,
     Solution,
     Solver,
     Status,
 )
 
+AS_GOOD = 1e-6  # of the cost: residuals that differ by less, as a cost, are those of one minimum
+FAR_ABOVE_ROUNDING = 1e3  # of |r|
 NEGLIGIBLE = 1e-12  # of the largest cost at a start: two ends without noise differ by as much
 Draw = Callable[[Problem, Values, np.random.Generator], Values]
 
@@ -79,13 +81,12 @@ class Starts:
     """Solve from several starts, and keep every minimum that was found.
 
     A run that ends at a saddle goes on once from the `lower` point beside it. The solution is the
-    lowest end. Its `hypotheses` are the minima, the lowest first, each with
-    the starts that led to it; ends whose residuals cannot be told apart are one minimum. The
-    message says how likely it is that no further minimum exists, from the number of starts and the
-    number of different minima (`solvers.minima.all_seen`); a run that ended at a limit, away from
-    all other ends, counts as a minimum of its own. The trace is that of the best start's run,
-    evaluations and seconds are those of all runs, and the limits of the solver apply to each run
-    by itself.
+    lowest end. Its `hypotheses` are the minima, the lowest first, each with the starts that led to
+    it; ends whose residuals cannot be told apart are one minimum. The message says how likely it is
+    that no further minimum exists, from the number of starts and the number of different minima
+    (`all_seen`); a run that ended at a limit, away from all other ends, counts as a minimum of its
+    own. The trace is that of the best start's run, evaluations and seconds are those of all runs,
+    and the limits of the solver apply to each run by itself.
 
     Attributes:
         starts: the values of blocks at each start, in which what is left out stays as it is given
@@ -147,8 +148,8 @@ class Starts:
             return beyond_saddle(first, self.solver, problem, starts[k], seen)
 
         alone = self.workers == 1
-        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
-            for k, end in found:
+        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as runs:
+            for k, end in runs:
                 ends[k] = end
                 if not alone:
                     any(map(told, end.trace))  # up to the first at which it asks to stop
@@ -189,12 +190,12 @@ def _hypotheses(
     least = NEGLIGIBLE * first if np.isfinite(first) else 0.0
     groups = [tuple(finite[i] for i in some) for some in clusters(problem, fixed, points, least)]
     groups += [(k,) for k in ends if k not in finite]
-    found = []
+    minima = []
     for members in groups:
         in_order = tuple(sorted(members, key=lambda k: _order(ends[k])))
         end = ends[in_order[0]]
-        found.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
-    return tuple(sorted(found, key=lambda one: _order(ends[one.starts[0]])))
+        minima.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
+    return tuple(sorted(minima, key=lambda one: _order(ends[one.starts[0]])))
 
 
 def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
@@ -205,3 +206,89 @@ def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
         return f"{said}, and none elsewhere"
     said += f", the others to {minima - 1} other end{'s' if minima > 2 else ''}"
     return f"{said}; {further_minima(starts, minima)}"
+
+
+def one_minimum(
+    problem: Problem, fixed: Array, x: Array, here: Array, there: Array, least: float = 0.0
+) -> bool:
+    """Whether the residual `here` (m,), which is that at x (n,), and that of another point
+    `there` (m,) cannot be told apart.
+
+    1/2 |here - there|^2 is then at most a millionth of their cost, what rounding explains, or
+    `least`. So what lies along null directions, or a full turn away, counts as the same minimum.
+    """
+    rounding = FAR_ABOVE_ROUNDING * problem.rounding(x, fixed, here).norm
+    cost = 0.5 * max(float(here @ here), float(there @ there))
+    apart = here - there
+    return 0.5 * float(apart @ apart) <= AS_GOOD * cost + 0.5 * rounding**2 + least
+
+
+def clusters(
+    problem: Problem, fixed: Array, ends: Sequence[Array], least: float = 0.0
+) -> tuple[tuple[int, ...], ...]:
+    """The numbers of the ends (n,) that belong to one minimum, for each minimum, in their order.
+
+    Residuals that differ by no more than `least`, as a cost, are those of one minimum.
+    """
+    residuals = [problem.residual(x, fixed) for x in ends]
+    minima: list[list[int]] = []
+    for k, (x, here) in enumerate(zip(ends, residuals, strict=True)):
+        for members in minima:
+            if any(one_minimum(problem, fixed, x, here, residuals[j], least) for j in members):
+                members.append(k)
+                break
+        else:
+            minima.append([k])
+    return tuple(map(tuple, minima))
+
+
+def all_seen(starts: int, minima: int) -> float:
+    """The probability that there are no other minima than those seen.
+
+    Starts are drawn independently; beforehand, every number of minima is equally likely, and
+    nothing is known of the sizes of basins. NaN where there are too few starts to tell. Boender
+    and Rinnooy Kan, Bayesian stopping rules for multistart global optimization methods, 1987.
+    """
+    if not starts > minima + 1:
+        return np.nan
+    return prod((starts - 1 - i) / (starts - 1 + i) for i in range(1, minima + 1))
+
+
+def further_minima(starts: int, minima: int) -> str:
+    """What `all_seen` gives, as a sentence without its capital and its full stop."""
+    sure = all_seen(starts, minima)
+    if np.isnan(sure):
+        return "these are too few starts to say whether there are further minima"
+    return f"the probability that there are no further minima is {sure:.2g}"
+
+
+def beyond_saddle(
+    first: Solution, solver: Solver, problem: Problem, start: Values, callback: Callback
+) -> Solution:
+    """Go on from the lower point beside a saddle, if that is where the `first` run ended.
+
+    The lower of both ends counts, with its own trace and with the evaluations and the time of both.
+    """
+    if first.status is not Status.SADDLE or first.lower is None:
+        return first
+
+    def after(iterate: Iterate) -> Iterate:
+        counts, seconds = first.evaluations + iterate.evaluations, first.seconds + iterate.seconds
+        return replace(iterate, evaluations=counts, seconds=seconds)
+
+    def told(iterate: Iterate) -> object:
+        return None if callback is None else callback(after(iterate))
+
+    second = solver.solve(problem, {**start, **first.lower}, callback=told)
+    best = first
+    if second.cost < first.cost:
+        message = f"{second.message}; it went on from a saddle at a cost of {first.cost:.6g}"
+        best = replace(second, trace=tuple(map(after, second.trace)), message=message)
+    if second.status is Status.STOPPED:
+        best = replace(best, status=Status.STOPPED, message=second.message)
+    return replace(
+        best,
+        evaluations=first.evaluations + second.evaluations,
+        seconds=first.seconds + second.seconds,
+        judging=first.judging + second.judging,
+    )

@@ -1,7 +1,7 @@
 """The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
@@ -11,32 +11,48 @@ from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
-from workbench.solvers.attempts import Attempts, Left
-from workbench.solvers.box_step import box_step
-from workbench.solvers.damped_length import step_within
-from workbench.solvers.doubt import may_be_repeated
+from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
-from workbench.solvers.scaling import Metric, Scaling, columns, identity
 from workbench.solvers.solution import Callback, Solution
 
 TAKEN = 1e-4  # gain ratio above which a step is taken
 POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may grow from GOOD on
-SLOW = 0.1  # of the cost: after a smaller decrease, steps are bent
-AHEAD = 0.1  # of a step: where its bend is measured
-BENT = 0.75  # of the length of a step: 2 |a| of a bend that is trusted
+SLOW = 0.1  # of the cost: after a smaller decrease, steps follow the geodesic
+AHEAD = 0.1  # of a step: where the second derivative along it is measured
+BENT = 0.75  # of the length of a step: 2 |a| of an acceleration a that is trusted
 UNSEEN = 1e-9  # of the cost: a smaller predicted decrease says nothing of the linear model
 SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
-SHORTER = 0.1  # of the first radius: that of some further attempts
-WAYS: tuple[tuple[Scaling, float], ...] = (  # of attempts: the metric, and the share of the radius
-    (identity, 1.0),
-    (identity, SHORTER),
-    (columns, SHORTER),
-    (columns, 1.0),
-)
+LEAST, MOST = 0.9, 1.1  # of the radius: a step in between is as long as the radius
+TRIALS = 20  # of dampings, before a step that is short enough is taken for want of a better one
+POWER = -0.5  # of the damping: how lengths fall with it as long as only one of them is known
+FLATTEST, STEEPEST = -0.05, -1.0  # powers; no length falls more steeply
+FAR = 1e-2, 0.2  # of a damping: below that, with one or two tried, none at all is tried next
+LARGEST = 1e280  # of dampings
+ROUNDS = 20  # of holding and releasing in a box; what is there then is feasible in any case
+
+Scaling = Callable[[Linearization], Array]
+
+
+def identity(here: Linearization) -> Array:
+    """The metric D = I (n,): a radian, a metre and a standard deviation of shape count the same.
+
+    See Levenberg, A method for the solution of certain non-linear problems in least squares, 1944.
+    """
+    return np.ones(here.shape[1])
+
+
+def columns(here: Linearization) -> Array:
+    """The metric D = diag |J_i| (n,): units of unknowns do not matter.
+
+    See Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963. This
+    suits regressions. On bodies it hardly damps the unknowns that change the residual least, which
+    then move far without need.
+    """
+    return np.where(here.column_norms > 0, here.column_norms, 1.0)
 
 
 @dataclass(frozen=True)
-class TrustRegion:
+class TrustRegion(Limits):
     """The Levenberg-Marquardt method with a trust region, and the default of `solve`.
 
     Every step p minimises the linear model |J p + r| among the steps of at most a certain length,
@@ -59,40 +75,19 @@ class TrustRegion:
     nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
     inside.
 
-    A long first step may lead past the nearest minimum. So, with at most 20 unknowns, up to three
-    further attempts are made where a lower minimum is likely elsewhere: the end is LOST or a
-    VALLEY, or it was approached slowly (`solvers.doubt`). The second has a tenth of the first
-    radius. The third has that too, and measures steps by the columns of the Jacobian, as Moré does:
-    their length is |D p|, and D the largest lengths of the columns so far. The fourth does the
-    same with the first radius itself. An attempt that has used half of its iterations or
-    evaluations, and creeps, is put aside for the next ones (`solvers.attempts`). An attempt that
-    is not lower after a quarter of the evaluations of the first (but at least 50) is given up. The
-    solution is the lowest end with its own trace, and the evaluations of all attempts.
-
-    Raises BadArgument for a first radius that is not positive and finite, and for less than one
-    attempt or more than four.
+    A long first step may lead past the nearest minimum: `Starts` tells how many there are. Raises
+    BadArgument for a first radius that is not positive and finite.
 
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
-            start. Attempts that measure steps by columns multiply it by the root mean square of D.
-        attempts: how often it starts at most, up to 4; 1 for no further attempt.
+            start.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of evaluations of the residual, its gradient, its
-            Jacobian and its Hessian together.
-        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
-        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
-            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     first_radius: float | None = None
-    attempts: int = len(WAYS)
     linear_algebra: LinearAlgebra = sparing
+    _: KW_ONLY
     max_iterations: int = 2_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 600.0
-    gradient_tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         if self.first_radius is not None and not 0 < self.first_radius < np.inf:
@@ -100,8 +95,6 @@ class TrustRegion:
                 "`first_radius` must be a positive, finite length in the units of the unknowns, or "
                 f"None for the length of the start, not {self.first_radius}"
             )
-        if not 1 <= self.attempts <= len(WAYS):
-            raise BadArgument(f"`attempts` must be from 1 to {len(WAYS)}, not {self.attempts}")
 
     @property
     def abilities(self) -> Abilities:
@@ -115,58 +108,24 @@ class TrustRegion:
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
-        most = self.attempts if may_be_repeated(problem, self.gradient_tolerance) else 1
-
-        def attempt(
-            number: int, left: Left, callback: Callback, after_step: Callable[[Run], None]
-        ) -> Solution:
-            limited = replace(
-                self,
-                max_iterations=left.iterations,
-                max_evaluations=left.evaluations,
-                max_seconds=left.seconds,
-            )
-            return limited._attempt(problem, start, callback, after_step, *WAYS[number])
-
-        limits = Left(self.max_iterations, self.max_evaluations, self.max_seconds)
-        return Attempts(attempt, most).solve(limits, callback)
-
-    def _first_radius(self, x: Array, D: Array) -> float:
-        """The radius at the start x (n,), in the metric D (n,)."""
-        if self.first_radius is not None:
-            return self.first_radius * float(np.linalg.norm(D) / np.sqrt(x.size))
-        return float(np.linalg.norm(D * x)) or 1.0
-
-    def _attempt(
-        self,
-        problem: Problem,
-        start: Values,
-        callback: Callback,
-        after_step: Callable[[Run], None],
-        scaling: Scaling,
-        share: float,
-    ) -> Solution:
-        """One attempt: the end that is reached from `start` with a share of the first radius."""
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
-            metric = Metric(scaling)
-            D = metric.at(here)
-            radius = share * self._first_radius(x, D)
+            size = float(np.linalg.norm(x))
+            radius = self.first_radius or size or 1.0
             damping, slow = 0.0, False
-            least = SHORTEST * max(float(np.linalg.norm(D * x)), radius)
+            least = SHORTEST * max(size, radius)
             unseen = True  # so far, steps have been too short for the cost to show them
             while True:
-                steepness = float(np.linalg.norm(here.gradient / D))
-                step, damping = step_within(
-                    radius, self._damped(problem, x, here, D), steepness, damping, D
-                )
+                steepness = float(np.linalg.norm(here.gradient))
+                damped = self._damped(problem, x, here)
+                step, damping = step_within(radius, damped, steepness, damping)
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
-                length = float(np.linalg.norm(D * step.p))
+                length = float(np.linalg.norm(step.p))
                 predicted = here.predicted_decrease(step.p)
                 p = step.p
                 if slow and damping > 0:
-                    p = p + bend(run, x, here, p, damping, D, self.linear_algebra)
+                    p = p + geodesic_acceleration(run, x, here, p, damping, self.linear_algebra)
                 to = np.clip(x + p, problem.lower, problem.upper)
                 gain_ratio = run.gain_ratio(x, here, to, predicted)
                 unseen = unseen and damping > 0 and predicted < UNSEEN * here.cost
@@ -180,17 +139,15 @@ class TrustRegion:
                     slow = gain_ratio * predicted < SLOW * here.cost
                     del here  # first: its memory serves the next one
                     x, here = run.move(to, damping, step.by)
-                    D = metric.at(here)
-                    after_step(run)
                 elif radius <= least or np.array_equal(to, x):
                     run.stall()
         return run.solution()
 
     def _damped(
-        self, problem: Problem, x: Array, here: Linearization, D: Array
+        self, problem: Problem, x: Array, here: Linearization
     ) -> Callable[[float], Step | None]:
-        """The step from x (n,) in the metric D (n,) as a function of its damping."""
-        low, high = problem.lower - x, problem.upper - x
+        """The step from x (n,) as a function of its damping."""
+        low, high, D = problem.lower - x, problem.upper - x, np.ones(x.size)
         return lambda damping: box_step(here, damping, D, low, high, self.linear_algebra)
 
 
@@ -203,14 +160,8 @@ def next_radius(radius: float, length: float, gain_ratio: float, damping: float)
     return radius
 
 
-def bend(
-    run: Run,
-    x: Array,
-    here: Linearization,
-    p: Array,
-    damping: float,
-    D: Array,
-    solve: LinearAlgebra,
+def geodesic_acceleration(
+    run: Run, x: Array, here: Linearization, p: Array, damping: float, solve: LinearAlgebra
 ) -> Array:
     """The a (n,) by which the residual's second derivative along the step p (n,) bends it.
 
@@ -220,7 +171,101 @@ def bend(
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
     r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
     curved = here.with_residual(0.5 * r_pp)
-    step = solve(curved, damping, D) if np.isfinite(curved.gradient).all() else None
-    if step is None or not 2 * np.linalg.norm(D * step.p) <= BENT * np.linalg.norm(D * p):
+    step = solve(curved, damping, np.ones(x.size)) if np.isfinite(curved.gradient).all() else None
+    if step is None or not 2 * np.linalg.norm(step.p) <= BENT * np.linalg.norm(p):
         return np.zeros_like(p)
     return step.p
+
+
+def step_within(
+    radius: float,
+    damped: Callable[[float], Step | None],
+    steepness: float,
+    damping: float,
+) -> tuple[Step | None, float]:
+    """The best step of the linear model that is at most as long as `radius`, and its damping.
+
+    It is the step without damping if that is short enough, else the one with the damping that makes
+    it as long as the radius. The length falls with the damping, so this is one equation with one
+    unknown, and a tenth of the radius is precise enough (Hebden, An algorithm for minimization
+    using exact second derivatives, 1973; Moré, The Levenberg-Marquardt algorithm: implementation
+    and theory, 1978, section 5). A secant between the logarithms of both solves it in two or three
+    trials.
+
+    `damped` is the step as a function of its damping, None where the linear algebra has no answer.
+    `steepness` is the length of the gradient, and `damping` the first to be tried.
+    """
+    longer, shorter = -1.0, min(steepness / radius, LARGEST)  # dampings that make it so
+    tried: list[tuple[float, float]] = []
+    damping = min(damping, shorter)
+    for _ in range(TRIALS):
+        step = damped(damping)
+        length = np.inf if step is None else float(np.linalg.norm(step.p)) / radius
+        if length == 0 or (length <= MOST and (length >= LEAST or damping == 0)):
+            return step, damping
+        if length > 1:
+            longer = max(longer, damping)
+        else:
+            shorter = min(shorter, damping)
+        if damping > 0 and np.isfinite(length):
+            tried.append((damping, length))
+        damping = _guess(tried[-2:], longer, shorter)
+    return damped(shorter), shorter
+
+
+def _guess(tried: list[tuple[float, float]], longer: float, shorter: float) -> float:
+    """The damping whose length is 1 radius, from one or two that were tried with their lengths."""
+    if not tried:
+        return shorter / 10
+    damping, length = tried[-1]
+    power = POWER
+    if len(tried) == 2 and tried[0][0] != damping:
+        other, its_length = tried[0]
+        power = float(np.log(length / its_length) / np.log(damping / other))
+    guess = float(damping * np.float64(length) ** (-1 / np.clip(power, STEEPEST, FLATTEST)))
+    if longer < 0 and guess < FAR[len(tried) - 1] * damping:
+        return 0.0
+    if longer < guess < shorter:
+        return guess
+    return float(np.sqrt(max(longer, 1e-4 * shorter) * shorter))
+
+
+def box_step(
+    here: Linearization, damping: float, D: Array, low: Array, high: Array, solve: LinearAlgebra
+) -> Step | None:
+    """The p that minimises |J p + r|^2 + damping |D p|^2 with low <= p <= high, low <= 0 <= high.
+
+    It is found by an active-set method (Nocedal and Wright, Numerical Optimization, 2006, section
+    16.5): entries that leave the box are held at its sides, the rest is solved again, and then
+    those that the gradient pulls back inside are released. Near a solution it is the damped step in
+    the entries that no bound stops, and takes as little time. None where `solve` has no answer.
+    """
+    g = here.gradient
+    held = ((low >= 0) & (g > 0)) | ((high <= 0) & (g < 0)) | (low >= high)
+    if not held.any():  # the common case: nothing is in the way
+        step = solve(here, damping, D)
+        if step is None or ((low <= step.p) & (step.p <= high)).all():
+            return step
+    p = np.zeros_like(g)
+    by = ""
+    for _ in range(ROUNDS):
+        if not held.all():
+            if here.by_frames:  # frames stay alike; what is held stays
+                whole = solve(here.holding(held, p), damping, D)
+                step = None if whole is None else Step(whole.p[~held], whole.by)
+            else:
+                step = solve(here.without(held, p), damping, D[~held])
+            if step is None:
+                return None
+            p[~held], by = step.p, step.by
+        outside = ~held & ((p < low) | (p > high))
+        if outside.any():
+            p, held = np.clip(p, low, high), held | outside
+            continue
+        slope = g + here.normal @ p + damping * D**2 * p
+        inwards = ((p <= low) & (slope < 0)) | ((p >= high) & (slope > 0))
+        released = held & inwards & (low < high)
+        if not released.any():
+            break
+        held &= ~released
+    return Step(np.clip(p, low, high), by)

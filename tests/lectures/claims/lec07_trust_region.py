@@ -3,11 +3,7 @@
 import numpy as np
 
 from tests.lectures.prose import Run
-from workbench.solvers.attempts import HALF
-from workbench.solvers.damped_length import LEAST, MOST
-from workbench.solvers.saddle import FEW
-from workbench.solvers.scaling import columns
-from workbench.solvers.trust_region import AHEAD, GOOD, POOR, SHORTER, SLOW, WAYS, next_radius
+from workbench.solvers.trust_region import AHEAD, GOOD, LEAST, MOST, POOR, SLOW, next_radius
 
 
 def ended(run: Run, solver: str) -> tuple[int, int]:
@@ -106,14 +102,6 @@ SAYS = {
     ),
     "Once a step lowers the cost by less than a tenth": lambda run: SLOW == 0.1,
     "looks a tenth of the next step ahead": lambda run: AHEAD == 0.1,
-    "For a problem of at most twenty unknowns": lambda run: FEW,
-    "with a tenth of the first radius. If that is not lower either, it measures steps by the columns "
-    "of $J$, as MINPACK does, with a tenth of the first radius and with all of it": lambda run: (
-        SHORTER == 0.1,
-        [share for _, share in WAYS] == [1, SHORTER, SHORTER, 1],
-        [scaling is columns for scaling, _ in WAYS] == [False, False, True, True],
-    ),
-    "has used half of its iterations and still creeps": lambda run: HALF == 0.5,
     "Grey: the cost, and four radii": lambda run: len(run["radii"]) == 4,
     "the dogleg does the same in two straight legs": lambda run: all(
         line[-1] > 0.98 for line in run.lines("the dogleg keeps")

@@ -127,10 +127,10 @@ SAYS = {
         round(run["setups"]["freudenstein-roth"].known.cost),
     ),
     "Gauss-Newton ends at more than two thousand times the least cost, where the cost still falls a "
-    "little while unknowns run off, and says `VALLEY`": lambda run: (
+    "little while unknowns run off, and says `NO_FINITE_MINIMUM`": lambda run: (
         above(ended(run, "bard-far", GN)[1] / run["setups"]["bard-far"].known.cost),
-        ended(run, "bard-far", GN)[2] == "VALLEY",
-        run["solutions"]["bard-far", run["NAMES"][GN]].running != (),
+        ended(run, "bard-far", GN)[2] == "NO_FINITE_MINIMUM",
+        run["solutions"]["bard-far", run["NAMES"][GN]].diverging != (),
     ),
     "which promises 95 % whatever the share is, and is wider for that reason": lambda run: (
         95 if run["worst"](run["rate"], 3) >= 0.95 > run["worst"](run["wilson"], 3) else 0

@@ -178,25 +178,32 @@ SAYS = {
     "Registrations alone leave 19 directions open": lambda run: (
         len(still_open(run, "data_alone")),
         run["data_alone"].shape[1] - run["data_alone"].rank == 19,
-        all(one.kind in ("shift", "gauge") for one in run["data_alone"].null_directions),
+        all(
+            one.kind in ("translation", "rotation", "gauge")
+            for one in run["data_alone"].null_directions
+        ),
     ),
-    "- 6 **shifts**, three for each person": lambda run: counted(run, "data_alone", "a shift of"),
-    "- 6 moves of a **root joint**": lambda run: counted(run, "data_alone", "joints[root] along"),
-    "- 3 **turns** of everything at rest": lambda run: counted(
-        run, "data_alone", "a turn of everything"
+    "- 6 **translations**, three for each person": lambda run: counted(
+        run, "data_alone", "template and"
     ),
-    "- 4 kinds of **blend shapes** that push": lambda run: counted(
-        run, "data_alone", "posedirs that push"
+    "- 6 moves of a **root joint**": lambda run: counted(run, "data_alone", "joints[root]"),
+    "- 3 **rotations** of everything at rest": lambda run: counted(
+        run, "data_alone", "a rotation about"
     ),
+    "- 4 kinds of **blend shapes** that push": lambda run: counted(run, "data_alone", "a push of"),
     "closes the last two kinds, since both change blend shapes, and leaves 12.": lambda run: (
         len(still_open(run, "small_shapes")),
-        counted(run, "small_shapes", "a shift of") == 6,
-        counted(run, "small_shapes", "joints[root] along") == 6,
+        counted(run, "small_shapes", "template and") == 6,
+        counted(run, "small_shapes", "joints[root]") == 6,
     ),
     "No term says where along $y$ and $z$ a person stands: 4 directions stay open with all "
     "five.": lambda run: (
         len(still_open(run, "whole")),
-        all("a shift of" in one and one[-1] in "yz" for one in still_open(run, "whole")),
+        all(
+            one.startswith(("a translation along y of", "a translation along z of"))
+            and "template and" in one
+            for one in still_open(run, "whole")
+        ),
     ),
     "The rank is full, and it is the rank from before": lambda run: (
         run["held"].rank == run["held"].shape[1] == run["whole"].rank

@@ -1,30 +1,29 @@
 """What to measure next: which candidates leave what matters least uncertain.
 
 This depends on Jacobians alone. `candidates` turns each `Candidate` into whitened rows with respect
-to the problem's unknowns; unknowns of its own are integrated out. `uncertainty` updates a square
-root of the covariance by such rows without forming J'J, and keeps null directions apart until
-something determines them. `search` compares all combinations where there are few, and otherwise
-goes greedily and then exchanges: first by how many directions that matter stay undetermined, then
-by the criterion.
+to the problem's unknowns; unknowns of its own are integrated out; a `Criterion` says what matters.
+`search` updates a square root of the covariance by such rows without forming J'J, keeps null
+directions apart until something determines them, and compares all combinations where there are few;
+otherwise it goes greedily and then exchanges: first by how many directions that matter stay
+undetermined, then by the criterion.
 """
 
-from workbench.diagnostics.design.candidates import Candidate, with_candidates
-from workbench.diagnostics.design.criteria import (
+from workbench.diagnostics.design.candidates import (
     CRITERIA,
+    Candidate,
     Criterion,
     Quantity,
     a_optimal,
     d_optimal,
     e_optimal,
     sd_of,
+    with_candidates,
 )
-from workbench.diagnostics.design.design import design
-from workbench.diagnostics.design.measurement_design import MeasurementDesign, Ranked
+from workbench.diagnostics.design.design import MeasurementDesign, Ranked, design
 from workbench.diagnostics.design.search import (
     Score,
     automatic,
     every_combination,
-    greedy,
     greedy_with_exchange,
 )
 
@@ -42,7 +41,6 @@ __all__ = [
     "design",
     "e_optimal",
     "every_combination",
-    "greedy",
     "greedy_with_exchange",
     "sd_of",
     "with_candidates",

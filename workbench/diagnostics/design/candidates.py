@@ -1,18 +1,28 @@
-"""Measurements that could be made, and what each of them would say: whitened rows by unknowns."""
+"""Measurements that could be made, what matters of the unknowns, and by what measurements compare.
 
-from collections.abc import Iterable, Mapping, Sequence
+A candidate becomes whitened rows by the problem's unknowns. A criterion is the size of the
+covariance of what matters. D-optimality does not depend on the units of the unknowns, nor on any
+other linear change of them: the volume of the ellipsoid is multiplied by the same number for every
+candidate. A- and E-optimality do depend on them, and therefore measure every unknown in its
+characteristic scale (a radian, a metre, a standard deviation of shape); with other scales they may
+choose another candidate. See Pukelsheim, Optimal Design of Experiments, 2006.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import casadi as cs
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
-from workbench.blocks import Values
+from workbench.arrays import Array, Index
+from workbench.blocks import Block, Layout, Points, Values
 from workbench.blocks.checks import mapping, several, texts
-from workbench.blocks.layout import block_of
-from workbench.diagnostics.trials import with_more
+from workbench.blocks.layout import block_of, entries
+from workbench.diagnostics.remedies import with_more
 from workbench.errors import (
     BadArgument,
     NotFinite,
@@ -24,6 +34,10 @@ from workbench.errors import (
 from workbench.problem import Problem
 from workbench.problem.steps import EPS
 from workbench.residuals import Residual
+
+SCALES = "characteristic scales"  # the unit of what is measured in them
+Size = Callable[[Array], float]  # of K (r, q), with K'K the covariance of what matters
+Measured = Callable[[Layout, Index, Array], tuple[Array, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +60,16 @@ class Candidate:
     own: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        given = (self.residuals,) if isinstance(self.residuals, Residual) else self.residuals
-        found = several("the residuals of a candidate", given, Residual, BadArgument)
-        if not found:
+        one = isinstance(self.residuals, Residual)
+        residuals = several(
+            "the residuals of a candidate",
+            (self.residuals,) if one else self.residuals,
+            Residual,
+            BadArgument,
+        )
+        if not residuals:
             raise BadArgument("a candidate has one residual or more")
-        self.__dict__["residuals"] = found
+        self.__dict__["residuals"] = residuals
         self.__dict__["own"] = texts("the unknowns of a candidate's own", self.own)
         mapping("the values of a candidate", self.values)
 
@@ -65,17 +84,17 @@ Given = Mapping[str, Residual | Sequence[Residual] | Candidate]
 
 def checked(candidates: Given) -> dict[str, Candidate]:
     """Every candidate as a Candidate. Raises BadArgument for none, and for what is none."""
-    found = {}
+    by_name = {}
     for name, one in mapping("the candidates", candidates).items():
         if not isinstance(name, str):
-            raise BadArgument(f"a candidate is called by a text, not by {name!r:.40}")
+            raise BadArgument(f"the name of a candidate must be a string, not {name!r:.40}")
         try:
-            found[name] = one if isinstance(one, Candidate) else Candidate(one)
+            by_name[name] = one if isinstance(one, Candidate) else Candidate(one)
         except BadArgument as error:
             raise BadArgument(f"candidate {name!r}: {error}") from error
-    if not found:
+    if not by_name:
         raise BadArgument("there are no candidates; give residuals by their names")
-    return found
+    return by_name
 
 
 def rows_of(
@@ -101,19 +120,20 @@ def rows_of(
                 )
                 raise UnknownName("block", block, known, more=more)
     plain = {name: one for name, one in candidates.items() if not one.values and not one.own}
-    found = _at_once(problem, plain, values, made) if plain else {}
+    rows = _at_once(problem, plain, values, made) if plain else {}
     for name, one in candidates.items():
         if name not in plain:
             key = (*(id(residual) for residual in one.residuals), one.own)
             if key not in made:
-                made[key] = _of_residuals(problem, _own_unknowns(problem, name, one), one.own)
-            found[name] = _without_own(problem, made[key], one, dict(values) | dict(one.values))
-        if not np.isfinite(found[name]).all():
+                _check_own(problem, name, one)
+                made[key] = _of_residuals(problem, one.residuals, one.own)
+            rows[name] = _without_own(problem, made[key], one, dict(values) | dict(one.values))
+        if not np.isfinite(rows[name]).all():
             raise NotFinite(
                 f"candidate {name!r} has NaN or infinity in its Jacobian here; a camera may be "
                 "inside of what it looks at"
             )
-    return {name: A[A.any(axis=1)] for name, A in found.items()}
+    return {name: A[A.any(axis=1)] for name, A in rows.items()}
 
 
 def _at_once(
@@ -141,8 +161,8 @@ def _of_residuals(problem: Problem, residuals: Sequence[Residual], own: tuple[st
     return Problem(numbered, free or sorted(reads)[:1], blocks=problem.known.values())
 
 
-def _own_unknowns(problem: Problem, name: str, one: Candidate) -> tuple[Residual, ...]:
-    """The residuals of a candidate whose own unknowns are in order. Raises BadArgument."""
+def _check_own(problem: Problem, name: str, one: Candidate) -> None:
+    """Raise BadArgument for unknowns of a candidate's own that are the problem's, or not read."""
     both = set(one.own) & set(problem.free.names)
     if both:
         raise BadArgument(
@@ -155,7 +175,6 @@ def _own_unknowns(problem: Problem, name: str, one: Candidate) -> tuple[Residual
             f"candidate {name!r} does not read {joined(missing)}, which are to be its own "
             f"unknowns; it reads {listed(one.reads)}"
         )
-    return one.residuals
 
 
 def _by_unknowns(problem: Problem, alone: Problem, J: Array) -> Array:
@@ -198,9 +217,8 @@ def with_candidates(problem: Problem, candidates: Given, names: Iterable[str]) -
                 f"candidate {name!r} has unknowns of its own ({', '.join(one.own)}); build the "
                 "problem with it by hand, each of them a block under a name of its own"
             )
-        several_of = len(one.residuals) > 1
         for i, residual in enumerate(one.residuals):
-            called = f"{name} ({i + 1})" if several_of else name
+            called = f"{name} ({i + 1})" if len(one.residuals) > 1 else name
             added.append(_with_constants(replace(residual, name=called), one.values))
     return with_more(problem, added)
 
@@ -209,10 +227,140 @@ def _with_constants(residual: Residual, values: Mapping[str, ArrayLike]) -> Resi
     """The residual with the symbols of some blocks replaced by numbers."""
     if not values:
         return residual
-    given = {name: getattr(residual, name) for name in ("expression", "weights", "domain")}
-    written = {name: part for name, part in given.items() if isinstance(part, cs.MX)}
+    parts = {name: getattr(residual, name) for name in ("expression", "weights", "domain")}
+    written = {name: part for name, part in parts.items() if isinstance(part, cs.MX)}
     symbols = [s for s in cs.symvar(residual.written) if s.name() in values]
     numbers = [cs.MX(cs.DM(np.asarray(values[s.name()], dtype=float).T)) for s in symbols]
-    parts = cs.substitute(list(written.values()), symbols, numbers)
+    constant = cs.substitute(list(written.values()), symbols, numbers)
     blocks = tuple(block for block in residual.blocks if block.name not in values)
-    return replace(residual, blocks=blocks, **dict(zip(written, parts, strict=True)))
+    return replace(residual, blocks=blocks, **dict(zip(written, constant, strict=True)))
+
+
+# What matters, and by what measurements compare.
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A number or a few that are functions of the unknowns, such as a stature or a distance.
+
+    Attributes:
+        name: what it is called.
+        expression: (q, 1) an expression of symbols of blocks and of points.
+        unit: the unit of every row.
+        points: the points of bodies that it reads.
+        blocks: blocks whose units and labels are known.
+    """
+
+    name: str
+    expression: cs.MX
+    unit: str = "1"
+    points: tuple[Points, ...] = ()
+    blocks: tuple[Block, ...] = ()
+
+    @cached_property
+    def residual(self) -> Residual:
+        """The same as a residual with a sigma of 1. Raises BadResidual where it is none."""
+        return Residual(
+            self.name, self.expression, 1.0, self.unit, points=self.points, blocks=self.blocks
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Criterion:
+    """What matters, and a number for the size of its covariance: the smaller the better.
+
+    Attributes:
+        name: in words, for the end of a sentence.
+        size: the number, a standard deviation in some sense.
+        measured: the units in which entries count, such as `in_scales`.
+        names: the blocks or entries that matter; all that is free if there are none.
+        quantity: what matters instead of entries.
+    """
+
+    name: str
+    size: Size
+    measured: Measured
+    names: tuple[str, ...] = ()
+    quantity: Quantity | None = None
+
+    def over(self, *names: str) -> "Criterion":
+        """The same, where only some blocks or entries matter and the others may stay unknown."""
+        chosen = texts("the names of what matters", names)
+        words = f"{self.name} of {', '.join(chosen)}"
+        return replace(self, name=words, names=chosen, quantity=None)
+
+    def gradients(self, free: Layout, scales: Array) -> tuple[Array, str]:
+        """Derivatives (n, q) of what matters by the unknowns in their scales, and their unit.
+
+        Raises UnknownName for an entry that is not free.
+        """
+        return self.measured(free, entries(free, self.names or free.names), scales)
+
+
+def in_scales(free: Layout, meant: Index, scales: Array) -> tuple[Array, str]:
+    """Entries count by their characteristic scales."""
+    return np.eye(free.size)[:, meant], SCALES
+
+
+def in_their_unit(free: Layout, meant: Index, scales: Array) -> tuple[Array, str]:
+    """Entries count in the unit that they have. Raises BadArgument if they have several."""
+    units = list(dict.fromkeys(free.unit(int(i)) for i in meant))
+    if len(units) > 1:
+        raise BadArgument(
+            f"one standard deviation is of numbers in one unit, and not of numbers in "
+            f"{' and '.join(units)}; name entries of one unit, or take d_optimal.over(...)"
+        )
+    return (np.eye(free.size) * scales)[:, meant], units[0]
+
+
+def geometric_mean(half: Array) -> float:
+    """det(K'K)^(1 / 2 q): the geometric mean of the half axes of the ellipsoid, one sd long."""
+    if not half.shape[1]:
+        return 1.0  # of nothing
+    R = scipy.linalg.qr(half, mode="r", check_finite=False)[0]
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.mean(np.log(abs(np.diag(R))))))
+
+
+def root_mean_square(half: Array) -> float:
+    """sqrt(trace(K'K) / q), the root mean square of the standard deviations."""
+    return float(np.linalg.norm(half) / np.sqrt(max(1, half.shape[1])))
+
+
+def largest(half: Array) -> float:
+    """sqrt of the largest eigenvalue of K'K: the standard deviation along the worst direction."""
+    return float(np.linalg.norm(half, 2)) if half.shape[1] else 1.0
+
+
+def total(half: Array) -> float:
+    """sqrt(trace(K'K)); of one quantity its standard deviation, of a place the length of that."""
+    return float(np.linalg.norm(half))
+
+
+# D-optimality: the volume of the ellipsoid of uncertainty, whatever the units.
+d_optimal = Criterion(
+    "D-optimality, the mean half axis of the uncertainty ellipsoid", geometric_mean, in_scales
+)
+# A-optimality: the mean variance, in characteristic scales.
+a_optimal = Criterion("A-optimality, the mean variance", root_mean_square, in_scales)
+# E-optimality: the variance along the worst direction, in characteristic scales.
+e_optimal = Criterion("E-optimality, the worst direction", largest, in_scales)
+CRITERIA: Mapping[str, Criterion] = {"d": d_optimal, "a": a_optimal, "e": e_optimal}
+
+
+def sd_of(what: str | Quantity) -> Criterion:
+    """The standard deviation of an entry such as `trans[z]`, of a block, or of a quantity.
+
+    Of several rows it is the root of the sum of their variances. Raises BadArgument for anything
+    else, and when it is used, for a block of several units, and UnknownName for no free entry.
+    """
+    if isinstance(what, Quantity):
+        return Criterion(
+            f"the standard deviation of {what.name}", total, in_their_unit, quantity=what
+        )
+    if not isinstance(what, str):
+        raise BadArgument(
+            f"the standard deviation is that of the name of an entry, such as 'trans[z]', or of a "
+            f"Quantity, not of something of type {type(what).__name__}"
+        )
+    return Criterion(f"the standard deviation of {what}", total, in_their_unit, (what,))

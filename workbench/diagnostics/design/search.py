@@ -1,18 +1,135 @@
-"""Which candidates to choose: all combinations compared, or one after the other with exchanges."""
+"""Which candidates to choose: what is known at each point, and the searches.
+
+With C = (J'J)^-1 = H H' and the whitened rows A of a measurement, Woodbury's formula says
+
+    (J'J + A'A)^-1 = H (I + H'A'A H)^-1 H' = H' H'',   H' = H (I - V diag(1 - 1 / sqrt(1 + s^2)) V')
+
+with A H = U diag(s) V'. The half H is updated and not C, because a difference of covariances would
+lose digits where a measurement says much (Potter's square root filter; Bierman, Factorization
+Methods for Discrete Sequential Estimation, 1977). By the determinant lemma the information grows by
+the sum of log(1 + s^2) / 2, in nats.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.diagnostics.design.criteria import Size
-from workbench.diagnostics.design.uncertainty import Uncertainty
+from workbench.diagnostics.design.candidates import Size
+from workbench.diagnostics.point import Point
+from workbench.diagnostics.row_spaces import tangent_space
+from workbench.problem import Linearization
 
 FEW = 3000  # combinations times points, up to which every one of them is looked at
 GAINED = 1e-9  # of the logarithm of a standard deviation: less is rounding
 PASSES = 20  # over all that is chosen, looking for exchanges
+NEGLIGIBLE = 1e-7  # of a quantity's gradient along null directions: rounding
+NOTHING = 1e-10  # of gradients, along what equations leave free
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """The covariance of n unknowns, each in its characteristic scale.
+
+    Along null directions the variance has no limit; elsewhere it is that of a prior along them that
+    becomes ever wider, the same in every direction.
+
+    Attributes:
+        half: (n, r) H, with H H' the covariance of what is determined.
+        null: (n, d) an orthonormal basis of the directions that nothing determines.
+        triangle: (k, n) R with R'R = J'J; without rows where everything is determined.
+        left: (n, p) an orthonormal basis of the directions that equations leave free; None where
+            there are no equations. In all others everything is known exactly.
+    """
+
+    half: Array
+    null: Array
+    triangle: Array
+    left: Array | None = None
+
+    @staticmethod
+    def of(here: Linearization, left: Array | None = None) -> "Uncertainty":
+        """By the singular values of a linearization. Raises NotFinite, TooLarge."""
+        spectrum = (here if left is None else here.along_columns(left)).spectrum
+        s, Vt = spectrum.determined
+        half, null = Vt.T / s, spectrum.Vt[spectrum.rank :].T
+        if left is not None:
+            half, null = left @ half, left @ null
+        R = here.R if null.shape[1] else np.zeros((0, here.shape[1]))
+        return Uncertainty(half, null, R, left)
+
+    def seeing(self, rows: Array) -> "Uncertainty":
+        """What is known after whitened rows (m, n) were measured as well."""
+        if self.null.shape[1]:
+            stacked = np.vstack([self.triangle, rows])
+            return Uncertainty.of(Linearization(np.zeros(len(stacked)), stacked), self.left)
+        _, s, Vt = np.linalg.svd(rows @ self.half, full_matrices=False)
+        root = np.sqrt(1 + s**2)
+        shrunk = s**2 / (root * (1 + root))  # 1 - 1 / root, without its rounding errors
+        return replace(self, half=self.half - (self.half @ Vt.T * shrunk) @ Vt)
+
+    def nats(self, rows: Array) -> float:
+        """The information that rows (m, n) add on what is determined, 1/2 log det(I + A C A')."""
+        s = np.linalg.svd(rows @ self.half, compute_uv=False)
+        return 0.5 * float(np.sum(np.log1p(s**2)))
+
+    @property
+    def sds(self) -> Array:
+        """The standard deviation (n,) of each unknown; infinite where a null direction moves it."""
+        open_ = np.linalg.norm(self.null, axis=1) > NEGLIGIBLE
+        return np.where(open_, np.inf, np.linalg.norm(self.half, axis=1))
+
+    def split(self, gradients: Array) -> tuple[int, Array]:
+        """Of quantities with gradients (n, q): how many are open, and a half of the others.
+
+        Combinations of the quantities count, so q - open of them are determined; their covariance
+        is K'K, and K (r, q - open) is returned.
+        """
+        if not self.null.shape[1]:
+            return 0, self.half.T @ gradients
+        size = np.linalg.norm(gradients)
+        _, s, Vt = np.linalg.svd(self.null.T @ gradients)
+        rank = int(np.sum(s > NEGLIGIBLE * size))
+        return rank, self.half.T @ gradients @ Vt[rank:].T
+
+
+def directions_left(point: Point, scales: Array) -> Array | None:
+    """An orthonormal basis (n, p), in these scales, of what equations leave free; None without any.
+
+    Equations are those among the constraints, and equal bounds of an unknown.
+    """
+    rows = point.active.rows[_equations(point)]
+    return tangent_space(rows * scales) if len(rows) else None
+
+
+def active_inequalities(point: Point) -> tuple[str, ...]:
+    """The bounds and inequality constraints that are active, such as `x[0] >= 0`."""
+    equations = _equations(point)
+    return tuple(
+        name for name, holds in zip(point.active.names, equations, strict=True) if not holds
+    )
+
+
+def combinations_left(gradients: Array, left: Array) -> Array:
+    """Of quantities with gradients (n, q), the combinations that equations do not determine.
+
+    They are orthonormal combinations, so that sums of variances and the largest one stay the same.
+    """
+    along = left.T @ gradients
+    _, s, Vt = np.linalg.svd(along, full_matrices=False)
+    return np.asarray(gradients @ Vt[s > NOTHING * np.linalg.norm(gradients)].T)
+
+
+def _equations(point: Point) -> Array:
+    """Which active rows are equations, (k,)."""
+    problem, active = point.problem, point.active
+    there = problem.stacked_constraints
+    of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
+    return np.concatenate([of_constraints, (problem.lower == problem.upper)[active.bounded]])
+
+
 State = tuple[Uncertainty, ...]  # one for each point
 Progress = Callable[[int, int], object]  # called with the number that is done, and of all
 
@@ -75,18 +192,17 @@ class Board:
             state = self.after(state, candidate)
         return state
 
+    def others(self, chosen: Sequence[int]) -> list[int]:
+        """The candidates that are not among these."""
+        return [i for i in range(self.count) if i not in chosen]
+
     def score(self, state: State) -> Score:
         """How good that is."""
-        found = [u.split(G) for u, G in zip(state, self.gradients, strict=True)]
+        parts = [u.split(G) for u, G in zip(state, self.gradients, strict=True)]
         with np.errstate(divide="ignore"):
-            logs = [np.log(self.size(half)) for _, half in found]
-        open_ = sum(count for count, _ in found)
+            logs = [np.log(self.size(half)) for _, half in parts]
+        open_ = sum(count for count, _ in parts)
         return Score(open_, null(state) if open_ else 0, float(np.mean(logs)))
-
-    def at(self, point: int) -> "Board":
-        """The same at one point only."""
-        rows = tuple((each[point],) for each in self.rows)
-        return Board((self.before[point],), (self.gradients[point],), self.size, rows)
 
 
 def null(state: State) -> int:
@@ -107,10 +223,8 @@ Search = Callable[[Board, int, Progress], Chosen]
 
 def automatic(board: Board, choose: int, progress: Progress) -> Chosen:
     """Every combination where there are few, and otherwise greedy with exchanges."""
-    few = comb(board.count, choose) * len(board.before) <= FEW
-    return (every_combination if few or choose == 1 else greedy_with_exchange)(
-        board, choose, progress
-    )
+    few = choose == 1 or comb(board.count, choose) * len(board.before) <= FEW
+    return (every_combination if few else greedy_with_exchange)(board, choose, progress)
 
 
 def every_combination(board: Board, choose: int, progress: Progress) -> Chosen:
@@ -139,43 +253,30 @@ def _combinations(
         yield from _combinations(board, choose, (*begun, candidate), board.after(state, candidate))
 
 
-def greedy(board: Board, choose: int, progress: Progress) -> Chosen:
-    """One candidate after the other, each the best beside those before.
-
-    By D-optimality the information of what is chosen is at least 1 - 1/e of the largest possible
-    (Nemhauser, Wolsey and Fisher, An analysis of approximations for maximizing submodular set
-    functions, 1978), because it is submodular. The other criteria are not.
-    """
-    chosen, state = list[int](), board.before
-    for step in range(choose):
-        left = [i for i in range(board.count) if i not in chosen]
-        found, _ = _best(board, state, left)
-        chosen.append(found)
-        state = board.after(state, found)
-        progress(step + 1, choose)
-    return Chosen(tuple(chosen), "greedily, one candidate after the other")
-
-
 def greedy_with_exchange(board: Board, choose: int, progress: Progress) -> Chosen:
-    """Greedily, and then one is exchanged for one that was not chosen as long as that is better.
+    """One after the other, each the best beside those before; then one is exchanged for another.
 
-    No single exchange improves the end (Fedorov, Theory of Optimal Experiments, 1972), which need
-    not be the best of all combinations.
+    By D-optimality the information of the greedy choice is at least 1 - 1/e of the largest possible
+    (Nemhauser, Wolsey and Fisher, An analysis of approximations for maximizing submodular set
+    functions, 1978), because it is submodular; the other criteria are not. Exchanges go on as long
+    as they are better: no single one improves the end (Fedorov, Theory of Optimal Experiments,
+    1972), which need not be the best of all combinations.
     """
-    chosen = list(greedy(board, choose, lambda done, of: None).candidates)
-    score, exchanges = board.score(board.measuring(chosen)), 0
-    for number in range(PASSES):
-        before = exchanges
-        for place in range(choose):
-            progress(number * choose + place + 1, PASSES * choose)
-            rest = chosen[:place] + chosen[place + 1 :]
-            others = [i for i in range(board.count) if i not in chosen]
-            if not others:
-                break
-            found, better = _best(board, board.measuring(rest), others)
-            if better.beats(score):
-                chosen[place], score, exchanges = found, better, exchanges + 1
-        if exchanges == before:
+    chosen: list[int] = []
+    for step in range(choose):
+        best, score = _best(board, board.measuring(chosen), board.others(chosen))
+        chosen.append(best)
+        progress(step + 1, (PASSES + 1) * choose)
+    exchanges, tried = 0, 0  # tried since the last exchange
+    for number in range(PASSES * choose if choose < board.count else 0):
+        place = number % choose
+        rest = board.measuring(chosen[:place] + chosen[place + 1 :])
+        best, better = _best(board, rest, board.others(chosen))
+        tried += 1
+        if better.beats(score):
+            chosen[place], score, exchanges, tried = best, better, exchanges + 1, 0
+        progress(choose + number + 1, (PASSES + 1) * choose)
+        if tried == choose:
             break
     times = {0: "no exchange", 1: "one exchange"}.get(exchanges, f"{exchanges} exchanges")
     how = f"greedily and with {times}; no single exchange improves the choice"
@@ -184,20 +285,19 @@ def greedy_with_exchange(board: Board, choose: int, progress: Progress) -> Chose
 
 def in_order(board: Board, chosen: Sequence[int]) -> tuple[int, ...]:
     """The chosen ones, the one that is best alone first, and then the best beside it."""
-    left, ordered, state = list(chosen), list[int](), board.before
+    left, ordered = list(chosen), list[int]()
     while left:
-        found, _ = _best(board, state, left)
-        ordered.append(found)
-        left.remove(found)
-        state = board.after(state, found)
+        best, _ = _best(board, board.measuring(ordered), left)
+        ordered.append(best)
+        left.remove(best)
     return tuple(ordered)
 
 
 def _best(board: Board, state: State, among: Sequence[int]) -> tuple[int, Score]:
     """The first of the best among some candidates, and its score."""
-    found = among[0], board.score(board.after(state, among[0]))
+    best = among[0], board.score(board.after(state, among[0]))
     for candidate in among[1:]:
         score = board.score(board.after(state, candidate))
-        if score.beats(found[1]):
-            found = candidate, score
-    return found
+        if score.beats(best[1]):
+            best = candidate, score
+    return best

@@ -12,9 +12,11 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadFile
 from workbench.fitting.scan import BadScan, Scan
 from workbench.reading.arrays import opened, optional, read_expected, reals
+from workbench.reading.facts import json_in
 from workbench.registration.coregistration.coregistering import Fitted
 from workbench.training.folder import TABLE, Row, read_table
 
+SUMMARY = "summary.json"
 SCAN, BODY = "scan.npz", "start.npz"  # beside a registration, and in the folder of all
 AGAIN = "repeat `workbench register`"
 
@@ -57,6 +59,16 @@ class RegisteredScans:
                 return Scan(found["points"], found.get("normals"), weights=found.get("areas"))
             except BadScan as error:
                 raise BadFile(str(error)) from error
+
+    def doubts(self) -> dict[str, tuple[str, ...]]:
+        """What spoke against each registration by itself, by scans. Raises BadFile."""
+        found = {}
+        for name, row in zip(self.names, self.rows, strict=True):
+            path = (self.place / row.file).with_name(SUMMARY)
+            told = json_in(path).get("warnings", []) if path.is_file() else []
+            if told:
+                found[name] = tuple(map(str, told))
+        return found
 
     def fitted(self, row: int, body: SkinnedBody) -> Fitted:
         """The body as it was fitted to a scan. Raises BadFile."""

@@ -1,7 +1,7 @@
 // A replay: bodies along the runs of several solvers, moved along directions, drawn from a
 // posterior, or shown one after the other. It is computed here from the numbers that Python wrote.
 
-// Okabe and Ito's colours, one a solver, as in the figures
+// Okabe and Ito's colours; SOLVER_COLOURS, from plots/palette.py, has that of each known solver
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
 const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
 const HANDLE = [0.05, 0.45, 0.7];
@@ -20,6 +20,17 @@ const CLOCKS = {
 
 const rgb = colour => [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16) / 255);
 const pale = colour => colour.map(x => 0.3 + 0.7 * x);
+
+function coloursOf(names) { // of solvers as in the figures; others get colours that are free
+  const own = names.map(name => SOLVER_COLOURS[name]);
+  const give = choose => names.forEach((name, i) => { own[i] ??= choose(name, i); });
+  give(name => {
+    const last = SOLVER_COLOURS[name.split(" ").at(-1)]; // of a solver in stages, or from several starts
+    return own.includes(last) ? undefined : last;
+  });
+  give((_, i) => COLOURS.find(one => !own.includes(one)) ?? COLOURS[i % COLOURS.length]);
+  return own;
+}
 
 function short(x) { // four digits at most
   if (x === null || x === undefined) return "–";
@@ -332,7 +343,7 @@ class Replay {
     const top = make("div", root);
     const modes = [["the solvers' way", "runs", this.runs.length],
                    ["directions hardly seen", "directions", this.directions.length],
-                   ["draws from the posterior", "draws", this.draws.count],
+                   [this.draws.name, "draws", this.draws.count],
                    ...this.series.map(({ name, count }, i) => [name, `series${i}`, count])].filter(([, , some]) => some);
     if (modes.length > 1) choice(row(top, "show"), modes, this.mode, mode => {
       this.stop();
@@ -362,7 +373,7 @@ class Replay {
     this.chips = solvers;
     this.add = run => { // a run, with a button that shows or hides it
       const i = this.chips.querySelectorAll("button").length;
-      Object.assign(run, { on: true, colour: COLOURS[i % COLOURS.length] });
+      Object.assign(run, { on: true, colour: coloursOf(this.runs.map(one => one.name))[i] });
       const chip = button(solvers, run.name, () => {
         if (this.lens) this.focus = i;
         else run.on = !run.on;
@@ -417,7 +428,7 @@ class Replay {
     };
     series.states = series.frames || series.count > FEW || series.count < 2 ? [] : make(series.columns.length > 1 ? "from" : series.name, series.labels, i => { series.at = i; });
     series.chips = series.columns.length < 2 ? [] : make("bodies", series.columns, i => { series.on[i] = !series.on[i]; });
-    series.chips.forEach((chip, i) => chip.style.setProperty("--colour", i ? COLOURS[(i - 1) % COLOURS.length] : "var(--soft)"));
+    series.chips.forEach((chip, i) => chip.style.setProperty("--colour", i ? series.colours[i - 1] : "var(--soft)"));
     return rows;
   }
 

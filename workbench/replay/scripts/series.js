@@ -6,6 +6,7 @@ class Series {
   constructor(replay, data) {
     Object.assign(this, data, { replay, at: data.opens, on: data.columns.map(() => true) });
     this.count = data.labels.length;
+    this.colours = coloursOf(data.columns.slice(1));
     this.frames = data.name === "frames"; // of a body that may travel
     this.contacts = new Map();
     if (this.pixels) replay.lenses.forEach((lens, v) => lens.cropTo(this.seenBy(v)));
@@ -66,7 +67,7 @@ class Series {
     const found = [], several = this.columns.length > 1;
     this.columns.forEach((name, column) => {
       const surface = this.on[column] ? this.surface(this.at, column) : null;
-      if (surface) found.push({ surface, name, paint: several && column ? pale(rgb(COLOURS[(column - 1) % COLOURS.length])) : this.paint });
+      if (surface) found.push({ surface, name, paint: several && column ? pale(rgb(this.colours[column - 1])) : this.paint });
     });
     return found;
   }

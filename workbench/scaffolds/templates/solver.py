@@ -15,28 +15,20 @@ import casadi as cs
 import numpy as np
 
 import workbench as wb
-from workbench.solvers import Boxes, Callback, Derivative, Run
+from workbench.solvers import Boxes, Callback, Derivative, Limits, Run
 
 
-# 1. The options are the fields of a frozen dataclass. `Run` reads the four limits below, so that
-#    every solver stops for the same reasons, and *converged* means the same for all.
+# 1. The options are the fields of a frozen dataclass. It derives from `Limits`, whose four fields
+#    `Run` reads: every solver stops for the same reasons, and *converged* means the same for all.
 @dataclass(frozen=True)
-class Damped:
+class Damped(Limits):
     """Levenberg's method (1944): (J'J + mu I) p = -J'r, with mu smaller after a success.
 
     Attributes:
         damping: the first mu.
-        max_iterations: the largest number of steps.
-        max_evaluations: the largest number of residuals, gradients and Jacobians together.
-        max_seconds: the most time, in seconds.
-        gradient_tolerance: a point whose `Problem.optimality` is at most this has converged.
     """
 
     damping: float = 1.0
-    max_iterations: int = 1_000
-    max_evaluations: int = 10_000
-    max_seconds: float = 60.0
-    gradient_tolerance: float = 1e-6
 
     # 2. What it needs and takes. A problem with bounds or constraints is refused in a sentence.
     @property

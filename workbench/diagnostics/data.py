@@ -2,26 +2,28 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import named_rows
+from workbench.diagnostics.words import named_rows
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
 
 SCHEMA = "workbench.diagnosis"
-VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it
+VERSION = 2  # raised when a key is removed or changes its meaning; new keys do not raise it
 CHECKED = (
     *("passed", "wrong", "largest_error", "slope"),
     *("gradient_error", "hessian_error", "neglected"),
 )
 
 
-def as_data(d: Diagnosis) -> dict[str, Any]:
+def as_data(d: "Diagnosis") -> dict[str, Any]:
     """All parts of a diagnosis; infinite and undefined numbers are null.
 
-    There are no singular values where the unknowns were eliminated part after part.
+    There are no singular values of a sparse Jacobian, which is factorized.
     """
     data: dict[str, Any] = {
         "schema": SCHEMA,
@@ -30,7 +32,6 @@ def as_data(d: Diagnosis) -> dict[str, Any]:
         "estimated": d.here.estimated,
         "shape": d.shape,
         "nonzeros": d.nonzeros,
-        "thick": d.thick if d.here.finite else None,
         "density": d.density,
         "structural_rank": d.structural_rank,
         "blocks": [{"name": b.name, "shape": b.shape, "unit": b.unit} for b in d.free.blocks],
@@ -78,7 +79,7 @@ def as_data(d: Diagnosis) -> dict[str, Any]:
     return plain(data)  # type: ignore[no-any-return]
 
 
-def _numbers(d: Diagnosis) -> dict[str, Any]:
+def _numbers(d: "Diagnosis") -> dict[str, Any]:
     known, check, law = d.identifiability, d.derivatives, d.rank_law
     return {
         "rank": d.rank,
@@ -142,7 +143,7 @@ def _numbers(d: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _direction(d: Diagnosis, x: Direction) -> dict[str, Any]:
+def _direction(d: "Diagnosis", x: Direction) -> dict[str, Any]:
     entries = {d.free.label(int(i)): x.vector[i] for i in np.flatnonzero(x.vector)}
     return {"name": x.name, "kind": x.kind, "change": x.change, "entries": entries}
 

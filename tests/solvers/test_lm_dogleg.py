@@ -1,0 +1,395 @@
+"""Levenberg-Marquardt and the dogleg: their steps, damping and radii, and what scaling means."""
+
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+import pytest
+import scipy.optimize
+
+import workbench as wb
+from tests.solvers.problems import body_fit, decay, line, rosenbrock
+from tests.tiers import few
+from workbench import (
+    Block,
+    Dogleg,
+    GaussNewton,
+    LevenbergMarquardt,
+    Linearization,
+    Problem,
+    Residual,
+    Solution,
+    Solver,
+    Status,
+    Values,
+)
+from workbench.errors import BadArgument
+from workbench.experiments import find
+from workbench.problem import steps
+from workbench.problem.steps import automatic
+from workbench.solvers import DampedGaussNewton, Ipopt, Sqp, chumpy, columns, full_step, identity
+from workbench.solvers.dogleg import FIRST, cauchy_point, dogleg_step
+from workbench.solvers.trust_region import box_step
+
+FAR = [{"x": np.array(x)} for x in ([-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0])]
+FROM_FAR = pytest.mark.parametrize("start", FAR, ids=lambda start: str(start["x"]))
+
+
+@FROM_FAR
+@pytest.mark.parametrize(
+    "solver",
+    [
+        LevenbergMarquardt(max_iterations=1000),
+        LevenbergMarquardt(scaling=columns, max_iterations=1000),
+        LevenbergMarquardt(steps_per_jacobian=2),
+        Dogleg(max_iterations=1000),
+        Dogleg(rule=chumpy, max_iterations=1000),
+    ],
+    ids=["identity", "columns", "two steps", "dogleg", "chumpy"],
+)
+def test_cost_falls_with_every_iterate(solver: Solver, start: Values) -> None:
+    solution = solver.solve(rosenbrock()[0], start)
+    assert (np.diff([iterate.cost for iterate in solution.trace]) < 0).all()
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [1, 1], atol=1e-5)
+
+
+@pytest.mark.parametrize("solver", [LevenbergMarquardt, Dogleg])
+def test_units_do_not_matter_when_columns_scale(solver: type) -> None:
+    """With D = |J_i| the iterates are the same in any unit; with D = 1 they are not."""
+    for scaling, alike in ((columns, True), (identity, False)):
+        (problem, start), (other, other_start) = rosenbrock(), rosenbrock(1000.0)
+        some = solver(scaling=scaling, max_iterations=5)
+        ours = [i.values["x"] for i in some.solve(problem, start).trace]
+        theirs = [i.values["x"] / [1, 1000.0] for i in some.solve(other, other_start).trace]
+        same = len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=1e-8)
+        assert same is alike
+
+
+def test_scalings_are_one_or_the_lengths_of_columns() -> None:
+    here = Linearization(np.ones(2), np.array([[3.0, 0.0, 1.0], [4.0, 0.0, 0.0]]))
+    np.testing.assert_array_equal(identity(here), [1, 1, 1])
+    np.testing.assert_array_equal(columns(here), [5, 1, 1])  # what nothing sees stays put
+
+
+# Levenberg-Marquardt.
+
+
+def test_levenberg_marquardt_steps_are_the_damped_ones() -> None:
+    problem, start = decay()
+    first, second = LevenbergMarquardt().solve(problem, start).trace[:2]
+    here = problem.linearize(start)
+    fraction = LevenbergMarquardt().first_damping
+    assert first.damping == pytest.approx(fraction * here.column_norms.max() ** 2)
+    dampings = first.damping * np.cumprod([1, 2, 4, 8])  # Nielsen's, for steps that were refused
+    taken = second.values["x"] - first.values["x"]
+    assert min(np.linalg.norm(here.step(damping) - taken) for damping in dampings) < 1e-12
+
+
+def test_damping_falls_as_fast_as_it_may_when_every_gain_is_one() -> None:
+    dampings = [i.damping for i in LevenbergMarquardt().solve(*line()).trace]
+    np.testing.assert_allclose(np.divide(dampings[1:], dampings[:-1]), 0.1)
+
+
+@pytest.mark.parametrize("n", few([8, 12], 1))
+def test_scaling_of_columns_stays_when_they_vanish(n: int) -> None:
+    """bdqrtic of Moré and Wild (SIAM J. Optim. 20, 2009), whose columns vanish where x does.
+
+    With D = |J_i| of each iterate alone it ends at several times the least cost.
+    """
+    x = Block("x", (n,)).symbol
+    rows = [3 - 4 * x[i] for i in range(n - 4)]
+    rows += [
+        x[i] ** 2 + 2 * x[i + 1] ** 2 + 3 * x[i + 2] ** 2 + 4 * x[i + 3] ** 2 + 5 * x[n - 1] ** 2
+        for i in range(n - 4)
+    ]
+    problem, start = Problem((Residual("bdqrtic", cs.vertcat(*rows), 1.0),), ("x",)), np.ones(n)
+    expected = scipy.optimize.least_squares(
+        lambda x: problem.residual(x, np.zeros(0)),
+        start,
+        jac=lambda x: problem.linearize_at(x, np.zeros(0)).jacobian,
+        xtol=1e-14,
+        ftol=1e-14,
+    )
+    solution = LevenbergMarquardt(scaling=columns).solve(problem, {"x": start})
+    assert solution.cost == pytest.approx(expected.cost, rel=1e-8)
+
+
+@pytest.mark.parametrize("by", [steps.qr, steps.svd, steps.cholesky])
+def test_linear_algebra_changes_no_solution(by) -> None:
+    """What Cholesky declines is damped until it does not."""
+    problem, start = decay()
+    solution = LevenbergMarquardt(linear_algebra=by).solve(problem, start)
+    assert solution.converged
+    assert solution.linear_algebra == {by.__name__: solution.iterations}
+    x = Block("x", (2,)).symbol
+    singular = Problem((Residual("sum", x[0] + x[1] - 1.0, 1.0),), ("x",))
+    solution = LevenbergMarquardt(linear_algebra=by).solve(singular, {"x": np.zeros(2)})
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [0.5, 0.5], atol=1e-6)
+
+
+# Several steps with each Jacobian.
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_steps_with_one_jacobian_raise_the_order_by_one_each(count: int) -> None:
+    """From half as far, all of them together end 2^(m + 1) times as near (Shamanskii 1967)."""
+    x, root = Block("x", (2,)).symbol, np.array([0.5, -0.3])
+    left = cs.vertcat(cs.exp(x[0]) + x[1] ** 2 + x[0] * x[1], x[0] + cs.sin(x[1]) + x[0] ** 3)
+    right = cs.Function("right", [x], [left])(root)
+    problem = Problem((Residual("equations", left - right, 1.0),), ("x",))
+    solver = LevenbergMarquardt(steps_per_jacobian=count, first_damping=1e-15, max_iterations=1)
+    away = [
+        np.linalg.norm(solver.solve(problem, {"x": root + offset}).trace[1].values["x"] - root)
+        for offset in (np.array([0.02, 0.01]), np.array([0.01, 0.005]))
+    ]
+    assert np.log2(away[0] / away[1]) == pytest.approx(count + 1, abs=0.1)
+
+
+@pytest.mark.thorough
+def test_two_steps_with_each_jacobian_need_fewer_jacobians() -> None:
+    body = wb.load_body("small")
+    pose = 0.15 * np.random.default_rng(0).normal(size=(24, 3))
+    seen = body.vertices(pose, np.ones(10), np.zeros(3))
+    points = body.points(*(block.symbol for block in body.blocks()))
+    fit = Problem([wb.residuals.vertices(points, seen, sigma=0.01)], ("pose", "betas", "trans"))
+    for problem, start, fewer in ((fit, body.start(), 2), (rosenbrock()[0], FAR[1], 1)):
+        plain, two = (
+            LevenbergMarquardt(steps_per_jacobian=count).solve(problem, start) for count in (1, 2)
+        )
+        assert plain.converged
+        assert two.converged
+        assert two.evaluations.jacobian <= plain.evaluations.jacobian - fewer
+        assert (np.diff([iterate.cost for iterate in two.trace]) < 0).all()
+
+
+def test_steps_per_jacobian_must_be_one_or_more() -> None:
+    with pytest.raises(BadArgument, match="`steps_per_jacobian` must be 1, for the plain method"):
+        LevenbergMarquardt(steps_per_jacobian=0)
+
+
+# Between bounds.
+
+
+@pytest.mark.parametrize("by", [steps.automatic, steps.qr])
+def test_further_steps_stay_between_bounds(by) -> None:
+    problem, start = decay(bounds={"x": ([0.0, 0.0, 0.6], [1.8, 5.0, 5.0])})
+    plain = LevenbergMarquardt().solve(problem, start)
+    two = LevenbergMarquardt(steps_per_jacobian=2, linear_algebra=by).solve(problem, start)
+    assert two.converged
+    np.testing.assert_allclose(two.values["x"], plain.values["x"], atol=1e-6)
+    for iterate in two.trace:
+        x = np.asarray(iterate.values["x"])
+        assert ((problem.lower <= x) & (x <= problem.upper)).all()
+    assert two.values["x"][2] == 0.6
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1, 10.0])
+def test_step_between_bounds_is_that_of_scipys_active_set_method(damping: float) -> None:
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        m, n = 12, 6
+        here = Linearization(rng.normal(size=m), rng.normal(size=(m, n)))
+        low, high = -rng.uniform(0, 0.3, size=n), rng.uniform(0, 0.3, size=n)
+        low[0] = high[0] = 0.0  # which is no room at all
+        D = rng.uniform(0.3, 3, size=n)
+        step = box_step(here, damping, D, low, high, automatic)
+        assert step is not None
+        A = np.concatenate([here.jacobian, np.sqrt(damping) * np.diag(D)])
+        b = np.concatenate([-here.residual, np.zeros(n)])
+        loose = low < high
+        expected = scipy.optimize.lsq_linear(
+            A[:, loose], b, (low[loose], high[loose]), method="bvls", tol=1e-14
+        )
+        np.testing.assert_allclose(step.p[loose], expected.x, atol=1e-9)
+        assert step.p[0] == 0
+
+
+def test_convergence_is_quadratic_when_an_entry_is_at_its_bound() -> None:
+    problem, start = decay(noise=0.0, bounds={"x": ([0.0, 1.3, 0.0], [5.0, 5.0, 5.0])})
+    start = start | {"x": np.array([1.0, 1.3, 0.0])}
+    solution = LevenbergMarquardt(gradient_tolerance=0.0, scaling=columns).solve(problem, start)
+    assert solution.status is Status.CONVERGED
+    errors = [np.linalg.norm(i.values["x"] - [2.0, 1.3, 0.5]) for i in solution.trace]
+    tail = [e for e in errors if 1e-14 < e < 0.1]
+    assert solution.iterations <= 12
+    assert all(b < 0.2 * a for a, b in pairwise(tail))
+
+
+@pytest.mark.parametrize("seed", few(range(5), 2))
+def test_minima_in_corners_are_those_of_scipy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corner = np.sort(rng.uniform(-1.5, 0.9, size=(2, 2)), axis=0)
+    problem = Problem(rosenbrock()[0].residuals, ("x",), {"x": (corner[0], corner[1])})
+    solution = LevenbergMarquardt().solve(problem, {"x": corner.mean(axis=0)})
+    assert solution.converged
+    best = min(
+        scipy.optimize.least_squares(
+            lambda x: problem.residual(x, np.zeros(0)), x, bounds=tuple(corner), xtol=1e-14
+        ).cost
+        for x in (corner.mean(axis=0), corner[0] + 1e-6, corner[1] - 1e-6)
+    )
+    assert solution.cost <= best * (1 + 1e-6) or solution.optimality < 1e-8
+
+
+def test_equal_bounds_fix_an_entry() -> None:
+    x = Block("x", (3,)).symbol
+    problem = Problem((Residual("r", x - 1.0, 1.0),), ("x",), {"x": ([0.2, -9, -9], [0.2, 9, 9])})
+    solution = LevenbergMarquardt().solve(problem, {"x": np.zeros(3)})
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [0.2, 1, 1], atol=1e-6)
+
+
+# The dogleg.
+
+
+def chumpys_points(problem: Problem, start: Values, count: int) -> list[np.ndarray]:
+    """The points accepted by chumpy's rules, written down once more.
+
+    The first radius is |Gauss-Newton step|; above a gain of 0.9 it becomes 2.5 |step| at least,
+    below 0.05 a quarter; what lowers the cost is taken.
+    """
+    x, fixed = problem.split(start)
+    points, delta = [x.copy()], None
+    for _ in range(count):
+        here = problem.linearize_at(x, fixed)
+        J, r = here.jacobian, here.residual
+        g = J.T @ r
+        d_gn = np.linalg.lstsq(J, -r, rcond=None)[0]
+        d_sd = -(g @ g) / np.sum((J @ g) ** 2) * g
+        if delta is None:
+            delta = np.linalg.norm(d_gn)
+        for _ in range(200):
+            if np.linalg.norm(d_gn) <= delta:
+                d = d_gn
+            elif np.linalg.norm(d_sd) >= delta:
+                d = d_sd * delta / np.linalg.norm(d_sd)
+            else:
+                leg = d_gn - d_sd
+                beta = np.roots([leg @ leg, 2 * d_sd @ leg, d_sd @ d_sd - delta**2]).max()
+                d = d_sd + beta * leg
+            new = problem.residual(x + d, fixed)
+            rho = (r @ r - new @ new) / (r @ r - np.sum((r + J @ d) ** 2))
+            if rho > 0.9:
+                delta = max(delta, 2.5 * np.linalg.norm(d))
+            elif rho < 0.05:
+                delta *= 0.25
+            if rho > 0:
+                break
+        x = x + d
+        points.append(x.copy())
+    return points
+
+
+@pytest.mark.parametrize("build", [rosenbrock, decay, body_fit])
+def test_dogleg_iterates_are_those_of_chumpy(build) -> None:
+    problem, start = build()
+    solution = Dogleg(rule=chumpy).solve(problem, start)
+    assert solution.converged
+    ours = [problem.free.pack(i.values) for i in solution.trace]
+    assert len(ours) >= 6
+    for mine, theirs in zip(ours, chumpys_points(problem, start, len(ours) - 1), strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-7, atol=1e-9)
+
+
+def test_dogleg_path_leads_downhill_all_the_way() -> None:
+    """Farther along the path the linear model is lower (Powell 1970)."""
+    rng = np.random.default_rng(0)
+    here, D = Linearization(rng.normal(size=9), rng.normal(size=(9, 4))), np.ones(4)
+    newton, cauchy = here.step(), cauchy_point(here, D)
+    full, short = np.linalg.norm(newton), np.linalg.norm(cauchy)
+    assert short < full
+    np.testing.assert_array_equal(dogleg_step(newton, cauchy, D, 2 * full), newton)
+    np.testing.assert_allclose(dogleg_step(newton, cauchy, D, short / 2), cauchy / 2)
+    costs = []
+    for radius in np.linspace(0.1 * short, full, 30):
+        step = dogleg_step(newton, cauchy, D, radius)
+        assert np.linalg.norm(step) == pytest.approx(radius)
+        costs.append(here.predicted_cost(step))
+    assert (np.diff(costs) < 0).all()
+
+
+def test_cauchy_point_is_the_least_along_the_gradient() -> None:
+    rng = np.random.default_rng(1)
+    here, D = Linearization(rng.normal(size=9), rng.normal(size=(9, 4))), rng.uniform(1, 2, 4)
+    p, g = cauchy_point(here, D), here.gradient / D**2
+    np.testing.assert_allclose(p / np.linalg.norm(p), -g / np.linalg.norm(g))
+    for share in (0.99, 1.01):
+        assert here.predicted_cost(share * p) > here.predicted_cost(p)
+
+
+@pytest.mark.parametrize("rule", [chumpy, Dogleg().rule], ids=["chumpy", "textbook"])
+def test_dogleg_solves_a_linear_problem_in_one_step(rule) -> None:
+    problem, start = line()
+    for far in (1.0, 1e-6, 1e6):
+        solution = Dogleg(rule=rule).solve(problem, {"x": far * start["x"]})
+        assert solution.status is Status.CONVERGED
+        assert solution.iterations == 1
+
+
+# First steps, which do not leap too far.
+
+TIMES = np.linspace(0, 5, 30)
+WIDE, WIDER = (1.5, 0.2), (3.0, 0.2)
+
+
+def peak(
+    start: tuple[float, float], turned: float = 0.0, sigma: float = 0.05
+) -> tuple[Problem, Values]:
+    """A peak at 2 of the steepness 1.5, and a start at which it is much too wide.
+
+    The unknowns may be `turned` by an angle against center and steepness.
+    """
+    Q = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    x = Block("x", (2,)).symbol
+    center, steepness = cs.vertsplit(Q @ x)
+    curve = cs.exp(-(((TIMES - center) * steepness) ** 2)) - np.exp(-(((TIMES - 2.0) * 1.5) ** 2))
+    return Problem((Residual("peak", curve, sigma),), "x"), {"x": Q.T @ np.array(start)}
+
+
+@pytest.mark.parametrize(
+    ("solver", "start"),
+    [(GaussNewton(), WIDE), (Dogleg(), WIDE), (Ipopt(), WIDER), (Sqp(), WIDER)],
+    ids=["gauss-newton", "dogleg", "ipopt", "sqp"],
+)
+def test_first_step_keeps_to_the_radius(solver: Solver, start: tuple[float, float]) -> None:
+    problem, values = peak(start)
+    solution = solver.solve(problem, values)
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [2.0, 1.5], rtol=1e-6)
+    radius = FIRST * np.linalg.norm(values["x"])
+    assert solution.trace[1].step_norm <= radius * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    "solver", [GaussNewton(line_search=full_step), Dogleg(rule=chumpy)], ids=["full", "chumpy"]
+)
+def test_whole_steps_leap_as_they_are_described(solver: Solver) -> None:
+    problem, values = peak(WIDE)
+    solution = solver.solve(problem, values)
+    assert solution.cost > 500
+    assert max(iterate.step_norm for iterate in solution.trace) > 10
+
+
+@pytest.mark.parametrize("solver", [GaussNewton(max_iterations=6), Dogleg(max_iterations=6)])
+def test_turned_unknowns_and_sigma_change_no_iterate(solver: Solver) -> None:
+    def points(solution: Solution) -> np.ndarray:
+        return np.array([i.values["x"] for i in solution.trace])
+
+    Q = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    ours = points(solver.solve(*peak(WIDE)))
+    turned = points(solver.solve(*peak(WIDE, 0.7))) @ Q.T
+    other = points(solver.solve(*peak(WIDE, sigma=5.0)))
+    np.testing.assert_allclose(turned, ours, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(other, ours, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("solver", [Ipopt(), Sqp(), Ipopt(hessian=DampedGaussNewton(1e-2))])
+def test_damped_hessian_solves_a_nearly_singular_fit(solver: Solver) -> None:
+    setup = find("body-points-lbs", {"start": 3}).setup()
+    assert setup.known is not None
+    solution = solver.solve(setup.problem, setup.start)
+    assert solution.converged
+    assert solution.cost == pytest.approx(setup.known.cost, rel=1e-6)

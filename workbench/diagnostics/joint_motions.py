@@ -1,0 +1,174 @@
+"""The motions of joints by which null directions of bodies are named, smallest first.
+
+A null space has no basis of its own: singular vectors spread one joint's twist over the whole body.
+Null directions are therefore searched for in small subspaces that have a name: one entry; one
+joint; a joint and one below it that undoes its turn (the twist of a bone, the swivel of an elbow);
+a joint against a translation; a limb, and one against a translation.
+
+A direction that is found among all turns of a limb may move little of the limb: one that turns a
+hand, and the collar by a hundredth as much, is called a turn of the hand.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Block, Layout, Tree
+
+MOVES = 0.1  # of the largest entry: a motion is not named by joints of a limb that turn less
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """A subspace of the free numbers with a name: each of its entries may move by itself.
+
+    Attributes:
+        kind: `entry`, `twist` or `joint`.
+        name: what the motion is called in reports.
+        joints: the joints that it turns.
+        entries: (q,) the free numbers that it moves.
+        tree: the kinematic tree whose joints it turns.
+        undone_by: the name of the translation that takes part in it.
+    """
+
+    kind: str
+    name: str
+    joints: tuple[str, ...]
+    entries: Index
+    tree: Tree | None = None
+    undone_by: str = ""
+
+    def called(self, v: Array, free: Layout, least: float) -> tuple[str, tuple[str, ...]]:
+        """The name of a direction v (n,) found in it, and the joints that it turns.
+
+        A limb's motion goes by the joints that turn by at least a tenth of its largest entry; one
+        of a joint that another undoes by those that turn by more than `least` of it.
+        """
+        if self.tree is None:
+            return self.name, self.joints
+        tree, largest = self.tree, float(abs(v).max())
+        angles = [np.linalg.norm(v[tree.entries(k, free)]) for k in range(len(tree.names))]
+        moves = MOVES if self.kind == "joint" else least
+        turned = [int(k) for k in np.flatnonzero(np.array(angles) > moves * largest)]
+        names = tuple(tree.names[k] for k in turned)
+        undone = self.undone_by
+        if undone and np.linalg.norm(v[free.slices[undone]]) <= moves * largest:
+            undone = ""
+        if self.joints and set(names) == set(self.joints) and undone == self.undone_by:
+            return self.name, self.joints
+        name = _turns(tree, turned)
+        return (f"{name}, undone by {undone}" if undone else name), names if self.joints else ()
+
+
+def joint_motions(free: Layout, trees: Sequence[Tree]) -> Iterator[JointMotion]:
+    """All motions of joints; those with few entries come first, and single entries of all."""
+    moving = [tree for tree in trees if tree.moves(free)]
+    turned: dict[int, tuple[str, ...]] = {}
+    for tree in moving:
+        for k, name in enumerate(tree.names):
+            for i in tree.entries(k, free):
+                turned[i] = (*turned.get(i, ()), name)
+    for i in range(free.size):
+        yield _motion("entry", free.label(i), turned.get(i, ()), [i])
+    for tree in moving:
+        for k, name in enumerate(tree.names):
+            if entries := tree.entries(k, free):
+                yield _motion("twist", f"a turn of {tree.called(k)} alone", (name,), entries)
+    for tree in moving:
+        yield from _pairs(free, tree)
+    places = [b for b in free.blocks if b.shape == (3,) and (b.whole is None or b.unit == "m")]
+    places = [b for b in places if all(b.name not in tree.blocks for tree in moving)]
+    for tree in moving:
+        for block in places:
+            moves = range(free.slices[block.name].start, free.slices[block.name].stop)
+            for k, name in enumerate(tree.names):
+                if turn := tree.entries(k, free):
+                    motion = f"a turn of {tree.called(k)}, undone by {block.name}"
+                    yield _motion("twist", motion, (name,), [*turn, *moves], tree, block.name)
+    for tree in moving:
+        yield from _limbs(free, tree)
+    for tree in moving:
+        yield from _limbs_against_places(free, tree, places)
+
+
+def _motion(
+    kind: str,
+    name: str,
+    joints: tuple[str, ...],
+    entries: Sequence[int],
+    tree: Tree | None = None,
+    undone_by: str = "",
+) -> JointMotion:
+    at: NDArray[np.int64] = np.array(entries, dtype=np.int64)
+    return JointMotion(kind, name, joints, at, tree, undone_by)
+
+
+def _pairs(free: Layout, tree: Tree) -> Iterator[JointMotion]:
+    """A joint turns, and one below it turns back: nearest relatives first."""
+    related = []
+    for k in range(len(tree.parents)):
+        above, apart = tree.parents[k], 1
+        while above >= 0:
+            related.append((apart, above, k))
+            above, apart = tree.parents[above], apart + 1
+    for _, above, k in sorted(related):
+        names = tree.names[above], tree.names[k]
+        turn, back = tree.entries(above, free), tree.entries(k, free)
+        if turn and back:
+            name = f"a turn of {tree.called(above)}, undone at {names[1]}"
+            yield _motion("twist", name, names, turn + back, tree)
+
+
+def _limbs(free: Layout, tree: Tree) -> Iterator[JointMotion]:
+    """Turns of a joint and of all joints below it, small limbs first, the whole tree last."""
+    K = len(tree.parents)
+    below: list[list[int]] = [[k] for k in range(K)]
+    for k in range(K - 1, 0, -1):
+        if tree.parents[k] >= 0:  # a sequence has a root in every frame
+            below[tree.parents[k]] += below[k]
+    for k in sorted(range(K), key=lambda k: len(below[k])):
+        entries = [e for j in sorted(below[k]) for e in tree.entries(j, free)]
+        if len(entries) > 6:
+            yield _motion("joint", f"turns from {tree.names[k]} down", (), entries, tree)
+
+
+def _limbs_against_places(
+    free: Layout, tree: Tree, places: Sequence[Block]
+) -> Iterator[JointMotion]:
+    """The root moves, and turns of the joints near it undo that at all observed points."""
+    depth = [0] * len(tree.parents)
+    for k, parent in enumerate(tree.parents[1:], start=1):
+        depth[k] = depth[parent] + 1 if parent >= 0 else 0
+    for block in places:
+        moves = range(free.slices[block.name].start, free.slices[block.name].stop)
+        for most in range(1, max(depth) + 1):
+            near = [e for k, d in enumerate(depth) if d <= most for e in tree.entries(k, free)]
+            if near:
+                name = f"turns near {tree.names[0]}, undone by {block.name}"
+                yield _motion("joint", name, (), [*near, *moves], tree, block.name)
+
+
+def _turns(tree: Tree, joints: list[int]) -> str:
+    """`a turn of pose[left_hand]`, `turns from left_wrist down` or `turns below spine3`."""
+    if len(joints) == 1:
+        return f"a turn of {tree.called(joints[0])}"
+    if not joints:
+        return "turns"
+    shared = set.intersection(*(_ancestry(tree, k) for k in joints))
+    if not shared:  # joints of several frames
+        more = ", ..." if len(joints) > 2 else ""
+        return f"turns of {' and '.join(tree.called(k) for k in joints[:2])}{more}"
+    top = max(shared)  # parents come first
+    name = tree.names[top]
+    return f"turns from {name} down" if top in joints else f"turns below {name}"
+
+
+def _ancestry(tree: Tree, joint: int) -> set[int]:
+    """The joint and all above it."""
+    above = {joint}
+    while (joint := tree.parents[joint]) >= 0:
+        above.add(joint)
+    return above

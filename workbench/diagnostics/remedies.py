@@ -1,0 +1,564 @@
+"""Remedies for null directions: each is carried out before it is suggested.
+
+A null space of dimension d needs d numbers, and no d numbers serve if a null direction changes none
+of them. In rows of an orthonormal basis N (n, d), measured in characteristic scales, an action that
+determines g numbers W x sees W N (g, d). A user does not hold numbers but things, a camera or a row
+of points, or measures the distance between two points, which is one number. Actions are chosen
+greedily: the one of the most numbers that are all still unknown, and of these the one of the
+largest volume; single numbers by QR with pivoting (Golub and Van Loan, Matrix Computations, section
+5.4). So no more is held than is unknown.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Values
+from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
+from workbench.diagnostics.null_space import SEARCHED
+from workbench.diagnostics.scales import with_unit
+from workbench.diagnostics.words import families, gathered, in_space, row_label
+from workbench.errors import TooLarge, joined, some_of
+from workbench.problem import Constraint, Problem
+from workbench.residuals import Residual, gaussian
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
+
+TURN = 2 * np.pi
+MOST = 200  # null directions up to which the fewest things to hold are searched for
+MOST_SETS = 500  # sets of blocks of one size that are compared
+LISTED = 3  # priors that are suggested
+NAMED = 5  # blocks in a suggestion; there may be dozens
+FEW = 5  # actions of a least remedy, from which on a prior leads that takes fewer
+DETERMINED = 1e-3  # of a null direction: what a prior on some blocks must see of each
+INDEPENDENT = 1e-3  # smallest singular value of what an action sees, of the largest
+TIE = 1e-6  # of a column: by less two count as equal, and the first one leads
+RIGID = ("translation", "rotation", "shift")  # of points, between which there are distances
+ENDS = 30  # points of a block between which distances are tried
+WIDE = 2000  # rows of a block up to which each is tried as a thing
+
+
+@dataclass(frozen=True)
+class RankAndCondition:
+    """Unknowns, rank and condition of a problem at a point.
+
+    Attributes:
+        unknowns: how many there are.
+        rank: how many directions the residuals or constraints determine.
+        condition: the condition of the Jacobian; infinite without full rank.
+        finite: whether the Jacobian is finite; if not, it has no rank.
+    """
+
+    unknowns: int
+    rank: int
+    condition: float
+    finite: bool = True
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        rank = f"rank {self.rank} of {self.unknowns}"
+        return rank if np.isinf(self.condition) else f"{rank}, condition {self.condition:.3g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Suggestion:
+    """One thing to do, and what it did when it was tried.
+
+    Attributes:
+        what: what to do, such as `fix pose`.
+        why: the reason.
+        cost: what is given up by it.
+        before: rank and condition before.
+        after: rank and condition with the suggestion carried out.
+        problem: the problem with the suggestion carried out.
+        values: the values with the suggestion carried out.
+        kind: `least`, `fix`, `prior`, `drop` or `rewrap`.
+        acts: how many things a user does for it.
+        numbers: how many numbers a least remedy holds or measures; 0 for others.
+    """
+
+    what: str
+    why: str
+    cost: str
+    before: RankAndCondition
+    after: RankAndCondition
+    problem: Problem = field(repr=False)
+    values: Values = field(repr=False)
+    kind: str = ""
+    acts: int = 1
+    numbers: int = 0
+
+    @property
+    def cured(self) -> bool:
+        """Whether every direction is determined afterwards."""
+        return self.after.rank == self.after.unknowns
+
+
+def rank_and_condition(constrained: ConstrainedJacobian) -> RankAndCondition:
+    """Rank and condition of a Jacobian under constraints."""
+    n = constrained.here.shape[1]
+    if not constrained.here.finite:
+        return RankAndCondition(n, 0, float("inf"), finite=False)
+    return RankAndCondition(n, constrained.rank, constrained.condition)
+
+
+def with_more(
+    problem: Problem, residuals: Iterable[Residual] = (), constraints: Iterable[Constraint] = ()
+) -> Problem:
+    """The problem with further residuals and constraints; nothing else changes."""
+    return Problem(
+        (*problem.residuals, *residuals),
+        problem.free.spelled(),
+        problem.bounds,
+        problem.known.values(),
+        (*problem.constraints, *constraints),
+    )
+
+
+def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
+    """Suggestions that improve the rank or the condition at the point of the diagnosis.
+
+    None where the Jacobian is not finite, as the findings say; and none for null directions along
+    all of which the cost rises.
+    """
+    if not d.here.finite:
+        return ()
+    if d.has_width:
+        return (*_rewrapped(d), *_dropped(d))
+    least, priors = _least(d), list(_priors(d))
+    few = [s for s in priors if s.acts <= FEW]
+    if least and few and min(s.acts for s in least) > FEW:
+        least, priors = [*few, *least], [s for s in priors if s not in few]
+    fixes = list(_fixed(d))
+    if any(s.cured for s in (*least, *priors)):
+        fixes = [s for s in fixes if s.cured]  # half a remedy helps nobody then
+    return (*_rewrapped(d), *least, *_unread(d), *_dropped(d), *priors, *fixes)
+
+
+def fewer_null(before: RankAndCondition, after: RankAndCondition) -> bool:
+    """Whether fewer directions change no residual."""
+    return after.unknowns - after.rank < before.unknowns - before.rank
+
+
+def _tried(
+    d: "Diagnosis",
+    kind: str,
+    what: str,
+    why: str,
+    cost: str,
+    problem: Problem,
+    *,
+    better: Callable[[RankAndCondition, RankAndCondition], bool] = fewer_null,
+    values: Values | None = None,
+    acts: int = 1,
+    numbers: int = 0,
+) -> Iterator[Suggestion]:
+    """Carry a suggestion out: it is made only if the state after it is `better` than before.
+
+    The values are those of the diagnosis unless others are given.
+    """
+    at = dict(d.values) if values is None else values
+    try:
+        after = rank_and_condition(constrained_jacobian_at(problem, at))
+    except TooLarge:  # it cannot be tried
+        return
+    if after.finite and better(d.state, after):
+        yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts, numbers)
+
+
+def _rewrapped(d: "Diagnosis") -> Iterator[Suggestion]:
+    """Shorten rotation vectors near a full turn by one turn, which leaves the rotation the same."""
+    problem = d.problem
+    for tree in problem.trees:
+        x = problem.split(d.values)[0]
+        turned = tree.turned(problem.free)
+        angle = {k: float(np.linalg.norm(x[place])) for k, place in turned.items()}
+        far = [k for k in turned if abs(angle[k] - TURN) < 0.5]
+        for k in far:
+            x[turned[k]] *= 1 - TURN / angle[k]
+        if far:
+            yield from _tried(
+                d,
+                "rewrap",
+                f"take one turn of 2 pi off the rotation vector of "
+                f"{', '.join(tree.names[k] for k in far)}",
+                "at a full turn, two of the three numbers of a rotation vector change nothing, and "
+                "near it they change little",
+                "nothing: it is the same rotation",
+                problem,
+                better=lambda a, b: fewer_null(a, b) or 3 * b.condition < a.condition,
+                values=d.values | problem.free.unpack(x, d.values),
+            )
+
+
+def _unread(d: "Diagnosis") -> Iterator[Suggestion]:
+    """Do not free blocks on which no residual depends."""
+    whole = [name for name in d.free.names if _is_unread(d, name)]
+    others = d.free.spelled(whole)
+    if whole and others:
+        blocks = _together(whole)
+        yield from _tried(
+            d,
+            "fix",
+            f"do not free {blocks}",
+            f"no residual depends on {blocks}",
+            "nothing: the fit cannot change it",
+            d.problem.freeing(*others),
+        )
+
+
+def _is_unread(d: "Diagnosis", name: str) -> bool:
+    part = d.free.slices[name]
+    return part.stop > part.start and bool(np.isin(np.r_[part], d.structure.unread).all())
+
+
+def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
+    """Leave out the second of two residuals that repeat each other."""
+    for first, second in d.duplicates:
+        yield from _tried(
+            d,
+            "drop",
+            f"drop the residual {second}",
+            f"it repeats {first} row by row; counted twice, it makes sigmas too small",
+            "nothing; sigmas that were too small become right",
+            d.problem.without(second),
+            better=lambda a, b: b.unknowns - b.rank == a.unknowns - a.rank,
+        )
+
+
+def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
+    """Gaussian priors, as wide as the characteristic scales, on the fewest blocks that suffice."""
+    names, sizes, problem = _null_blocks(d), d.point.scales.sizes, d.problem
+    for chosen in _fewest(d, names) if names else ():
+        priors, widths = [], []
+        for name in chosen:
+            block, scale = problem.free[name], sizes[d.free.slices[name]]
+            low, high = float(scale.min()), float(scale.max())
+            widths.append(
+                with_unit(high, block.unit)
+                if low == high
+                else f"{low:.4g} to {with_unit(high, block.unit)}"
+            )
+            priors.append(
+                gaussian(
+                    block.symbol,
+                    mean=block.taken(d.values[name]).ravel(),
+                    covariance=scale**2,
+                    unit=block.unit,
+                    name=_unused(f"prior on {name}", problem.rows),
+                )
+            )
+        yield from _tried(
+            d,
+            "prior",
+            f"add a Gaussian prior on {_together(chosen)} (sigma {some_of(widths, NAMED)})",
+            "a prior determines what the residuals do not",
+            "there the answer is the mean of the prior, not what the data say",
+            with_more(problem, priors),
+            acts=len(chosen),
+        )
+
+
+def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
+    """The smallest sets of blocks in which no null direction stays without a change, best first.
+
+    Of a Jacobian that is large and sparse only all blocks are tried.
+    """
+    if d.here.estimated:
+        return [names]
+    null = _null_in_scales(d)
+    for count in range(1, len(names)):
+        if comb(len(names), count) > MOST_SETS:
+            break
+        ranked = []
+        for chosen in combinations(names, count):
+            rows = np.vstack([null[d.free.slices[name]] for name in chosen])
+            s = np.linalg.svd(rows, compute_uv=False)
+            if len(s) == null.shape[1] and s[-1] > DETERMINED:
+                ranked.append((-round(float(s[-1]), 6), chosen))
+        if ranked:
+            return [chosen for _, chosen in sorted(ranked, key=lambda one: one[0])[:LISTED]]
+    return [names]
+
+
+def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
+    """Fix one of the blocks that take part in null directions, unless these are very many."""
+    if d.shape[1] - d.rank > SEARCHED:
+        return
+    for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
+        others = d.free.spelled([name])
+        if not others or _is_unread(d, name):
+            continue
+        part = d.free.slices[name]
+        null = d.point.constrained.null_rank(part)
+        known = part.stop - part.start - int(null)
+        noun = "number that is" if known == 1 else "numbers that are"
+        yield from _tried(
+            d,
+            "fix",
+            f"fix {name}",
+            f"{name} takes part in null directions",
+            f"{name} stays at its present value, whether right or wrong"
+            + (f", and with it {known} {noun} known already" if known else ""),
+            d.problem.freeing(*others),
+        )
+
+
+def _null_blocks(d: "Diagnosis") -> list[str]:
+    """The blocks that take part in null directions."""
+    moved = np.zeros(d.free.size, dtype=bool)
+    for one in d.null_directions:
+        moved |= abs(one.vector) > 1e-6
+    return [name for name, at in d.free.slices.items() if moved[at].any()]
+
+
+def _null_in_scales(d: "Diagnosis") -> Array:
+    """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales."""
+    return d.point.null_in(d.point.measured, d.point.scales.sizes)
+
+
+def _together(names: Sequence[str]) -> str:
+    """All names, or the first few and how many more there are."""
+    return " and ".join(names) if len(names) <= NAMED else some_of(names, NAMED)
+
+
+def _unused(name: str, taken: Iterable[str]) -> str:
+    """The name with as many primes as make it new."""
+    names = set(taken)
+    while name in names:
+        name += "'"
+    return name
+
+
+# The fewest things to hold or to measure.
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """One thing that a user does to make something known.
+
+    Attributes:
+        what: what is held or measured, such as `cam0` or `the distance of points[1] and points[7]`.
+        weights: (g, q) the combinations of unknowns that it determines, rows of one length.
+        places: (q,) the places of these unknowns.
+        ends: the block and the two rows between which a distance is measured; None if unknowns are
+            held.
+    """
+
+    what: str
+    weights: Array = field(repr=False)
+    places: Index = field(repr=False)
+    ends: tuple[str, int, int] | None = None
+
+    @property
+    def size(self) -> int:
+        """How many numbers it determines."""
+        return len(self.weights)
+
+    def seen(self, null: Array) -> Array:
+        """How its numbers change along the directions of a null space (n, d): (g, d)."""
+        return np.asarray(self.weights @ null[self.places])
+
+    def volume(self, null: Array) -> float:
+        """The mean logarithm of the singular values of what it sees; -inf if one is nothing."""
+        s = np.linalg.svd(self.seen(null), compute_uv=False)
+        length = float(np.linalg.norm(self.weights[0]))
+        if len(s) < self.size or s[-1] <= INDEPENDENT * max(s[0], 1e-3 * length):
+            return -np.inf
+        return float(np.round(np.mean(np.log(s / length)), 1))  # of nearly equal ones the first
+
+
+def _held(what: str, entries: Sequence[int]) -> Action:
+    return Action(what, np.eye(len(entries)), np.array(entries, dtype=np.int64))
+
+
+def _least(d: "Diagnosis") -> list[Suggestion]:
+    """Up to three remedies of the least number of numbers, fewest actions first.
+
+    They hold things and entries, or entries alone, or measure distances where points move rigidly.
+    Of as many actions those that measure nothing come first, because every solver takes them, and
+    then those after which no direction is nearly unknown.
+    """
+    k = d.shape[1] - d.rank
+    if not 0 < k <= MOST or k == d.shape[1]:
+        return []
+    null, distances, groups = _null_in_scales(d), _distances(d), _things(d)
+    entries = [_held(d.free.label(i), [i]) for i in range(d.free.size)]
+    # blocks of one number come before entries: a focal length, and not one point of many
+    numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]
+    preferred = [[numbers, entries], *([[distances, numbers, entries]] if distances else [])]
+    choices = [_chosen(null, some, *singles) for singles in preferred for some in (groups, [])]
+    ranked: list[tuple[int, bool, float, Suggestion]] = []
+    for actions in {frozenset(a.what for a in some): some for some in choices}.values():
+        seen = np.vstack([action.seen(null) for action in actions])
+        if len(seen) == k:
+            least = float(np.round(np.linalg.svd(seen, compute_uv=False)[-1], 6))
+            measures = any(action.ends for action in actions)
+            tried = _carried_out(d, actions)
+            ranked += [(len(actions), measures, -least, suggestion) for suggestion in tried]
+    ranked.sort(key=lambda one: one[:3])
+    measured = [one for one in ranked if one[1]]
+    single = [one for one in ranked if one[0] == k]
+    kept = {id(one) for one in (*ranked[:1], *measured[:1], *single[:1])}
+    return [one[3] for one in ranked if id(one) in kept]
+
+
+def _chosen(null: Array, groups: Sequence[Action], *singles: Sequence[Action]) -> list[Action]:
+    """Actions that together determine the null space (n, d), greedily: the largest first.
+
+    `singles` are lists of actions of one number, the preferred ones first.
+    """
+    chosen: list[Action] = []
+    left = null
+    while left.shape[1]:
+        fitting = [(a.size, a.volume(left), a) for a in groups if a.size <= left.shape[1]]
+        fitting = [one for one in fitting if np.isfinite(one[1])]
+        if not fitting:
+            break
+        chosen.append(max(fitting, key=lambda one: one[:2])[2])
+        left = _left(null, chosen)
+        groups = [a for *_, a in fitting if a is not chosen[-1]]
+    for actions in singles:
+        if left.shape[1] and actions:
+            chosen += _pivoted(actions, left)
+            left = _left(null, chosen)
+    return chosen
+
+
+def _left(null: Array, actions: Sequence[Action]) -> Array:
+    """What of the null space (n, d) is still free when these actions are done."""
+    if not actions:
+        return null
+    _, s, Vt = np.linalg.svd(np.vstack([action.seen(null) for action in actions]))
+    rank = int(np.sum(s > 1e-3 * INDEPENDENT * s.max(initial=0.0)))
+    return np.asarray(null @ Vt[rank:].T)
+
+
+def _pivoted(actions: Sequence[Action], null: Array) -> list[Action]:
+    """As many independent actions of one number as there are, up to the dimension of `null`."""
+    rows = np.vstack([action.seen(null) for action in actions])
+    first = 1 - TIE * np.arange(len(rows)) / len(rows)  # of equal ones the first one leads
+    R, pivots = scipy.linalg.qr(rows.T * first, mode="r", pivoting=True)
+    count = int(np.sum(abs(np.diag(R)) > INDEPENDENT))
+    return [actions[int(p)] for p in np.sort(pivots[:count])]
+
+
+def _things(d: "Diagnosis") -> list[Action]:
+    """What can be held as one thing: families of blocks, blocks, rows, and rows of two blocks.
+
+    Rows of the same number in two blocks are one thing, unless a residual reads different rows of
+    the two.
+    """
+    free, most = d.free, d.shape[1] - d.rank
+    at = {name: list(range(part.start, part.stop)) for name, part in free.slices.items()}
+    named: dict[tuple[int, ...], str] = {}
+    for stem, members in families(free.names).items():
+        named.setdefault(tuple(i for name in members for i in at[name]), stem)
+    by_count: dict[int, list[str]] = {}
+    for block in free.blocks:
+        named.setdefault(tuple(at[block.name]), block.name)
+        if len(block.shape) == 2 and block.shape[1] > 1 and 1 < block.shape[0] <= WIDE:
+            by_count.setdefault(block.shape[0], []).append(block.name)
+    for count, names in by_count.items():
+        pairs = [pair for pair in combinations(names, 2) if _row_by_row(d, pair, count)]
+        for row in range(count):
+            for some in (*((name,) for name in names), *pairs):
+                entries = [i for n in some for i in np.reshape(at[n], (count, -1))[row].tolist()]
+                named.setdefault(tuple(entries), " and ".join(_row(d, n, row) for n in some))
+    return [_held(what, entries) for entries, what in named.items() if 1 < len(entries) <= most]
+
+
+def _row_by_row(d: "Diagnosis", pair: tuple[str, str], count: int) -> bool:
+    """Whether what reads both blocks reads some row of the one and the same row of the other.
+
+    So do residuals of a star that has a place and a velocity. Markers and views, of which there may
+    be as many by chance, are read in any order.
+    """
+    reads = []
+    for name in pair:
+        part = d.structure.pattern[:, d.free.slices[name]].tocoo()
+        row = part.col // (d.free[name].size // count)
+        reads.append(csr_array((np.ones(row.size), (part.row, row)), (part.shape[0], count)))
+    both = np.diff(reads[0].indptr).astype(bool) & np.diff(reads[1].indptr).astype(bool)
+    same = np.diff(csr_array(reads[0].multiply(reads[1])).indptr).astype(bool)
+    return bool(same[both].all())
+
+
+def _row(d: "Diagnosis", name: str, row: int) -> str:
+    """`pose[left_hand]`, or `points[3]`."""
+    return f"{name}[{row_label(d.free[name], row, d.free[name].shape[-1])}]"
+
+
+def _distances(d: "Diagnosis") -> list[Action]:
+    """Distances between points that move in the null space."""
+    x = d.problem.split(d.values)[0]
+    moved = np.zeros(d.free.size, dtype=bool)
+    for direction in d.null_directions:
+        if direction.kind in RIGID:
+            moved |= direction.vector != 0
+    actions = []
+    for block in d.free.blocks:
+        at, wide = d.free.slices[block.name], block.shape[-1] if block.shape else 0
+        points = in_space(block) and block.size > wide and block.whole is None
+        if not points or not moved[at].all():
+            continue
+        X = x[at].reshape(-1, wide)
+        for i, j in combinations(range(0, len(X), -(-len(X) // ENDS)), 2):
+            apart = X[i] - X[j]
+            if length := float(np.linalg.norm(apart)):
+                weights = np.concatenate([apart, -apart])[None] / length
+                places = at.start + np.concatenate([wide * k + np.arange(wide) for k in (i, j)])
+                ends = f"{_row(d, block.name, i)} and {_row(d, block.name, j)}"
+                what = f"the distance of {ends}"
+                actions.append(Action(what, weights, places, (block.name, i, j)))
+    return actions
+
+
+def _carried_out(d: "Diagnosis", actions: Sequence[Action]) -> Iterator[Suggestion]:
+    """What is held is not free any more, and a distance is a constraint."""
+    holding = [action for action in actions if action.ends is None]
+    held = [i for action in holding for i in action.places.tolist()]
+    left = np.setdiff1d(np.arange(d.free.size), held)
+    if not left.size:
+        return
+    k = sum(action.size for action in actions)
+    problem = d.problem.freeing(*d.free.chosen(left).spelled())
+    problem = with_more(
+        problem, constraints=[_measured(d, action, problem) for action in actions if action.ends]
+    )
+    entries = [action.what for action in holding if action.size == 1]
+    others = [action.what for action in actions if action.what not in entries]
+    yield from _tried(
+        d,
+        "least",
+        f"{'hold' if others else 'fix'} {joined(others + gathered(entries))}",
+        f"{'one number' if k == 1 else f'{k} numbers'} for as many null directions: the fewest "
+        "that can determine everything",
+        "nothing where these directions are gauges; elsewhere what is held must be right",
+        problem,
+        better=lambda a, b: fewer_null(a, b) and b.rank == b.unknowns,
+        acts=len(actions),
+        numbers=k,
+    )
+
+
+def _measured(d: "Diagnosis", action: Action, problem: Problem) -> Constraint:
+    """The distance held at its present value."""
+    assert action.ends is not None
+    name, i, j = action.ends
+    block = d.problem.known[name]
+    X = np.asarray(d.values[name]).reshape(block.shape)
+    length = float(np.linalg.norm(X[i] - X[j]))
+    apart = block.symbol[:, i] - block.symbol[:, j]
+    square = (apart.T @ apart) / (2 * length) - length / 2  # of slope 1 in the distance
+    called = _unused(action.what, (constraint.name for constraint in problem.constraints))
+    return Constraint(called, square, 0.0, 0.0, block.unit)

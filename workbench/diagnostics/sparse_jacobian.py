@@ -1,0 +1,520 @@
+"""Rank, null space, weakest directions and covariances of a large sparse Jacobian.
+
+Let S be the Jacobian above the gradients of active constraints, in columns of length 1. One
+factorization serves all questions: S'S + eps I = L U, by SuperLU. The directions of small singular
+values are those that (S'S + eps I)^-1 makes longest, and are found by inverse iteration with
+several vectors V at once; their singular values are those of S V, and so have all digits, while
+those of S'S have half of them (Golub and Van Loan, Matrix Computations, 2013, sections 8.2 and
+8.6). How many there are is told beforehand by the signs of the pivots: by Sylvester's law of
+inertia, S'S - c I has as many negative pivots as eigenvalues below c. Nothing here is as large as
+n x n.
+
+A row of many entries would make S'S full. Such rows C are kept apart from the others, S_0, as
+unknowns of their own: [[S_0'S_0 + eps I, C'], [C, -I]] has the same solutions.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+import scipy.linalg
+from scipy.sparse import (
+    block_array,
+    csc_array,
+    csr_array,
+    diags_array,
+    eye_array,
+    tril,
+    triu,
+    vstack,
+)
+from scipy.sparse.linalg import SuperLU, splu
+
+from workbench.arrays import Array, Mask
+from workbench.diagnostics.row_spaces import row_space
+from workbench.errors import TooLarge
+from workbench.problem import Linearization
+from workbench.problem.spectrum import largest_eigenpairs, largest_eigenvalue
+from workbench.problem.steps import EPS
+from workbench.problem.storage import Matrix, column_norms, scaled_sparse, unblocked
+
+SHIFT = 1e-11  # eps, in squares of singular values: above their rounding errors
+WEAK = 3e-3  # singular values below it take part in the inverse iteration, and those
+SMALL = 3e-5  # below this are split off: the solutions of the factorization have few digits there
+ITERATIONS = 4  # each reduces what is left of others by (SMALL / WEAK)^2
+SPARE = 8  # vectors more than there are weak directions
+REFINED = 5  # steps of iterative refinement at the most
+ACCURATE_STEP = 1e-9  # of the right-hand side: such a residual needs no refinement
+LONG = 300  # entries from which on a row may be kept apart from S'S
+FEW = 0.1  # of the unknowns: if more rows are long, none of them is kept apart
+LARGEST = 5e7  # nonzeros of L, about a gigabyte with U
+NUMBERS = 4e7  # in the vectors of weak directions together
+SQUARE = 4e10  # m^2 n, up to which a Jacobian with few rows m has a dense SVD
+NEGLIGIBLE = 1e-10  # pivots so small say nothing of signs
+FIRM = 1e-8  # what a forbidden direction may give way: 1 over the weight of its constraint
+TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
+ACCURATE = 1e-6  # relative error of the squares of singular values, by Lanczos' method
+AT_ONCE = 256  # columns that are multiplied by the inverse at a time
+ROUNDING = 1e-10  # entries of null vectors whose own unknown is 1: less is none
+NOISE = 1e-12  # squares of singular values in columns of length 1 that are set apart from zero
+
+
+@dataclass(frozen=True, eq=False)
+class FactoredJacobian:
+    """S (m, n), whose columns have the length 1 or 0, by a factorization of S'S.
+
+    Attributes:
+        S: the matrix.
+        tolerance: the size up to which a singular value counts as zero: eps max(m, n) times the
+            largest.
+    """
+
+    S: csc_array
+    tolerance: float
+
+    @staticmethod
+    def of(S: csc_array) -> "FactoredJacobian":
+        """The factorization of a matrix. Raises TooLarge where that would take too much memory."""
+        m, n = S.shape
+        tolerance = EPS * max(m, n) * max(largest_singular_value(S), 1.0)
+        wide = 2 * m < n and float(m) ** 2 * n < SQUARE
+        return (WideJacobian if wide else FactoredJacobian)(S, tolerance)
+
+    @property
+    def rank(self) -> int:
+        """How many singular values are above the tolerance."""
+        return int(self.S.shape[1] - self.null.shape[1])
+
+    @cached_property
+    def null(self) -> Array:
+        """An orthonormal basis (n, n - rank) of the null space, unit vectors first."""
+        s, V = self._small
+        silent = np.flatnonzero(self._silent)
+        units = np.zeros((len(V), silent.size))
+        units[silent, np.arange(silent.size)] = 1.0
+        return np.hstack([units, V[:, s <= self.tolerance]])
+
+    @cached_property
+    def takes_part(self) -> Mask:
+        """Which unknowns a null vector moves, (n,)."""
+        return np.asarray(np.sum(self.null**2, axis=1) > TAKES_PART)
+
+    @cached_property
+    def local_null(self) -> csc_array:
+        """A basis (n, n - rank) of the null space, in which each vector has an unknown of its own.
+
+        It is 1 there, and 0 at the own unknowns of the others.
+        """
+        N = self.null
+        own = scipy.linalg.qr(N.T, mode="r", pivoting=True)[1][: N.shape[1]]
+        return _without_rounding(np.asarray(np.linalg.solve(N[own].T, N.T).T, dtype=float))
+
+    def covariance_times(self, B: Array) -> Array:
+        """The pseudoinverse of S'S, times B (n, q)."""
+        s, V = self._small
+        seen = s > self.tolerance
+        B = np.where(self._silent[:, None], 0.0, B)
+        along = V.T @ B
+        B -= V @ along
+        X = self._beside(self._solve(B))
+        for _ in range(REFINED):
+            missed = self._beside(B - self.S.T @ (self.S @ X))
+            if np.linalg.norm(missed) <= ACCURATE_STEP * np.linalg.norm(B):
+                break
+            X += self._beside(self._solve(missed))
+        return np.asarray(X + V[:, seen] @ (along[seen] / s[seen, None] ** 2))
+
+    def _beside(self, B: Array) -> Array:
+        """B (n, q) without what it has of the small directions."""
+        V = self._small[1]
+        return np.asarray(B - V @ (V.T @ B))
+
+    @cached_property
+    def _silent(self) -> Mask:
+        """Which unknowns no row reads, (n,)."""
+        return np.asarray(np.diff(self.S.indptr) == 0)
+
+    @cached_property
+    def _factors(self) -> SuperLU:
+        n = self.S.shape[1]
+        return _factorized(_system(self.S, np.ones(self.S.shape[0]), np.full(n, SHIFT)))
+
+    def _solve(self, B: Array) -> Array:
+        """(S'S + eps I)^-1 B, B (n, q)."""
+        whole = np.zeros((self._factors.shape[0], B.shape[1]))
+        whole[: len(B)] = B
+        return np.asarray(self._factors.solve(whole)[: len(B)])
+
+    @cached_property
+    def _small(self) -> tuple[Array, Array]:
+        """The singular values up to SMALL (k,), rising, and their directions (n, k), orthonormal.
+
+        Unknowns that no row reads are left out.
+        """
+        n, silent = self.S.shape[1], self._silent
+        shift = np.where(silent, 1.0, -(WEAK**2))
+        count = count_negative(self.S, np.ones(self.S.shape[0]), shift)
+        if not count:
+            return np.zeros(0), np.zeros((n, 0))
+        if count * n > NUMBERS:
+            raise TooLarge(
+                f"{count:,} of {n:,} directions change the residuals little or not at all, too "
+                "many to be told apart: fix some of the unknowns, or give them a prior"
+            )
+        start = np.random.default_rng(0).standard_normal((n, min(count + SPARE, n - sum(silent))))
+        V = np.where(silent[:, None], 0.0, start)
+        for _ in range(ITERATIONS):
+            V = np.linalg.qr(self._solve(V))[0]
+            V[silent] = 0.0
+        s, V = self._ritz(V)
+        null = s <= SMALL
+        if null.any():  # a Newton step takes out what rounding has left of other directions
+            others = V[:, ~null]
+            moved = self._solve(self.S.T @ (self.S @ V[:, null]))
+            moved -= V[:, null] @ (V[:, null].T @ moved)
+            V = np.linalg.qr(V[:, null] - moved)[0]
+            s, V = self._ritz(V - others @ (others.T @ V))
+        return s, V
+
+    def _ritz(self, V: Array) -> tuple[Array, Array]:
+        """The singular values of S in the span of V (n, k), rising, and their directions."""
+        Q = np.linalg.qr(V)[0]
+        _, s, Wt = np.linalg.svd(np.linalg.qr(self.S @ Q, mode="r"), full_matrices=True)
+        s = np.concatenate([s, np.zeros(Q.shape[1] - s.size)])
+        return s[::-1], np.asarray(Q @ Wt[::-1].T)
+
+
+class WideJacobian(FactoredJacobian):
+    """The same with far fewer rows than columns, by a dense SVD of the rows."""
+
+    @cached_property
+    def directions(self) -> tuple[Array, Array]:
+        """The singular values above the tolerance (rank,), and their directions (n, rank)."""
+        _, s, Vt = np.linalg.svd(self.S.toarray(), full_matrices=False)
+        return s[s > self.tolerance], Vt[s > self.tolerance].T
+
+    @property
+    def rank(self) -> int:
+        """How many singular values are above the tolerance."""
+        return len(self.directions[0])
+
+    @cached_property
+    def null(self) -> Array:
+        """An orthonormal basis (n, n - rank) of the null space."""
+        return np.linalg.qr(self.directions[1], mode="complete")[0][:, self.rank :]
+
+    @cached_property
+    def local_null(self) -> csc_array:
+        """A basis (n, n - rank) of the null space; each vector has an unknown of its own."""
+        r, (R, order) = self.rank, scipy.linalg.qr(self.directions[1].T, mode="r", pivoting=True)
+        others = _without_rounding(-scipy.linalg.solve_triangular(R[:, :r], R[:, r:]))
+        vectors = csc_array(vstack([others, eye_array(len(order) - r)]))
+        return csc_array(vectors[np.argsort(order)])
+
+    @cached_property
+    def takes_part(self) -> Mask:
+        """Which unknowns a null vector moves, (n,)."""
+        return np.asarray(1 - np.sum(self.directions[1] ** 2, axis=1) > TAKES_PART)
+
+    def covariance_times(self, B: Array) -> Array:
+        """The pseudoinverse of S'S, times B (n, q)."""
+        s, V = self.directions
+        return np.asarray(V @ ((V.T @ B) / s[:, None] ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class SparseJacobian:
+    """A sparse Jacobian J (m, n) under constraints.
+
+    Attributes:
+        here: the linearization with the Jacobian J.
+        rows: A (k, n), the gradients of active constraints and bounds.
+        factored: J above A in columns of length 1.
+        lengths: (n,) how long these columns are; 1 where one is zero.
+    """
+
+    here: Linearization = field(repr=False)
+    rows: Array = field(repr=False)
+    factored: FactoredJacobian = field(repr=False)
+    lengths: Array = field(repr=False)
+
+    @staticmethod
+    def of(here: Linearization, rows: Array, stacked: Linearization) -> "SparseJacobian":
+        """J under the constraints `rows`; `stacked` is J above them. Raises TooLarge."""
+        lengths = np.where(stacked.column_norms > 0, stacked.column_norms, 1.0)
+        S = scaled_sparse(stacked.jacobian, 1 / lengths).copy()  # its places are shared
+        S.eliminate_zeros()
+        return SparseJacobian(here, rows, FactoredJacobian.of(S), lengths)
+
+    def scaled(self, factors: Array) -> "SparseJacobian":
+        """The same in unknowns y with x = factors * y, factors (n,)."""
+        return replace(
+            self,
+            here=self.here.scaled(factors),
+            rows=self.rows * factors,
+            lengths=self.lengths * factors,
+        )
+
+    @property
+    def wide(self) -> "WideJacobian | None":
+        """J above A, if it has far fewer rows than columns."""
+        return self.factored if isinstance(self.factored, WideJacobian) else None
+
+    @property
+    def rank(self) -> int:
+        """How many directions change a residual or are forbidden by a constraint."""
+        return self.factored.rank
+
+    @property
+    def nullity(self) -> int:
+        """How many directions no residual notices and no constraint forbids."""
+        return self.here.shape[1] - self.rank
+
+    @cached_property
+    def null(self) -> Array:
+        """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
+        return np.asarray(np.linalg.qr(self.factored.null / self.lengths[:, None])[0])
+
+    @property
+    def local_null(self) -> csc_array:
+        """(n, n - rank): the same space by vectors of length 1 with few entries."""
+        vectors = csc_array(diags_array(1 / self.lengths) @ self.factored.local_null)
+        return csc_array(scaled_sparse(vectors, 1 / column_norms(vectors)))
+
+    @cached_property
+    def forbidden(self) -> Array:
+        """An orthonormal basis (r, n) of what the constraints forbid."""
+        return row_space(self.rows)
+
+    @cached_property
+    def variances(self) -> Array:
+        """The variance of each unknown (n,), infinite where a null direction moves it."""
+        found = [np.zeros(0)]
+        for first, C in self.covariances():
+            found.append(C[first + np.arange(C.shape[1]), np.arange(C.shape[1])])
+        held = np.sum(self.forbidden**2, axis=0) > 1 - NOISE
+        variances = np.where(held, 0.0, np.maximum(np.concatenate(found), 0.0))
+        return np.where(self.factored.takes_part, np.inf, variances)
+
+    def covariance_times(self, B: Array) -> Array:
+        """C B for B (n, q), where C is a generalized inverse of J'J in the allowed directions.
+
+        For every combination of unknowns that no null direction changes, C gives its covariance.
+        """
+        found = self._generalized(B)
+        if len(self.forbidden):
+            P, inner = self._across
+            found -= P @ np.linalg.solve(inner, P.T @ B)
+        return found
+
+    def covariances(self) -> Iterator[tuple[int, Array]]:
+        """The covariance, a few columns at a time: the place of the first one, and these (n, q)."""
+        n = self.here.shape[1]
+        for first in range(0, n, AT_ONCE):
+            yield first, self.covariance_times(np.eye(n, min(AT_ONCE, n - first), -first))
+
+    def inverse_times(self, v: Array) -> Array:
+        """The pseudoinverse of J'J along what may move, times v (n,)."""
+        return self._seen(self.covariance_times(self._seen(v)[:, None])[:, 0])
+
+    @cached_property
+    def condition(self) -> float:
+        """Largest over smallest singular value along what may move, without null directions.
+
+        NaN where Lanczos' method does not converge.
+        """
+        J, A, n = self.here.jacobian, self.forbidden, self.here.shape[1]
+
+        def normal(v: Array) -> Array:
+            moved = J.T @ (J @ (v - A.T @ (A @ v)))
+            return np.asarray(moved - A.T @ (A @ moved))
+
+        smallest = largest_eigenvalue(self.inverse_times, n, ACCURATE)
+        return float(np.sqrt(largest_eigenvalue(normal, n, ACCURATE) * smallest))
+
+    def weakest(self, most: int) -> tuple[Array, Array]:
+        """The smallest singular values above zero (q,), rising, and their directions (n, q).
+
+        There are `most` of them, or fewer if J has fewer or if Lanczos' method does not find more.
+        """
+        n = self.here.shape[1]
+        most = min(most, self.rank - len(self.forbidden))
+        values, vectors = largest_eigenpairs(self.inverse_times, n, most, ACCURATE)
+        return 1 / np.sqrt(values), vectors
+
+    def count_below(self, limit: float) -> int:
+        """How many singular values lie below this limit and above zero."""
+        ones = np.ones(self.here.shape[0])
+        return max(0, self._negative(ones, limit**2 / self.lengths**2) - self.nullity)
+
+    def count_mostly_from(self, others: Mask) -> int:
+        """How many directions all other rows determine better than the rows in `others` (m,) do."""
+        shift = np.full(len(self.lengths), NOISE if self.nullity else 0.0)
+        less = self._negative(np.where(others, -1.0, 1.0), shift)
+        return len(self.lengths) - len(self.forbidden) - less
+
+    def information_in(self, some: Mask) -> float:
+        """In how many directions some rows (m,) decide: the sum of their leverages."""
+        rows = csr_array(unblocked(self.here.jacobian))[np.flatnonzero(some)]
+        found = 0.0
+        for first in range(0, rows.shape[0], AT_ONCE):
+            B = rows[first : first + AT_ONCE].T.toarray()
+            found += float(np.sum(B * self.covariance_times(B)))
+        return found
+
+    def _negative(self, signs: Array, shift: Array) -> int:
+        """How many eigenvalues of J' diag(signs) J - diag(shift) are negative along what may move,
+        in columns of length 1.
+        """
+        J = scaled_sparse(self.here.jacobian, 1 / self.lengths)
+        return count_negative(J, signs, -shift, self.rows / self.lengths)
+
+    def _generalized(self, B: Array) -> Array:
+        """A generalized inverse of J'J + A'A, times B (n, q)."""
+        by = self.lengths[:, None]
+        return np.asarray(self.factored.covariance_times(B / by) / by)
+
+    @cached_property
+    def _across(self) -> tuple[Array, Array]:
+        """P A' (n, r) and A P A' (r, r) for an orthonormal basis A of what is forbidden."""
+        P = self._generalized(self.forbidden.T)
+        return P, self.forbidden @ P
+
+    def _seen(self, v: Array) -> Array:
+        """What is left of v (n,) without null directions."""
+        if self.wide is not None:
+            return np.asarray(self._row_space @ (self._row_space.T @ v))
+        return np.asarray(v - self.null @ (self.null.T @ v))
+
+    @cached_property
+    def _row_space(self) -> Array:
+        """(n, rank), orthonormal: what is at right angles to the null space."""
+        assert self.wide is not None
+        return np.linalg.qr(self.wide.directions[1] * self.lengths[:, None])[0]
+
+
+def _without_rounding(vectors: Array) -> csc_array:
+    """Parts of vectors of about length 1 by their nonzeros."""
+    vectors[abs(vectors) < ROUNDING] = 0.0
+    return csc_array(vectors)
+
+
+def count_negative(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = None) -> int:
+    """How many eigenvalues of S' diag(signs) S + diag(shift) are negative, where forbidden rows
+    (k, n) times a direction are zero.
+
+    `signs` (m,) are 1 or -1. By Sylvester's law of inertia (Haynsworth, Determination of the
+    inertia of a partitioned Hermitian matrix, Linear Algebra and its Applications 1, 1968).
+    """
+    for nudge in (0.0, 1e-7, -1e-7, 1e-6):  # a pivot may be zero by chance
+        K = _system(S, signs, shift * (1 + nudge), forbidden)
+        factors = _factorized(K)
+        pivots = factors.U.diagonal()
+        if abs(pivots).min(initial=1.0) > NEGLIGIBLE and (factors.perm_r == factors.perm_c).all():
+            break
+    added = K.diagonal()[S.shape[1] :]
+    return int(np.count_nonzero(pivots < 0)) - int(np.count_nonzero(added < 0))
+
+
+def _system(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = None) -> csc_array:
+    """[[S_0' D_0 S_0 + diag(shift), C', A'], [C, -D_C, 0], [A, 0, -FIRM I]], D = diag(signs).
+
+    C are the long rows of S, S_0 its other rows, and A what is `forbidden`, in length 1.
+    """
+    n, rows = S.shape[1], csr_array(S)
+    entries = np.diff(rows.indptr)
+    apart = entries > max(LONG, n / 20)
+    if np.sum(apart) > FEW * n:
+        apart[:] = False
+    some, signs_of_some = rows[~apart], signs[~apart]
+    H = some.T @ (diags_array(signs_of_some) @ some) + diags_array(shift)
+    below, corner = [rows[apart]], -signs[apart]
+    if forbidden is not None and len(forbidden):
+        below.append(csr_array(forbidden / np.linalg.norm(forbidden, axis=1)[:, None]))
+        corner = np.append(corner, np.full(len(forbidden), -FIRM))
+    if not corner.size:
+        return csc_array(H)
+    border = vstack(below)
+    return csc_array(block_array([[H, border.T], [border, diags_array(corner)]], format="csc"))
+
+
+def _factorized(K: csc_array) -> SuperLU:
+    """A symmetric matrix K = L U with pivots on the diagonal. Raises TooLarge."""
+    n = K.shape[0]
+    if n**2 > LARGEST and (size := factor_size(K)) > LARGEST:
+        raise TooLarge(
+            f"the factor of a sparse Jacobian with {n:,} unknowns would have "
+            f"{size:,} entries, and up to {LARGEST:,.0f} are computed: free fewer blocks, or "
+            "divide the problem into parts with few common unknowns"
+        )
+    return splu(
+        K,
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+
+
+def factor_size(K: csc_array) -> int:
+    """How many nonzeros the Cholesky factor of a matrix with this symmetric pattern has.
+
+    For an approximate minimum degree ordering, without the factor (Gilbert, Ng and Peyton, An
+    efficient algorithm to compute row and column counts for sparse Cholesky factorization, SIAM
+    Journal on Matrix Analysis and Applications 15, 1994).
+    """
+    n = K.shape[0]
+    order = _pattern(K).amd()
+    K = csc_array(csc_array(K[:, order])[order])
+    parent, lower = _pattern(csc_array(triu(K))).etree(), csc_array(tril(K, -1))
+    children: list[list[int]] = [[] for _ in range(n)]
+    for j in range(n):
+        if parent[j] >= 0:
+            children[parent[j]].append(j)
+    order, left = [], [j for j in range(n) if parent[j] < 0]
+    while left:
+        order.append(j := left.pop())
+        left += children[j]
+    order.reverse()  # children before their parents, a family together
+    first, counts = [-1] * n, [0 if some else 1 for some in children]
+    for place, j in enumerate(order):
+        while j >= 0 and first[j] < 0:
+            first[j], j = place, parent[j]
+    latest, leaf, root = [-1] * n, [-1] * n, list(range(n))
+    starts, rows = lower.indptr.tolist(), lower.indices.tolist()
+    for j in order:
+        for i in rows[starts[j] : starts[j + 1]]:
+            if first[j] <= latest[i]:
+                continue
+            latest[i], before, leaf[i] = first[j], leaf[i], j
+            counts[j] += 1
+            if before >= 0:
+                while root[before] != before:
+                    root[before] = root[root[before]]
+                    before = root[before]
+                counts[before] -= 1
+        if parent[j] >= 0:
+            counts[parent[j]] -= 1
+            root[j] = parent[j]
+    for j in range(n):
+        if parent[j] >= 0:
+            counts[parent[j]] += counts[j]
+    return sum(counts)
+
+
+def _pattern(matrix: csc_array) -> cs.Sparsity:
+    return cs.Sparsity(*matrix.shape, matrix.indptr.tolist(), matrix.indices.tolist(), True)
+
+
+def largest_singular_value(matrix: Matrix) -> float:
+    """The largest singular value of a matrix, by power iterations."""
+    v: Array = np.ones(matrix.shape[1])
+    size = 0.0
+    for _ in range(30):
+        length = float(np.linalg.norm(v))
+        if not length:
+            break
+        v = np.asarray(matrix.T @ (matrix @ (v / length)))
+        size = float(np.sqrt(np.linalg.norm(v)))
+    return size

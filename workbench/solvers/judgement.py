@@ -1,0 +1,419 @@
+"""How a run ended, judged by the problem at the best point, whatever a solver reports.
+
+A run has converged if the largest cosine between a column of the Jacobian and the residual, in the
+rows that its unknown can change and after projection on bounds and linearized constraints, is at
+most `gradient_tolerance` (`problem/optimality.py`); a cosine that rounding explains counts as zero.
+A direction along which the cost falls from there makes the end a SADDLE. Unknowns with which the
+residual does not change there make it INSENSITIVE, and unknowns that grow without slowing down
+NO_FINITE_MINIMUM. All three are said only if evaluations show it.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+
+from workbench.arrays import Array, Mask
+from workbench.blocks import Values
+from workbench.blocks.directions import in_units
+from workbench.errors import some_of
+from workbench.geometry.rotation import wrapped_to_pi
+from workbench.problem import Linearization, Problem
+from workbench.problem.optimality import hidden
+from workbench.problem.rounding import fall, half_squared
+from workbench.problem.steps import EPS
+from workbench.solvers.limits import Stop
+from workbench.solvers.no_minimum import (
+    EndPoint,
+    Saddle,
+    diverging,
+    most_gradients,
+    random_vector,
+    saddle,
+)
+from workbench.solvers.solution import Evaluations, Status
+
+if TYPE_CHECKING:
+    from workbench.solvers.run import Run
+
+BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
+LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum
+MAY_DIVERGE = (
+    Status.CONVERGED,
+    Status.STALLED,
+    Status.MAX_ITERATIONS,
+    Status.MAX_EVALUATIONS,
+    Status.NO_FINITE_MINIMUM,
+)
+NAMED = 6  # unknowns in a message; there may be thousands
+NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
+NUDGED = 20  # unknowns at most that are tried one by one
+WEAK = 1e-3  # of the residual: what an unknown of its size changes, if it is perhaps insensitive
+BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two vectors, and no reason to change
+MOST = 300  # unknowns: with more, singular values take too long
+SUSPECT = 1e-6  # of the largest singular value: what J'J cannot tell from zero
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended; see the fields of the same names of `Solution`."""
+
+    status: Status
+    message: str
+    optimality: float = np.nan
+    insensitive: tuple[str, ...] = ()
+    diverging: tuple[str, ...] = ()
+    lower: Values | None = None
+    judging: Evaluations = field(default_factory=Evaluations)
+
+
+def ending(run: "Run", stop: Stop) -> Ending:
+    """Choose the best point of a run, and judge it by the problem, whatever the solver reports.
+
+    What cannot be evaluated shows nothing. After Ctrl-C nothing is looked for, and neither is it
+    where the gradient tolerance is `LOOSE`, as in a stage whose end is only a start.
+    """
+    status, message, best = stop.status, stop.message, run.best
+    if not np.isfinite(best.cost):
+        return Ending(status, message)
+    try:
+        cheapest = best.x
+        here = _judged(run, cheapest)
+        optimality = best.decide(run.rounding_noise.optimality(cheapest, here))
+        if best.x is not cheapest:
+            here = _judged(run, best.x)
+        here, optimality = _wrapped(run, here, optimality)
+        end = end_point(run, here)
+        silent = np.maximum(run.longest_columns, here.column_norms) == 0
+    except Exception as error:  # of the user's residual; the best point is still known
+        return Ending(status, f"{message} (no gradient at the best point: {error})")
+    converged = optimality <= run.limits.gradient_tolerance
+    is_level = not converged and status is Status.STALLED and _is_level(end)
+    converged = converged or is_level
+    ended = converged or status in (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
+    free, read = run.problem.free, run.problem.support.read
+    unread, unnoticed = (free.labels_of(np.flatnonzero(silent & m)) for m in (~read, read))
+    result = Ending(status, message, optimality, (*unread, *unnoticed))
+    if best.violation > 1:
+        infeasible = replace(result, status=Status.INFEASIBLE, message=_violation(run))
+        return infeasible if status in (Status.CONVERGED, Status.STALLED) else result
+    no_minimum: Saddle | None = None
+    gone = running = np.zeros(len(best.x), dtype=bool)
+    try:
+        if run.limits.gradient_tolerance < LOOSE:
+            end.check()
+            if converged:
+                evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
+                no_minimum = saddle(end, most_gradients(best.x.size, evaluations))
+            if no_minimum is None and (converged or status in MAY_DIVERGE):
+                running = running_off(run, end, converged)
+            if no_minimum is None and not running.any() and ended:
+                gone = insensitive(end, silent)
+    except Exception:  # of the user's residual far away, or of a limit outside of the run
+        pass
+    result = replace(result, judging=Evaluations(**end.counts))
+    if no_minimum is not None:
+        return _at_saddle(end, no_minimum, result)
+    if running.any():
+        return _without_minimum(end, running, result)
+    if gone.any():
+        labels = free.labels_of(np.flatnonzero(gone))
+        message = Status.INSENSITIVE.value.replace("some unknowns", some_of(labels, NAMED), 1)
+        every = tuple(dict.fromkeys((*labels, *result.insensitive)))
+        return replace(result, status=Status.INSENSITIVE, message=message, insensitive=every)
+    if converged:
+        message = _converged(run, here, tuple(unread), tuple(unnoticed))
+        if is_level:
+            message += f" (the cosine is {optimality:.2g}, but only of columns that are too short)"
+        return replace(result, status=Status.CONVERGED, message=message)
+    if ended:
+        if status is not Status.STALLED:
+            message = Status.STALLED.value
+        message = _hidden(run, here) or message
+        return replace(result, status=Status.STALLED, message=message)
+    return result
+
+
+def end_point(run: "Run", here: Linearization) -> EndPoint:
+    """The best point of a run, linearized `here`, as it is judged."""
+
+    def check() -> None:
+        if run.interrupted:
+            raise Stop(Status.STOPPED)
+
+    x, tolerance = run.best.x, run.limits.gradient_tolerance
+    rounding, judged = run.rounding_noise.at(x, here), run.problem.for_judging()
+    return EndPoint(judged, run.fixed, x, here, rounding, run.x, tolerance, check)
+
+
+def _is_level(end: EndPoint) -> bool:
+    """Whether the cost at a stalled end changes by less than the tolerance, along each unknown.
+
+    Near the minimum of a cost in a single row the row itself is level, and any cosine with its
+    short columns is 1. So a column counts here as long as one that changes the residual by its
+    length as x_i moves by its size.
+    """
+    here, size = end.here, float(np.linalg.norm(end.here.residual))
+    D = np.maximum(here.column_norms, size / end.size)
+    lower, upper = (D * (bound - end.x) for bound in (end.problem.lower, end.problem.upper))
+    way = np.clip(-here.gradient / D, lower, upper)
+    return here.constraints is None and bool((np.abs(way) <= end.tolerance * size).all())
+
+
+def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
+    """The unknowns (n,) that grow without limit while the cost falls; see `diverging`."""
+    noticed = run.longest_columns * end.size > run.problem.support.norms(end.rounding.rows)
+    return diverging(end, run.trace, noticed, converged)
+
+
+def insensitive(end: EndPoint, silent: Mask) -> Mask:
+    """The unknowns (n,) with which the residual hardly changes at an end.
+
+    Those are tried whose columns are so short that moving x_i by its size, or by 1, changes the
+    rows that it can change by no more than a thousandth or their rounding errors, while these rows
+    are not zero themselves, as those of a penalty that is no longer active. x_i is insensitive if
+    the cost does not rise to both of its sides, at any distance up to a tenth of that. The twenty
+    weakest are tried, unless nothing changes as all of them move together.
+
+    Unknowns that are `silent` (n,), because their columns were zero wherever the Jacobian was
+    computed, count only if the residual changes with them elsewhere, or with no unknown at all
+    here: a finger that no keypoint shows does not spoil the fit of an arm.
+    """
+    support, here = end.problem.support, end.here
+    error, rows = support.norms(end.rounding.rows), support.norms(here.residual)
+    weak = here.column_norms * end.size <= error
+    weak |= here.column_norms * np.maximum(end.size, 1.0) <= WEAK * rows
+    weak &= support.read & (rows > error) & (end.problem.lower < end.problem.upper)
+    unseen = weak & silent
+    if unseen.any() and not (weak == support.read).all() and _silent_elsewhere(end, unseen):
+        weak &= ~silent
+    if weak.any() and all(not change for change in _changes(end, weak, 1.0)):
+        return np.asarray(weak)
+    weakest = np.argsort(np.where(weak, here.column_norms, np.inf))[: min(weak.sum(), NUDGED)]
+    weak[:] = False
+    for i in weakest:
+        one = np.arange(len(weak)) == i
+        sides = zip(_changes(end, one, -1.0), _changes(end, one, 1.0), strict=True)
+        weak[i] = not any(low < 0 and high < 0 for low, high in sides)
+    return np.asarray(weak)
+
+
+def _silent_elsewhere(end: EndPoint, silent: Mask) -> bool:
+    """Whether the residual stays as it is if `silent` unknowns (n,) have quite different values."""
+    elsewhere = (np.zeros_like(end.x), end.x / 10, random_vector(len(end.x)))
+    there = (end.residual(np.where(silent, value, end.x)) for value in elsewhere)
+    return all((np.abs(r - end.here.residual) <= end.rounding.rows).all() for r in there)
+
+
+def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
+    """By how much the cost falls as the unknowns `moved` (n,) go to a side, farther each time.
+
+    Negative if it rises, or a bound is in the way; 0 where rounding may be all of the change.
+    """
+    part, size = LARGEST_NUDGE, float(end.size[moved].max())
+    while part * max(size, 1.0) >= NUDGE * size:
+        to = end.x + side * part * np.where(moved, np.maximum(end.size, 1.0), 0.0)
+        if (to < end.problem.lower).any() or (to > end.problem.upper).any():
+            yield -np.inf
+        else:
+            r = end.residual(to)
+            fallen = fall(end.here.residual, r)
+            noise = end.rounding.of_fall(end.here.residual, r != end.here.residual)
+            yield 0.0 if abs(fallen) <= noise else fallen
+        part /= 10
+
+
+def prefer_stationary(
+    run: "Run", x: Array, cost: float, here: Linearization, optimality: float
+) -> None:
+    """Prefer this point (n,) to the best one of a run if it is more stationary and costs the same.
+
+    Costs are the same up to rounding, 1/2 (tolerance |r|)^2, and what the tolerances of constraints
+    allow.
+    """
+    there = run.problem.stacked_constraints
+    noise = run.rounding_noise.recent(x, here).of_cost(here.residual)
+    noise += run.limits.gradient_tolerance**2 * cost
+    if there is None:
+        run.best.settle(x, cost, 0.0, optimality, noise)
+    elif here.constraints is not None:
+        violation = there.violation(here.constraints.values)
+        run.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
+
+
+def _judged(run: "Run", x: Array) -> Linearization:
+    """Residual and Jacobian at x (n,), evaluated without limits because the run is over."""
+    known = run.linearizations.at(x)
+    return run.problem.linearize_at(x, run.fixed) if known is None else known
+
+
+def _at_saddle(end: EndPoint, there: Saddle, result: Ending) -> Ending:
+    """The direction in the words of a diagnosis, and where to start instead."""
+    free, cost = end.problem.free, end.here.cost
+    along = in_units(there.to - end.x, free, end.here.column_norms, NAMED)
+    message = (
+        f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
+        f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
+        "start from there"
+    )
+    lower = free.unpack(there.to, end.problem.fixed.unpack(end.fixed) if free.parts else None)
+    return replace(result, status=Status.SADDLE, message=message, lower=lower)
+
+
+def _without_minimum(end: EndPoint, running: Mask, result: Ending) -> Ending:
+    """Which unknowns grow without limit, and how far they have come."""
+    places = np.flatnonzero(running)
+    labels = end.problem.free.labels_of(places)
+    told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
+    message = (
+        "the cost falls for ever as unknowns grow without limit "
+        f"({some_of(told, NAMED)}), and has no minimum there; bound them, give them a prior, or "
+        "choose other unknowns, such as their inverses"
+    )
+    return replace(
+        result, status=Status.NO_FINITE_MINIMUM, message=message, diverging=tuple(labels)
+    )
+
+
+def _converged(
+    run: "Run", here: Linearization, unread: tuple[str, ...], unnoticed: tuple[str, ...]
+) -> str:
+    """What is to be said of an end that has converged."""
+    message = Status.CONVERGED.value
+    if run.limits.gradient_tolerance >= LOOSE:
+        message = (
+            f"the gradient is below the tolerance of {run.limits.gradient_tolerance:g}, which "
+            "is too large to tell a minimum from a saddle, or from a cost that falls for ever; "
+            "neither was looked for"
+        )
+    if unread:
+        message += f" (no residual reads {some_of(unread, NAMED)})"
+    if unnoticed:
+        names = some_of(unnoticed, NAMED)
+        message += f" (no residual changes with {names} where its Jacobian was computed)"
+    return message + flat_in_words(run.problem, run.best.x, here)
+
+
+def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
+    """Turn the best point's rotation vectors to at most half a turn, where that is free.
+
+    A turn is free if the cost, up to rounding, and the constraints stay as they are. Takes the
+    linearization and the optimality at the best point, and returns both for the point after
+    turning. That is the same body, but its Jacobian has other columns, with other cosines between
+    them and the residual: it stays as it is where the tolerance would no longer be met.
+    """
+    problem, best, fixed = run.problem, run.best, run.fixed
+    there = problem.stacked_constraints
+    at_most = best.cost + run.rounding_noise.of_cost(best.x, here)
+
+    def is_free(x: Array) -> bool:
+        kept = there is None or there.violation(there.values(x, fixed)) <= max(best.violation, 1.0)
+        return kept and half_squared(problem.residual(x, fixed)) <= at_most
+
+    turned = rewrapped(problem, best.x, is_free)
+    if turned is best.x:
+        return here, optimality
+    at_turned = problem.linearize_at(turned, fixed)
+    after = run.rounding_noise.optimality(turned, at_turned)
+    if after > run.limits.gradient_tolerance >= optimality:
+        return here, optimality  # turning it costs that it has converged
+    best.x, best.cost = turned, at_turned.cost
+    return at_turned, after
+
+
+def _violation(run: "Run") -> str:
+    there = run.problem.stacked_constraints
+    if there is None:
+        return Status.INFEASIBLE.value
+    worst = there.worst(there.values(run.best.x, run.fixed))
+    return f"{worst}; {Status.INFEASIBLE.value}"
+
+
+def _hidden(run: "Run", here: Linearization) -> str:
+    """Which unknown rounding errors hide most at the best point, in words; empty if none."""
+    free = run.problem.free
+    left = hidden(run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here))
+    if not left.any():
+        return ""
+    i = int(np.argmax(left))
+    also = int(np.sum(left > 0)) - 1
+    others = f", and {also} more unknowns are hidden as well" if also > 1 else ""
+    others = ", and one more unknown is hidden as well" if also == 1 else others
+    unit = "" if free.unit(i) == "1" else f" {free.unit(i)}"
+    return (
+        f"rounding hides what is left: the terms of the residual are so large that {free.label(i)} "
+        f"is known only to about {left[i]:.1g}{unit}{others}; choose units or sigmas that make "
+        "the terms smaller"
+    )
+
+
+def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
+    """The point x (n,) with rotation vectors of at most half a turn, where that `is_free`.
+
+    All joints that are turned by more than pi are changed at once. If that is not free, they are
+    changed one after the other, where each change is free. No change leaves the bounds. Without any
+    change the result is the array x itself.
+    """
+    turns = _shorter(problem, x)
+    together = x.copy()
+    for at, short in turns:
+        together[at] = short
+    if len(turns) > 1 and is_free(together):
+        return together
+    for at, short in turns:
+        one = x.copy()
+        one[at] = short
+        if is_free(one):
+            x = one
+    return x
+
+
+def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
+    """The places of joints that are turned by more than pi, and their shorter vectors."""
+    first = np.array([at.start for at in problem.rotations], dtype=np.int64)
+    if not first.size:
+        return []
+    angles = np.linalg.norm(x[first[:, None] + np.arange(3)], axis=1)
+    found = []
+    for start in first[angles > BEYOND]:
+        at = slice(int(start), int(start) + 3)
+        short = wrapped_to_pi(x[at])
+        if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
+            found.append((at, short))
+    return found
+
+
+def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
+    """Which direction changes no residual at x (n,), or how many; empty if none does.
+
+    Zero columns, unknowns on bounds, and problems with constraints are left out. Singular values
+    are computed only if LAPACK's estimate of the condition of J'J says that one may be zero
+    (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 15.3).
+    """
+    inside = (here.column_norms > 0) & (x > problem.lower) & (x < problem.upper)
+    n = int(inside.sum())
+    if here.constraints is not None or here.estimated or not 0 < n <= MOST:
+        return ""
+    lengths, normal = here.column_norms[inside], np.asarray(here.normal)
+    normal = normal if n == len(x) else normal[np.ix_(inside, inside)]
+    normal = normal / np.outer(lengths, lengths)
+    raised = normal + 10 * n * EPS * np.eye(n)
+    L, failed = scipy.linalg.lapack.dpotrf(raised, lower=True)
+    if not failed:  # the reciprocal of |A^-1|, which is at most the least eigenvalue
+        norm = float(np.abs(raised).sum(axis=0).max())
+        least = norm * scipy.linalg.lapack.dpocon(L, norm, uplo="L")[0]
+        if least > SUSPECT**2 * n + 100 * n * EPS:
+            return ""
+    unit = here.columns(np.flatnonzero(inside)).scaled(1 / lengths)
+    null = n - unit.rank
+    if null == 0:
+        return ""
+    so = "so that other values fit as well"
+    if null > 1:
+        return f" ({null} directions change no residual here, {so}; a diagnosis names them)"
+    direction = np.zeros(len(x))
+    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1] / lengths
+    along = in_units(direction, problem.free, here.column_norms, NAMED)
+    return f" (the cost hardly depends on {along}, {so})"
