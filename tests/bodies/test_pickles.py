@@ -23,10 +23,10 @@ from workbench.bodies.files.pickles import (
     LITERALS,
     OPCODES,
     PickledCall,
+    Unread,
     read_pickled_arrays,
     run,
 )
-from workbench.bodies.files.reading import Unread
 from workbench.errors import BadFile, UnsafePickle
 
 # A stand-in for the package chumpy, there while a file is written and gone when it is read.

@@ -75,12 +75,12 @@ class Mesh:
             return mesh
         places: Any = mesh
         if faces is None:
-            if not hasattr(mesh, "vertices") or not hasattr(mesh, "faces"):
+            if not hasattr(places, "vertices") or not hasattr(places, "faces"):
                 raise BadMesh(
                     f"a {type(mesh).__name__} is no mesh; give a Mesh, a trimesh.Trimesh, or "
                     "vertices and faces"
                 )
-            places, faces = mesh.vertices, mesh.faces
+            places, faces = places.vertices, places.faces
         try:
             vertices, triangles = np.array(places, dtype=np.float64), np.asarray(faces)
         except (TypeError, ValueError) as error:
