@@ -252,7 +252,8 @@ def _judged(run: "Run", x: Array) -> Linearization:
 def _at_saddle(end: EndPoint, there: Saddle, result: Ending) -> Ending:
     """The direction in the words of a diagnosis, and where to start instead."""
     free, cost = end.problem.free, end.here.cost
-    along = in_units(there.to - end.x, free, end.here.column_norms, NAMED)
+    size = np.linalg.norm(end.here.residual) / end.size  # of columns that vanish at the saddle
+    along = in_units(there.to - end.x, free, np.maximum(end.here.column_norms, size), NAMED)
     message = (
         f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
         f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
