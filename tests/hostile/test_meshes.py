@@ -98,9 +98,7 @@ LINES: dict[str, Callable[[], bytes]] = {
         + b"solid b\n"
         + b"vertex 0 0 1\n" * 3
     ),
-    "a million solids.stl": lambda: (
-        (b"solid a\n" + b"vertex 0 0 1\n" * 3 + b"endsolid a\n") * 20_000
-    ),
+    "many solids.stl": lambda: (b"solid a\n" + b"vertex 0 0 1\n" * 3 + b"endsolid a\n") * 20_000,
     "a line without end.off": lambda: b"OFF " + b"1 " * 2_000_000,
     "4 billion triangles.stl": lambda: bytes(80) + b"\xff" * 4 + bytes(50),
     "half a triangle.stl": lambda: b"solid a\nvertex 0 0 0\nendsolid",

@@ -42,8 +42,9 @@ class Mesh:
     vertices and faces stays. Raises BadMesh if they do not fit together or a number is not finite.
 
     >>> import trimesh
-    >>> Mesh.of(trimesh.creation.box()).trimesh().volume
-    1.0
+    >>> mesh = Mesh.of(trimesh.creation.box())
+    >>> mesh.vertices.shape, mesh.trimesh().is_watertight
+    ((8, 3), True)
     """
 
     vertices: Array

@@ -31,6 +31,90 @@ from workbench.arrays import Index
 from workbench.errors import BadFile, UnsafePickle, cut, shown
 from workbench.reading.arrays import check_letters
 
+LONGEST_NAME = 200  # characters of a name; those that are known have less than 50
+NUMPY = ("numpy.core", "numpy._core")  # before NumPy 2, and since
+SPARSE = frozenset(
+    (f"scipy.sparse{module}", f"{kind}_{what}")
+    for kind in ("csc", "csr", "coo")
+    for module in ("", f".{kind}", f"._{kind}")
+    for what in ("matrix", "array")
+)
+KNOWN = SPARSE | {
+    *((f"{numpy}.multiarray", name) for numpy in NUMPY for name in ("_reconstruct", "scalar")),
+    *((f"{numpy}.numeric", "_frombuffer") for numpy in NUMPY),
+    *(("numpy", name) for name in ("ndarray", "dtype")),
+    ("_codecs", "encode"),
+    *((m, name) for m in ("builtins", "__builtin__") for name in ("set", "object", "bytearray")),
+    *((module, "_reconstructor") for module in ("copyreg", "copy_reg")),
+}
+MOST_BYTES = 2 * 2**30  # of one file, unpacked; licensed models reach a quarter of a GB
+Contents = dict[str, Any]  # by key: arrays, csr_arrays, plain values, and what stayed unread
+COMPRESSED: dict[str, Callable[..., Any]] = {"csc": csc_array, "csr": csr_array}
+
+
+@dataclass(frozen=True)
+class Unread:
+    """An entry of a file that was not read.
+
+    Attributes:
+        reason: the end of the sentence "shapedirs is ...".
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class PickledName:
+    """Something in a module, as the file names it; it was not looked up."""
+
+    module: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.module}.{self.name}"
+
+
+@dataclass(eq=False, repr=False, slots=True)
+class PickledCall:
+    """A call that the file asks for, and the state it would give the outcome; nothing ran.
+
+    It is compared by identity and has no text of its own: what it holds may hold the same thing
+    twice on every level, and a text of that would never end.
+    """
+
+    name: PickledName
+    arguments: tuple[Any, ...]
+    state: Any = None
+
+
+def permitted(module: str, name: str) -> PickledName:
+    """The name, if a body model has a use for it. Raises UnsafePickle."""
+    if len(module) + len(name) > LONGEST_NAME:
+        raise UnsafePickle(
+            f"it asks for a name of {len(module) + len(name):,} characters, which is no part of a "
+            "body model; it was not run"
+        )
+    words = (*module.split("."), name)
+    chumpy = words[0] == "chumpy" and all(w.isidentifier() and w[0] != "_" for w in words)
+    if not chumpy and (module, name) not in KNOWN:
+        raise UnsafePickle(
+            f"it asks for {cut(f'{module}.{name}', 100)}, which is no part of a body model; it was "
+            "not run. Only numpy arrays, scipy.sparse matrices and chumpy values are read"
+        )
+    return PickledName(module, name)
+
+
+def called(name: Any, arguments: Any) -> PickledCall:
+    """The record of a call. Raises UnsafePickle unless a permitted name is called."""
+    if not isinstance(name, PickledName):
+        raise UnsafePickle(f"it calls a {type(name).__name__}, which is no name; it was not run")
+    if not isinstance(arguments, tuple):
+        raise ValueError(f"{name} is called with a {type(arguments).__name__}")
+    if name.name == "_reconstructor":  # Python 2: a class, its base, and the base's value
+        return called(arguments[0], ())
+    return PickledCall(name, arguments)
+
+
 OPCODES = {opcode.code.encode("latin1"): opcode for opcode in pickletools.opcodes}
 MARK = object()  # where a run of items begins on the stack
 MOST_INSTRUCTIONS = 500_000  # of one file; a body has a few thousand, and lists of numbers many
@@ -190,126 +274,34 @@ EFFECTS: dict[str, Callable[[_Machine, Any], None]] = {
     "NONE": lambda m, a: m.push(None),
     "NEWTRUE": lambda m, a: m.push(True),
     "NEWFALSE": lambda m, a: m.push(False),
-    "EMPTY_LIST": lambda m, a: m.push([]),
-    "EMPTY_SET": lambda m, a: m.push([]),
+    **dict.fromkeys(("EMPTY_LIST", "EMPTY_SET"), lambda m, a: m.push([])),
     "EMPTY_DICT": lambda m, a: m.push({}),
     "EMPTY_TUPLE": lambda m, a: m.push(()),
     "TUPLE1": lambda m, a: m.push(m.pops(1)),
     "TUPLE2": lambda m, a: m.push(m.pops(2)),
     "TUPLE3": lambda m, a: m.push(m.pops(3)),
     "TUPLE": lambda m, a: m.push(tuple(m.since_mark())),
-    "LIST": lambda m, a: m.push(m.since_mark()),
-    "FROZENSET": lambda m, a: m.push(m.since_mark()),
+    **dict.fromkeys(("LIST", "FROZENSET"), lambda m, a: m.push(m.since_mark())),
     "DICT": lambda m, a: m.make_dict(m.since_mark()),
     "APPEND": lambda m, a: m.append([m.pop()]),
-    "APPENDS": lambda m, a: m.append(m.since_mark()),
-    "ADDITEMS": lambda m, a: m.append(m.since_mark()),
+    **dict.fromkeys(("APPENDS", "ADDITEMS"), lambda m, a: m.append(m.since_mark())),
     "SETITEM": lambda m, a: m.set_items([*m.pops(2)]),
     "SETITEMS": lambda m, a: m.set_items(m.since_mark()),
     "MARK": lambda m, a: m.push(MARK),
     "POP": lambda m, a: m.drop(),
     "POP_MARK": lambda m, a: m.since_mark().clear(),
     "DUP": lambda m, a: m.push(m.top()),
-    "PUT": lambda m, a: m.remember(a),
-    "BINPUT": lambda m, a: m.remember(a),
-    "LONG_BINPUT": lambda m, a: m.remember(a),
+    **dict.fromkeys(("PUT", "BINPUT", "LONG_BINPUT"), lambda m, a: m.remember(a)),
     "MEMOIZE": lambda m, a: m.remember(len(m.memo)),
-    "GET": lambda m, a: m.push(m.memo[a]),
-    "BINGET": lambda m, a: m.push(m.memo[a]),
-    "LONG_BINGET": lambda m, a: m.push(m.memo[a]),
+    **dict.fromkeys(("GET", "BINGET", "LONG_BINGET"), lambda m, a: m.push(m.memo[a])),
     "GLOBAL": lambda m, a: m.name(*a.split(" ", 1)),
     "STACK_GLOBAL": lambda m, a: m.name(*m.pops(2)),
-    "REDUCE": lambda m, a: m.call(*m.pops(2)),
-    "NEWOBJ": lambda m, a: m.call(*m.pops(2)),
+    **dict.fromkeys(("REDUCE", "NEWOBJ"), lambda m, a: m.call(*m.pops(2))),
     "NEWOBJ_EX": lambda m, a: m.call(*m.pops(3)[:2]),
     "INST": lambda m, a: m.call(permitted(*a.split(" ", 1)), tuple(m.since_mark())),
     "OBJ": lambda m, a: m.call((items := m.since_mark())[0], tuple(items[1:])),
     "BUILD": lambda m, a: m.build(),
 }
-
-
-LONGEST_NAME = 200  # characters of a name; those that are known have less than 50
-NUMPY = ("numpy.core", "numpy._core")  # before NumPy 2, and since
-SPARSE = frozenset(
-    (f"scipy.sparse{module}", f"{kind}_{what}")
-    for kind in ("csc", "csr", "coo")
-    for module in ("", f".{kind}", f"._{kind}")
-    for what in ("matrix", "array")
-)
-KNOWN = SPARSE | {
-    *((f"{numpy}.multiarray", name) for numpy in NUMPY for name in ("_reconstruct", "scalar")),
-    *((f"{numpy}.numeric", "_frombuffer") for numpy in NUMPY),
-    *(("numpy", name) for name in ("ndarray", "dtype")),
-    ("_codecs", "encode"),
-    *((m, name) for m in ("builtins", "__builtin__") for name in ("set", "object", "bytearray")),
-    *((module, "_reconstructor") for module in ("copyreg", "copy_reg")),
-}
-MOST_BYTES = 2 * 2**30  # of one file, unpacked; licensed models reach a quarter of a GB
-Contents = dict[str, Any]  # by key: arrays, csr_arrays, plain values, and what stayed unread
-COMPRESSED: dict[str, Callable[..., Any]] = {"csc": csc_array, "csr": csr_array}
-
-
-@dataclass(frozen=True)
-class Unread:
-    """An entry of a file that was not read.
-
-    Attributes:
-        reason: the end of the sentence "shapedirs is ...".
-    """
-
-    reason: str
-
-
-@dataclass(frozen=True)
-class PickledName:
-    """Something in a module, as the file names it; it was not looked up."""
-
-    module: str
-    name: str
-
-    def __str__(self) -> str:
-        return f"{self.module}.{self.name}"
-
-
-@dataclass(eq=False, repr=False, slots=True)
-class PickledCall:
-    """A call that the file asks for, and the state it would give the outcome; nothing ran.
-
-    It is compared by identity and has no text of its own: what it holds may hold the same thing
-    twice on every level, and a text of that would never end.
-    """
-
-    name: PickledName
-    arguments: tuple[Any, ...]
-    state: Any = None
-
-
-def permitted(module: str, name: str) -> PickledName:
-    """The name, if a body model has a use for it. Raises UnsafePickle."""
-    if len(module) + len(name) > LONGEST_NAME:
-        raise UnsafePickle(
-            f"it asks for a name of {len(module) + len(name):,} characters, which is no part of a "
-            "body model; it was not run"
-        )
-    words = (*module.split("."), name)
-    chumpy = words[0] == "chumpy" and all(w.isidentifier() and w[0] != "_" for w in words)
-    if not chumpy and (module, name) not in KNOWN:
-        raise UnsafePickle(
-            f"it asks for {cut(f'{module}.{name}', 100)}, which is no part of a body model; it was "
-            "not run. Only numpy arrays, scipy.sparse matrices and chumpy values are read"
-        )
-    return PickledName(module, name)
-
-
-def called(name: Any, arguments: Any) -> PickledCall:
-    """The record of a call. Raises UnsafePickle unless a permitted name is called."""
-    if not isinstance(name, PickledName):
-        raise UnsafePickle(f"it calls a {type(name).__name__}, which is no name; it was not run")
-    if not isinstance(arguments, tuple):
-        raise ValueError(f"{name} is called with a {type(arguments).__name__}")
-    if name.name == "_reconstructor":  # Python 2: a class, its base, and the base's value
-        return called(arguments[0], ())
-    return PickledCall(name, arguments)
 
 
 MOST_ROWS = 10**7  # of a sparse matrix, whose shape takes no bytes in the file
@@ -444,20 +436,15 @@ def _state(made: PickledCall) -> dict[str, Any]:
 def _array(reading: _Reading, made: PickledCall) -> NDArray[Any]:
     """An ndarray from its type, shape and bytes; the file's shape allocates nothing."""
     if made.arguments[:1] != (PickledName("numpy", "ndarray"),):
-        kind = _kind_named(made.arguments[:1])
-        raise UnsafePickle(f"it makes an array of a kind that is not read: {kind}")
+        first = made.arguments[:1]
+        named = bool(first) and isinstance(first[0], PickledName)
+        raise UnsafePickle(
+            f"it makes an array of a kind that is not read: {first[0] if named else shown(first)}"
+        )
     if not (isinstance(made.state, tuple) and 4 <= len(made.state) <= 5):
         raise ValueError("its type, shape and bytes are missing")
     shape, dtype, fortran, content = made.state[-4:]
     return _shaped(reading, content, dtype, shape, "F" if fortran else "C")
-
-
-def _kind_named(arguments: tuple[Any, ...]) -> str:
-    return (
-        str(arguments[0])
-        if arguments and isinstance(arguments[0], PickledName)
-        else shown(arguments)
-    )
 
 
 def _from_buffer(reading: _Reading, made: PickledCall) -> NDArray[Any]:
