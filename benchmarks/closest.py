@@ -11,9 +11,8 @@ import numpy as np
 import workbench as wb
 from benchmarks.timing import side_by_side
 from workbench.arrays import Array, Index
-from workbench.geometry.surface_kernels import compiled, quickest
-from workbench.geometry.surface_search import IN_NUMPY, Way
-from workbench.geometry.surface_tree import SurfaceTree
+from workbench.geometry.surface_search import IN_NUMPY, SearchBackend
+from workbench.geometry.surface_tree import SurfaceTree, compiled, quickest
 
 BODY, COUNT = "full", 40_000
 COMPILED, NUMPY, IGL = "workbench, compiled", "workbench", "libigl"
@@ -74,7 +73,7 @@ def measure(
 
 
 def _trees(surface: Surface) -> dict[str, SurfaceTree]:
-    ways: dict[str, Callable[[], Way]] = {NUMPY: lambda: IN_NUMPY}
+    ways: dict[str, Callable[[], SearchBackend]] = {NUMPY: lambda: IN_NUMPY}
     if compiled():
         ways = {COMPILED: quickest, **ways}
     return {name: SurfaceTree(surface.vertices, surface.faces, way) for name, way in ways.items()}

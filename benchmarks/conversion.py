@@ -22,7 +22,7 @@ import workbench as wb
 from benchmarks import machine
 from benchmarks.clips_made_up import clip
 from benchmarks.keeping import keep
-from workbench.bodies.files.correctives import correctives_of
+from workbench.bodies.files.gltf import correctives_of
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
 from workbench.motions import write_glb
 from workbench.priors.poses import shipped_mixture

@@ -17,9 +17,8 @@ from builder.hands.anatomy import read_hand
 from builder.packing import write_arrays
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.embedded import embedded, embedded_hand
-from workbench.bodies.files.embedded_with_hands import SEWN
-from workbench.geometry.closest_points import nearest
+from workbench.bodies.files.embedded import SEWN, embedded, embedded_hand
+from workbench.geometry.surface_tree import nearest
 from workbench.synthetic.base_mesh import N_BODY, read_base_mesh
 from workbench.synthetic.topology import read_topology
 from workbench.synthetic.wheel import Wheel

@@ -12,7 +12,7 @@ import numpy as np
 
 from builder.local_blends import errors_at_rest
 from workbench.arrays import Array, Mask
-from workbench.geometry.mesh_graph import along_edges
+from workbench.geometry.solids import along_edges
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
 from workbench.training.locality import local_features

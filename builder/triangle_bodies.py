@@ -16,8 +16,7 @@ import numpy as np
 from builder.packing import in_steps, write_arrays
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import SYNTHETIC
-from workbench.bodies.files.embedded_triangles import UNTRAINED
+from workbench.bodies.files.embedded import SYNTHETIC, UNTRAINED
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.priors.poses import draw_poses, shipped_gaussian

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 import workbench as wb
-from workbench.geometry.mesh_graph import heat
+from workbench.geometry.solids import heat
 from workbench.training.rigging.rig import pose_rms
 
 RINGS, AROUND, LENGTH = 25, 8, 0.7  # m

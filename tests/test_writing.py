@@ -40,6 +40,13 @@ def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_interrupted_writers_leave_nothing(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "file.txt") as temporary:  # noqa: PT012
+        temporary.write_text("half")
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+
+
 def test_temporary_files_of_living_writers_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.environment import expanded
 from workbench.errors import BadFile
 
 LOG = logging.getLogger(__name__)
@@ -34,10 +35,11 @@ LONGEST = 100  # bytes of a name that its temporaries repeat; file systems take 
 def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary file beside `path` that takes its place when the block ends without an error.
 
-    It has the same suffix. Raises BadFile if the folder is missing or cannot be written, or the
-    disk is full; what was at `path` before is then still there.
+    It has the same suffix, and a `~` at the start of `path` is the home folder. Raises BadFile if
+    the folder is missing or cannot be written, or the disk is full; what was at `path` before is
+    then still there.
     """
-    path = Path(path)
+    path = expanded(path)
     for left in leftovers(path):
         with suppress(OSError):
             left.unlink()

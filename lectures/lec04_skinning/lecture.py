@@ -25,8 +25,7 @@ from workbench.bodies.forward.skinning import (
     linear_blend,
 )
 from workbench.course import Picture, source
-from workbench.geometry.mesh_graph import heat
-from workbench.geometry.solids import volume
+from workbench.geometry.solids import heat, volume
 from workbench.lectures.material.by_angle import plot_by_angle
 from workbench.lectures.material.limbs import Limb
 from workbench.lectures.material.tubes import (

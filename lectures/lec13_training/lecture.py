@@ -16,8 +16,7 @@ import numpy as np
 import workbench as wb
 from workbench.bodies.unposing import unpose
 from workbench.course import Picture, source
-from workbench.geometry.mesh_graph import find_mirror
-from workbench.geometry.mirror import Mirror
+from workbench.geometry.mirror import Mirror, find_mirror
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
 from workbench.lectures.material.training_costs import plot_costs
 from workbench.lectures.material.tubes import tube

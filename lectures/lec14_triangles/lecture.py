@@ -21,8 +21,7 @@ from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.solids import mesh_edges
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, frames_on, gradients, soup
+from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
 from workbench.plots import house_style, plot_stitching, sheet
 from workbench.plots.body import Figurine, front, line_up
 from workbench.replay.side_by_side import recorded_side_by_side

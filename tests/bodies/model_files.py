@@ -12,8 +12,8 @@ from scipy.sparse import csc_matrix
 
 from tests.bodies.random_bodies import Entries, entries
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.extras import REQUIRED
 from workbench.bodies.files.joint_names import TREES
+from workbench.bodies.files.reading import REQUIRED
 from workbench.bodies.files.saving import arrays_of
 from workbench.geometry.mirror import AXIAL
 

@@ -11,7 +11,7 @@ import pytest
 from tests.differences import assert_jacobian
 from tests.tiers import few
 from workbench import Problem, load_body
-from workbench.bodies import BodySolids, SkinnedBody, fit_capsules, penetrations
+from workbench.bodies import SkinnedBody, fit_capsules
 from workbench.bodies.capsule_parts import part_of, parts_of_capsules
 from workbench.bodies.capsules import (
     KEYS,
@@ -241,55 +241,3 @@ def test_capsules_stay_near_the_box_of_the_body(name: str) -> None:
     for end in (0, 1):
         assert (ends[:, end] - radii > low - STANDS_OUT).all()
         assert (ends[:, end] + radii < high + STANDS_OUT).all()
-
-
-# What is inside of what in a posed body.
-
-
-def turned(body: SkinnedBody, **angles: tuple[float, float, float]) -> np.ndarray:
-    """The vertices with some joints turned."""
-    pose = np.zeros((body.n_joints, 3))
-    for joint, angle in angles.items():
-        pose[body.joint_names.index(joint)] = angle
-    return body.vertices(pose)
-
-
-@pytest.mark.parametrize("name", few(["small", "default"], 1))
-def test_bodies_at_rest_have_no_penetrations(name: str) -> None:
-    body = load_body(name)
-    assert penetrations(body, body.vertices()) == ()
-
-
-def test_hand_within_the_torso_is_found() -> None:
-    body = load_body("small")
-    solids = BodySolids.of(body)
-    through = turned(body, left_shoulder=(0, -1.2, 0), left_elbow=(0, -2.2, 0))
-    found = solids.penetrations(through)
-    assert found
-    assert found[0].depth == max(one.depth for one in found) > 0.01
-    assert {one.part for one in found} & {"left_hand", "left_forearm", "left_fingers"}
-    moved = solids.penetrations(through + [3.0, -1.0, 2.0])
-    assert [one.part for one in moved] == [one.part for one in found]
-    assert np.allclose([a.depth for a in moved], [b.depth for b in found], atol=5e-4)
-
-
-def test_crossed_legs_penetrate_and_bent_joints_do_not() -> None:
-    body = load_body("small")
-    solids = BodySolids.of(body)
-    crossed = solids.penetrations(turned(body, left_hip=(0, 0, -0.35), right_hip=(0, 0, 0.35)))
-    pairs = {frozenset((one.part, one.within)) for one in crossed}
-    assert pairs & {
-        frozenset(("left_shin", "right_shin")),
-        frozenset(("left_thigh", "right_thigh")),
-    }
-    assert solids.penetrations(turned(body, left_elbow=(0, -1.5, 0))) == ()
-    assert solids.penetrations(turned(body, left_knee=(1.2, 0, 0))) == ()
-
-
-def test_vertices_of_another_body_are_refused() -> None:
-    body = load_body("small")
-    with pytest.raises(BadBody, match=r"\(369, 3\)"):
-        penetrations(body, np.zeros((3, 3)))
-    stranger = replace(body, joint_names=tuple(f"bone{k}" for k in range(24)), capsules=None)
-    with pytest.raises(BadBody, match="none of the joints of SMPL"):
-        penetrations(stranger, stranger.template)

@@ -18,10 +18,10 @@ from tests.bodies.laws import some_arguments
 from tests.bodies_made_up import tube_body
 from tests.tiers import few
 from workbench.bodies.files.c_code import write_c
-from workbench.bodies.files.correctives import correctives_of
-from workbench.bodies.files.gltf import write_gltf
-from workbench.bodies.triangles import blend_scape, scape
+from workbench.bodies.files.gltf import correctives_of, write_gltf
+from workbench.bodies.triangles import scape
 from workbench.errors import BadArgument, BadBody, UnknownName
+from workbench.geometry.meshes import read_mesh, write_mesh
 
 SMALL = wb.load_body("small")
 TYPES: dict[int, type[np.generic]] = {
@@ -173,33 +173,53 @@ def test_quaternions_of_neighbouring_frames_are_on_one_side(tmp_path: Path) -> N
         assert ((q[1:] * q[:-1]).sum(axis=1) > 0.9).all()
 
 
-@pytest.mark.parametrize("make", [scape, blend_scape])
-def test_viewers_of_gltf_show_a_triangle_body(tmp_path: Path, make: Any) -> None:
-    """Also where a twist by half a turn flattens what linear blending makes of a part."""
-    body, rng = make(tube_body()), np.random.default_rng(0)
-    poses, betas = rng.normal(scale=0.4, size=(3, 3, 3)), rng.normal(size=2)
-    poses[1, 2] = [0, np.pi, 0]
-    found = write_gltf(tmp_path / "a.glb", body, poses, betas, trans=TRANS, shapes=2)
-    assert found.largest < 1e-7
-    document, array = read(tmp_path / "a.glb")
-    for frame, (pose, place) in enumerate(zip(poses, TRANS, strict=True)):
-        shown = skinned(document, array, frame)
-        np.testing.assert_allclose(shown, body.vertices(pose, betas, place), atol=1e-6)
-    moved = array(document["meshes"][0]["primitives"][0]["targets"][1]["POSITION"])
-    direction = body.vertices(betas=[0.0, 1.0]) - body.vertices()
-    np.testing.assert_allclose(moved, direction, atol=1e-7)
-
-
 def test_gltf_refuses_what_it_cannot_show(tmp_path: Path) -> None:
-    poses, _ = some_poses()
-    twisted = replace(SMALL, skinning=wb.dual_quaternion_blend)
-    with pytest.raises(BadBody, match="not skinned as a glTF is"):
-        write_gltf(tmp_path / "a.glb", twisted, poses)
-    with pytest.raises(BadArgument, match="10 shape directions"):
-        write_gltf(tmp_path / "b.glb", SMALL, poses, shapes=11)
-    with pytest.raises(BadArgument, match="correctives"):
-        write_gltf(tmp_path / "b.glb", SMALL, poses, correctives=-1)
+    poses, betas = some_poses()
+    for body in (replace(SMALL, skinning=wb.dual_quaternion_blend), scape(tube_body())):
+        with pytest.raises(BadBody, match=r"not skinned as a glTF is.*write_mesh"):
+            write_gltf(tmp_path / "a.glb", body, poses)  # type: ignore[arg-type]
+    refused: dict[str, dict[str, Any]] = {
+        "10 shape directions": {"shapes": 11},
+        "correctives": {"correctives": -1},
+        r"trans \(4, 3\) do not fit": {"trans": np.zeros((4, 3))},
+        "up to 10 betas": {"betas": np.zeros(11)},
+        r"one person, whose betas are \(B,\)": {"betas": np.zeros((3, 10))},
+        r"24 joints .*not \(3, 23, 3\)": {"poses": poses[:, :23]},
+        "no poses": {"poses": poses[:0]},
+        "shape .3, 10.": {"moving": np.zeros((2, 10))},
+        "poses must be finite": {"poses": np.where(poses > 0.5, np.nan, poses)},
+        "trans must be finite": {"trans": np.full((3, 3), np.inf)},
+        "must be positive": {"seconds": 0.0},
+    }
+    for said, other in refused.items():
+        arguments = {"poses": poses, "betas": betas} | other
+        with pytest.raises((BadBody, BadArgument), match=said):
+            write_gltf(tmp_path / "b.glb", SMALL, **arguments)
     assert not list(tmp_path.iterdir())
+
+
+def test_gltf_takes_one_place_for_all_poses(tmp_path: Path) -> None:
+    """Key frames and places are as many, or the file is invalid."""
+    poses, betas = some_poses()
+    write_gltf(tmp_path / "a.glb", SMALL, poses, betas, trans=TRANS[2])
+    document, array = read(tmp_path / "a.glb")
+    for frame, pose in enumerate(poses):
+        shown = skinned(document, array, frame)
+        np.testing.assert_allclose(shown, SMALL.vertices(pose, betas, TRANS[2]), atol=1e-6)
+
+
+def test_tilde_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(variable, str(tmp_path))
+    wb.save_body(SMALL, "~/a.npz")
+    wb.save_body(SMALL, "~/a.pkl")
+    write_gltf("~/a.glb", SMALL, SMALL.bind_pose)
+    write_c("~/a.c", SMALL)
+    write_mesh("~/a.ply", SMALL.template, SMALL.faces)
+    suffixes = {".npz", ".pkl", ".json", ".glb", ".c", ".h", ".ply"}
+    assert {path.suffix for path in tmp_path.iterdir()} == suffixes
+    np.testing.assert_array_equal(read_mesh("~/a.ply").vertices, SMALL.template)
+    np.testing.assert_array_equal(wb.load_body("~/a.npz").vertices(), SMALL.vertices())
 
 
 # C code.

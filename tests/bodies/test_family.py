@@ -16,9 +16,8 @@ from tests.tiers import few
 from workbench.bodies import mirrored, pose_space, shape_space
 from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.bodies.files.joint_names import FLAME, NAMES, TREES
-from workbench.bodies.files.saving import save_body
-from workbench.bodies.files.smpl_layout import body_from
-from workbench.bodies.files.smplx_vertices import extras, vertex_ids
+from workbench.bodies.files.layouts import body_from
+from workbench.bodies.files.saving import extras, save_body, vertex_ids
 from workbench.errors import BadArgument
 
 

@@ -17,11 +17,10 @@ from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import Entries, decorated, entries, same
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body, load_skinned
-from workbench.bodies.files.npz_files import read_npz
+from workbench.bodies.files.layouts import body_from
+from workbench.bodies.files.reading import read_npz
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.files.smpl_layout import body_from
 from workbench.errors import BadBody, BadFile
-from workbench.writing import replacing
 
 OBJECTS = {"joint2num", "part2num"}  # dictionaries, which are not read
 
@@ -400,17 +399,6 @@ def test_unwritable_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="cannot write"):
         save_body(body, tmp_path / "folder.npz")
     assert [p.name for p in tmp_path.iterdir()] == ["folder.npz"]
-
-
-def test_interrupted_write_leaves_nothing(tmp_path: Path) -> None:
-    def interrupted() -> None:
-        with replacing(tmp_path / "file.txt") as temporary:
-            temporary.write_text("half")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert not list(tmp_path.iterdir())
 
 
 def test_bodies_that_no_file_holds_are_refused(tmp_path: Path) -> None:

@@ -13,8 +13,7 @@ import workbench as wb
 from tests.differences import assert_jacobian
 from workbench.bodies import HAND_POINTS, capsule_ends, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import embedded, embedded_hand
-from workbench.bodies.files.embedded_with_hands import sewing_of
+from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import with_hands
 from workbench.bodies.sewn_mesh import border, sewn_mesh

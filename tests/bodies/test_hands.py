@@ -15,8 +15,8 @@ from workbench.blocks import Block
 from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, mirrored, pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument, BadBody, NotSupported, UnknownName
-from workbench.geometry.mesh_graph import along_edges
 from workbench.geometry.mirror import AXIAL, REFLECTION
+from workbench.geometry.solids import along_edges
 from workbench.residuals import landmarks
 
 HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")

@@ -17,10 +17,16 @@ from scipy.sparse import coo_matrix, csc_array, csc_matrix, csr_matrix
 from tests.bodies.random_bodies import Entries, entries
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.files.entries import Unread
-from workbench.bodies.files.pickle_records import KNOWN, Made
-from workbench.bodies.files.pickled_arrays import read_pickled_arrays
-from workbench.bodies.files.pickles import EFFECTS, LITERALS, OPCODES, run
+from workbench.bodies.files.pickles import (
+    EFFECTS,
+    KNOWN,
+    LITERALS,
+    OPCODES,
+    PickledCall,
+    Unread,
+    read_pickled_arrays,
+    run,
+)
 from workbench.errors import BadFile, UnsafePickle
 
 # A stand-in for the package chumpy, there while a file is written and gone when it is read.
@@ -215,7 +221,7 @@ def command(marker: Path) -> bytes:
 
 
 def attacks(marker: Path) -> dict[str, tuple[bytes, str]]:
-    """Name -> (the file, what the refusal names)."""
+    """PickledName -> (the file, what the refusal names)."""
     touch = command(marker)
     run_it = touch + b"\x85R."
     again = b"ccopy_reg\n_reconstructor\n"
@@ -241,9 +247,12 @@ def attacks(marker: Path) -> dict[str, tuple[bytes, str]]:
         "NEWOBJ_EX": (stack_global("subprocess", "Popen") + touch + b"\x85}\x92.", "subprocess."),
         "reconstructor": (again + b"(csubprocess\nPopen\nc__builtin__\nobject\nNtR.", "Popen"),
         "unnamed class": (again + b"(S'posix'\nc__builtin__\nobject\nNtR.", "calls a str"),
-        "call of a call": (b"\x80\x02cbuiltins\nobject\n)R" + run_it, "calls a Made"),
+        "call of a call": (b"\x80\x02cbuiltins\nobject\n)R" + run_it, "calls a PickledCall"),
         "call of a text": (b"\x80\x02X\x02\x00\x00\x00os" + run_it, "calls a str"),
-        "BUILD on a name": (b"\x80\x02cnumpy\nndarray\n}X\x01\x00\x00\x00aK\x01sb.", "of a Name"),
+        "BUILD on a name": (
+            b"\x80\x02cnumpy\nndarray\n}X\x01\x00\x00\x00aK\x01sb.",
+            "of a PickledName",
+        ),
         "BUILD on a dict": (b"\x80\x02}}b.", "inside of a dict"),
         "EXT1": (b"\x80\x02\x82\x01.", "EXT1"),
         "EXT4": (b"\x80\x02\x84\x01\x00\x00\x00.", "EXT4"),
@@ -318,7 +327,7 @@ def test_known_names_make_records_alone() -> None:
     for module, name in KNOWN:
         if name != "_reconstructor":
             made = run(b"c" + module.encode() + b"\n" + name.encode() + b"\n(S'x'\ntR.")
-            assert isinstance(made, Made)
+            assert isinstance(made, PickledCall)
 
 
 # What is damaged, or made to be.

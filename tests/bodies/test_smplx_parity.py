@@ -13,8 +13,8 @@ from tests.bodies.model_files import smplx as smplx_file
 from tests.bodies.random_bodies import Entries, decorated, entries
 from workbench.bodies import mirrored, pose_space, shape_space
 from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.files.layouts import body_from
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.skinned import SkinnedBody
 
 pytestmark = pytest.mark.thorough

@@ -12,8 +12,7 @@ from builder.hands.rest import to_flat
 from builder.hands.sets import HandTeacher
 from builder.priced_blends import far_share, solved
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import embedded, embedded_hand
-from workbench.bodies.files.embedded_with_hands import sewing_of
+from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.training.ridge import Sums

@@ -7,8 +7,6 @@ import numpy as np
 
 from tests.bodies.model_files import foreign, smplx, written
 from tests.cli.conftest import Run
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.saving import save_body
 
 
 def test_a_file_without_faults_has_exit_code_0(tmp_path: Path, workbench: Run) -> None:
@@ -33,18 +31,6 @@ def test_a_file_with_faults_has_exit_code_1(tmp_path: Path, workbench: Run) -> N
     assert "warning: weights: The weights of 369 of 369 vertices do not sum to 1" in out
     assert "Only for tests." in out
     assert "sum to 0.98, but must sum to 1" in out  # as load_body says
-
-
-def test_hands_are_compared(tmp_path: Path, workbench: Run) -> None:
-    save_body(load_skinned("hand"), tmp_path / "right.npz")
-    wrong = foreign("hand-left") | {"hands_mean": foreign("hand")["hands_mean"]}
-    written(wrong, tmp_path / "left.npz")
-    code, out, _ = workbench("check-body", "left.npz", "--other-hand", "right.npz")
-    assert code == 1
-    assert "is equal to it unmirrored" in out
-    code, out, _ = workbench("check-body", "hand", "--other-hand", "left.npz")
-    assert code == 0
-    assert "--other-hand changes nothing" in out
 
 
 def test_what_cannot_be_read_has_exit_code_2(tmp_path: Path, workbench: Run) -> None:

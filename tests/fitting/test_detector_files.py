@@ -13,7 +13,7 @@ from tests.fitting.test_cameras import openpose, person, written
 from workbench import load_body
 from workbench.bodies import HAND_POINTS
 from workbench.bodies.files.joint_names import HANDS as HAND_JOINTS
-from workbench.bodies.files.smpl_layout import body_from
+from workbench.bodies.files.layouts import body_from
 from workbench.errors import BadFile, UnknownName
 from workbench.fitting import read_clip, read_keypoints, read_observations
 from workbench.fitting.detector_layouts import (

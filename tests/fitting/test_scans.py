@@ -15,8 +15,8 @@ from workbench.fitting import BadScan, Scan
 from workbench.fitting.scan_cleaning import FEWEST
 from workbench.fitting.scan_files import ReadScan, read_scan
 from workbench.fitting.scan_surface import normals_of_faces
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.meshes import write_mesh
-from workbench.geometry.upright import TURNS
 
 BODY = load_body("small")
 STANDING = BODY.vertices(pose=[[0, 0, 0]] * 16 + [[0, 0, -1.0], [0, 0, 1.0]] + [[0, 0, 0]] * 6)
@@ -72,9 +72,9 @@ def test_ply_clouds_keep_normals(tmp_path: Path, kind: str) -> None:
 def test_pcd_clouds_keep_their_viewpoint(tmp_path: Path) -> None:
     """In the axes of the scan; and without one, a note says how to give it."""
     header = "FIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F U\nPOINTS {}\nVIEWPOINT {}\nDATA ascii\n"
-    rows = "".join(f"{x!r} {y!r} {z!r} 7\n" for x, y, z in (1000 * SURFACE @ TURNS["z"]).tolist())
+    rows = "".join(f"{x!r} {y!r} {z!r} 7\n" for x, y, z in (1000 * SURFACE @ UP_TO_Y["z"]).tolist())
     camera = np.array([0.5, 1.0, 3.0])
-    there = " ".join(map(repr, (1000 * camera @ TURNS["z"]).tolist()))
+    there = " ".join(map(repr, (1000 * camera @ UP_TO_Y["z"]).tolist()))
     for viewpoint in (f"{there} 1 0 0 0", "0 0 0 1 0 0 0"):
         (tmp_path / "scan.pcd").write_text(header.format(len(SURFACE), viewpoint) + rows)
         read = read_scan(tmp_path / "scan.pcd")
@@ -123,8 +123,8 @@ def test_files_of_trimesh_have_the_same_surface(tmp_path: Path, suffix: str) -> 
 def test_unit_and_axis_are_guessed(tmp_path: Path, unit: str, up: str) -> None:
     """Turned and scaled back, the points are the same; so are guesses that are given."""
     metres = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}[unit]
-    there = np.linalg.inv(TURNS[up])
-    np.testing.assert_allclose(there, TURNS[up].T, atol=0)
+    there = np.linalg.inv(UP_TO_Y[up])
+    np.testing.assert_allclose(there, UP_TO_Y[up].T, atol=0)
     assert np.linalg.det(there) == pytest.approx(1)
     path = saved(tmp_path / "scan.npy", SURFACE @ there.T / metres)
     for read in (read_scan(path), read_scan(path, unit=unit, up=up)):
@@ -140,7 +140,7 @@ def test_stretched_arms_are_not_the_height(tmp_path: Path) -> None:
     points = np.asarray(trimesh.sample.sample_surface(mesh, 4000, seed=0)[0])
     wide = np.ptp(points, axis=0)
     assert wide[0] > 0.9 * wide[1]
-    assert read_scan(saved(tmp_path / "scan.npy", points @ TURNS["z"])).up == "z"
+    assert read_scan(saved(tmp_path / "scan.npy", points @ UP_TO_Y["z"])).up == "z"
 
 
 def test_clutter_does_not_change_the_guesses(tmp_path: Path) -> None:
@@ -164,7 +164,10 @@ def test_guesses_of_a_hand_are_uncertain(tmp_path: Path) -> None:
 
 def test_camera_orients_normals(tmp_path: Path) -> None:
     camera = np.array([0.0, 1.0, 3.0])
-    stored = {"points": 1000 * SURFACE @ TURNS["z"], "camera_position": 1000 * camera @ TURNS["z"]}
+    stored = {
+        "points": 1000 * SURFACE @ UP_TO_Y["z"],
+        "camera_position": 1000 * camera @ UP_TO_Y["z"],
+    }
     np.savez(tmp_path / "scan.npz", **stored)
     np.save(tmp_path / "scan.npy", stored["points"])
     for read in (

@@ -1,14 +1,30 @@
 """Mesh files: what is written is read, in its order."""
 
+import base64
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
+from tests.geometry.mesh_files import (
+    BIG,
+    CORNERS,
+    LITTLE,
+    PART,
+    POSITIONS,
+    claims,
+    glb,
+    ply,
+    square,
+)
+from tests.geometry.mesh_files import FACES as TWO
+from tests.geometry.mesh_files import VERTICES as SQUARE_PLACES
 from tests.tiers import few
 from workbench.errors import BadFile, BadMesh
-from workbench.geometry.meshes import read_mesh, write_mesh
+from workbench.geometry.meshes import Mesh, read_mesh, same_faces, write_mesh
 
 VERTICES = np.random.default_rng(0).normal(size=(8, 3))
 VERTICES[5] = VERTICES[2]  # twins, which must not be merged; vertex 7 is in no face
@@ -60,8 +76,6 @@ def test_obj_with_seams_keeps_its_vertices(tmp_path: Path) -> None:
 
 
 def test_parts_of_a_scene_are_placed(tmp_path: Path) -> None:
-    import trimesh
-
     part = trimesh.Trimesh(VERTICES, FACES, process=False)
     scene = trimesh.Scene()
     scene.add_geometry(part, geom_name="a")
@@ -84,67 +98,66 @@ def test_points_alone_are_read_when_asked_for(tmp_path: Path, suffix: str) -> No
 
 
 POLYGONS = [[0, 1, 2], [0, 2, 3, 4], [1, 2, 5], [7, 6, 5, 4, 3], [2, 3, 6, 7]]
-CUT = [
-    [0, 1, 2],
-    [0, 2, 3],
-    [0, 3, 4],
-    [1, 2, 5],
-    [7, 6, 5],
-    [7, 5, 4],
-    [7, 4, 3],
-    [2, 3, 6],
-    [2, 6, 7],
-]
 
 
-def polygons_ply(order: str, polygons: list[list[int]], *, texture: bool = False) -> bytes:
-    """A .ply of polygons; with texture, each has a flag before and coordinates behind its corners.
-
-    Also a normal list of its own length, which nothing reads, before the corners.
-    """
-    kind = {"<": "binary_little_endian", ">": "binary_big_endian", "=": "ascii"}[order]
-    head = f"ply\nformat {kind} 1.0\nelement vertex 8\nproperty double x\nproperty double y\n"
-    head += f"property double z\nelement face {len(polygons)}\n"
-    head += "property uchar flag\nproperty list ushort short odd\n" if texture else ""
-    head += "property list uchar int vertex_indices\n"
-    head += "property list uchar float texcoord\n" if texture else ""
-    rows: list[list[tuple[str, float]]] = [[("d", x) for x in v] for v in VERTICES]
-    for i, polygon in enumerate(polygons):
-        row: list[tuple[str, float]] = [("B", i), ("H", i % 3), *(("h", -i) for _ in range(i % 3))]
-        corners = [("B", len(polygon)), *(("i", c) for c in polygon)]
-        behind = [("B", 2 * len(polygon)), *(("f", 0.5) for _ in range(2 * len(polygon)))]
-        rows.append([*row, *corners, *behind] if texture else corners)
-    head += "end_header\n"
-    if order == "=":
-        return (
-            head + "\n".join(" ".join(f"{float(x)!r}" for _, x in row) for row in rows)
-        ).encode()
-    return head.encode() + b"".join(struct.pack(order + c, x) for row in rows for c, x in row)
-
-
-@pytest.mark.parametrize("texture", [False, True])
-@pytest.mark.parametrize("order", few(["<", ">", "="], 1))
-def test_polygons_are_cut_into_triangles(tmp_path: Path, order: str, texture: bool) -> None:
-    path = tmp_path / "polygons.ply"
-    path.write_bytes(polygons_ply(order, POLYGONS, texture=texture))
-    mesh = read_mesh(path)
+@pytest.mark.parametrize(
+    ("suffix", "sizes"), [(".ply", 4), (".ply", 5), (".obj", 0), (".off", 0), (".ply", 0)]
+)
+def test_polygons_are_fans_of_triangles(tmp_path: Path, suffix: str, sizes: int) -> None:
+    """In the file's order, but in text of different polygons, where triangles may come first."""
+    polygons = [(np.arange(sizes) + i) % 8 for i in range(7)] if sizes else POLYGONS
+    rows = "".join(f"{len(p)} {' '.join(map(str, p))}\n" for p in polygons)
+    places = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in VERTICES.tolist())
+    head = claims(8, len(polygons)).replace("float", "double")
+    content = {
+        ".ply": ply(head, (places + rows).encode()),
+        ".off": f"OFF\n8 {len(polygons)} 0\n{places}{rows}".encode(),
+        ".obj": b"".join(
+            [f"v {line}\n".encode() for line in places.splitlines()]
+            + [f"f {' '.join(str(k + 1) for k in p)}\n".encode() for p in polygons]
+        ),
+    }
+    (tmp_path / f"a{suffix}").write_bytes(content[suffix])
+    mesh = read_mesh(tmp_path / f"a{suffix}")
+    fans = np.array([[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)])
     np.testing.assert_array_equal(mesh.vertices, VERTICES)
-    assert mesh.faces.tolist() == CUT
+    assert same_faces(mesh.faces, fans)
+    if sizes:
+        np.testing.assert_array_equal(mesh.faces, fans)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_binary_polygons_are_those_of_the_text(tmp_path: Path, order: str) -> None:
-    """Also where the first thousand are alike, and where all are."""
-    rng = np.random.default_rng(0)
-    for sizes in (np.full(1200, 4), rng.integers(3, 9, 1200), np.r_[np.full(1199, 3), 5]):
-        polygons = [rng.permutation(8)[:n].tolist() for n in sizes]
-        found = []
-        for kind in (order, "="):
-            (tmp_path / "mesh.ply").write_bytes(polygons_ply(kind, polygons))
-            found.append(read_mesh(tmp_path / "mesh.ply"))
-        np.testing.assert_array_equal(found[0].faces, found[1].faces)
-        assert len(found[0].faces) == np.sum(sizes - 2)
+def test_binary_ply_of_different_polygons_is_refused(tmp_path: Path) -> None:
+    rows = b"".join(struct.pack(f"<B{len(p)}i", len(p), *p) for p in POLYGONS)
+    (tmp_path / "a.ply").write_bytes(ply(claims(8, 5), bytes(96) + rows, LITTLE))
+    with pytest.raises(BadFile, match=r"different numbers of corners.*export triangles"):
+        read_mesh(tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize("suffix", [".off", ".ply", ".stl"])
+def test_cut_off_meshes_are_refused(tmp_path: Path, suffix: str) -> None:
+    """Wherever they are cut, within a number of the last line of a text excepted."""
+    path = tmp_path / f"a{suffix}"
+    write_mesh(path, VERTICES, FACES)
+    content = path.read_bytes()
+    for end in range(0, len(content) - 2, 3):
+        path.write_bytes(content[:end])
+        with pytest.raises(BadFile):
+            read_mesh(path, points_alone=True)
+
+
+def test_trimesh_is_taken_and_given(tmp_path: Path) -> None:
+    """With twins, a vertex in no face and all orders as they are."""
+    given = trimesh.Trimesh(VERTICES, FACES, process=False, validate=False)
+    write_mesh(tmp_path / "a.ply", given)
+    mesh = read_mesh(tmp_path / "a.ply")
+    write_mesh(tmp_path / "b.ply", mesh)
+    assert (tmp_path / "b.ply").read_bytes() == (tmp_path / "a.ply").read_bytes()
+    for one in (mesh.trimesh(), Mesh.of(given), Mesh.of(mesh), Mesh.of(VERTICES, FACES)):
+        np.testing.assert_array_equal(one.vertices, VERTICES)
+        np.testing.assert_array_equal(one.faces, FACES)
+    for wrong in (VERTICES, "a.ply", trimesh.PointCloud(VERTICES)):
+        with pytest.raises(BadMesh, match="is no mesh; give"):
+            Mesh.of(wrong)
 
 
 def test_damaged_meshes_are_refused(tmp_path: Path) -> None:
@@ -154,7 +167,7 @@ def test_damaged_meshes_are_refused(tmp_path: Path) -> None:
         ("empty.obj", "", "holds no vertices"),
         ("empty.ply", "", "damaged, or no .ply file"),
         ("empty.glb", "", "damaged, or no .glb file"),
-        ("empty.stl", "", "holds no vertices"),
+        ("empty.stl", "", "damaged, or no .stl file"),
         ("prose.off", "not a mesh", "damaged, or no .off file"),
         ("mesh.txt", "v 0 0 0", "no mesh format is called"),
         ("nan.obj", "v 0 0 0\nv 0 nan 0\nv 1 0 0\nf 1 2 3", "nan"),
@@ -180,3 +193,106 @@ def test_unwritable_meshes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadMesh, match="no vertices"):
         write_mesh(tmp_path / "mesh.ply", np.zeros((0, 3)), [])
     assert not list(tmp_path.iterdir())
+
+
+# What other programs write.
+
+
+def binary(kind: str) -> bytes:
+    """A square of one quad in binary, with a colour and a normal to be left in the file."""
+    order = {LITTLE: "<", BIG: ">"}[kind]
+    header = (
+        "comment made by hand\nelement vertex 4\nproperty float x\nproperty float y\n"
+        "property float z\nproperty uchar red\nelement face 1\n"
+        "property list uchar int vertex_index\nproperty uchar flags"
+    )
+    rows = b"".join(struct.pack(f"{order}3fB", *vertex, 255) for vertex in SQUARE_PLACES)
+    return ply(header, rows + struct.pack(f"{order}B4iB", 4, 0, 1, 2, 3, 1), kind)
+
+
+SQUARE = b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+DATA = (
+    "data:application/octet-stream;base64,"
+    + base64.b64encode(SQUARE_PLACES.tobytes() + TWO.tobytes()).decode()
+)
+FAN = "data:;base64," + base64.b64encode(struct.pack("<4I", 0, 1, 2, 3)).decode()
+VALID: dict[str, Callable[[], bytes]] = {
+    "plain.glb": square,
+    "moved.glb": lambda: square(
+        scenes=[{"nodes": [1]}],
+        nodes=[{"mesh": 0, "translation": [-5, 0, 0]}, {"children": [0], "translation": [5, 0, 0]}],
+    ),
+    "in text.glb": lambda: square(buffers=[{"byteLength": 72, "uri": DATA}]),
+    "a strip.glb": lambda: square(
+        meshes=[{"primitives": [PART | {"mode": 6}]}],
+        accessors=[POSITIONS, CORNERS | {"count": 4}],
+        bufferViews=[{"buffer": 0, "byteLength": 48}, {"buffer": 1, "byteLength": 16}],
+        buffers=[{"byteLength": 72}, {"byteLength": 16, "uri": FAN}],
+    ),
+    "little.ply": lambda: binary(LITTLE),
+    "big.ply": lambda: binary(BIG),
+    "comments.ply": lambda: ply(claims(4, 2), SQUARE + b"3 0 1 2\n3 0 2 3\n").replace(
+        b"format", b"comment gr\xf6\xdfe\nformat"
+    ),
+    "triangles.ply": lambda: ply(claims(4, 2), SQUARE + b"3 0 1 2\n3 0 2 3\n"),
+    "a quad.ply": lambda: ply(claims(4, 1), SQUARE + b"4 0 1 2 3\n").replace(b"\n", b"\r\n"),
+    "normals.off": lambda: (
+        b"NOFF\n4 2 0\n" + SQUARE.replace(b"\n", b" 0 0 1\n") + b"3 0 1 2\n3 0 2 3\n"
+    ),
+    "colours.off": lambda: (
+        b"# made by hand\nCOFF 4 1 0\n"
+        + SQUARE.replace(b"\n", b" 255 0 0 255\n")
+        + b"\n4 0 1 2 3 0.5 0.5\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VALID)
+def test_square_is_read_in_every_form(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(VALID[name]())
+    mesh = read_mesh(tmp_path / name)
+    np.testing.assert_array_equal(mesh.vertices, SQUARE_PLACES)
+    assert same_faces(mesh.faces, TWO.astype(np.int64))
+
+
+def test_glb_strip_turns_every_other_triangle(tmp_path: Path) -> None:
+    strip = [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 5}]}]
+    (tmp_path / "strip.glb").write_bytes(square(meshes=strip))
+    assert read_mesh(tmp_path / "strip.glb").faces.tolist() == [[0, 1, 2], [2, 1, 3]]
+
+
+def test_glb_normalized_bytes_are_parts_of_one(tmp_path: Path) -> None:
+    """KHR_mesh_quantization: of bytes, 255 stands for 1 m where they are normalized."""
+    told = {
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5121, "count": 3, "type": "VEC3", "normalized": True}
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 12, "byteStride": 4}],
+        "buffers": [{"byteLength": 12}],
+    }
+    content = bytes([0, 0, 0, 9, 255, 0, 0, 9, 0, 255, 0, 9])
+    (tmp_path / "small.glb").write_bytes(glb(told, content))
+    vertices = read_mesh(tmp_path / "small.glb").vertices
+    np.testing.assert_array_equal(vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+
+
+def test_glb_points_are_vertices_without_triangles(tmp_path: Path) -> None:
+    """Points are vertices without triangles; lines are left in the file."""
+    points = {"attributes": {"POSITION": 0}, "mode": 0}
+    lines = {"attributes": {"POSITION": 0}, "mode": 1}
+    (tmp_path / "points.glb").write_bytes(square(meshes=[{"primitives": [points, lines]}]))
+    mesh = read_mesh(tmp_path / "points.glb", points_alone=True)
+    np.testing.assert_array_equal(mesh.vertices, SQUARE_PLACES)
+    assert mesh.faces.shape == (0, 3)
+
+
+def test_stl_in_text_is_read(tmp_path: Path) -> None:
+    corners = SQUARE_PLACES[TWO].reshape(-1, 3)
+    lines = [f"  Vertex {x:.1f} {y:.1e} {z}" for x, y, z in corners.tolist()]
+    for solid in ("solid a", "solid b"):
+        lines.append(f"end{solid}\n{solid}")
+    (tmp_path / "a.stl").write_text("\n".join(["solid a", *lines]))
+    np.testing.assert_array_equal(read_mesh(tmp_path / "a.stl").vertices, corners)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.geometry.pcd import parse_pcd, unpacked_lzf
+from workbench.geometry.point_clouds import parse_pcd, unpacked_lzf
 
 N = 60
 POINTS = np.random.default_rng(0).normal(size=(N, 3)).astype("f4")

@@ -13,9 +13,9 @@ from tests.tiers import few
 from workbench.geometry.dual_quaternions import dual_quaternions, moved, quaternions
 from workbench.geometry.rotation import (
     SERIES_BELOW,
-    half_turns,
     matrix_from_vector,
     nearest_rotation,
+    quaternions_of_vectors,
     rodrigues,
     vector_from_matrix,
 )
@@ -200,10 +200,10 @@ def test_quaternions_are_those_of_the_rotations(angle: float) -> None:
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-14)
     back = Rotation.from_quat(found[:, [1, 2, 3, 0]]).as_matrix()
     np.testing.assert_allclose(back, R.as_matrix(), atol=2e-15)
-    found = as_columns(half_turns(cs.DM((angle * AXES).T)))
+    found = as_columns(quaternions_of_vectors(cs.DM((angle * AXES).T)))
     expected = np.column_stack([np.full(len(AXES), np.cos(angle / 2)), np.sin(angle / 2) * AXES])
     np.testing.assert_allclose(found, expected, atol=1e-15)
-    further = as_columns(half_turns(cs.DM(((angle + 2 * np.pi) * AXES).T)))
+    further = as_columns(quaternions_of_vectors(cs.DM(((angle + 2 * np.pi) * AXES).T)))
     np.testing.assert_allclose(further, -expected, atol=2e-15)
 
 
@@ -211,7 +211,7 @@ def test_quaternions_are_those_of_the_rotations(angle: float) -> None:
 def test_derivatives_of_quaternions_are_those_of_half_turns(angle: float) -> None:
     """Through R and Shepperd's columns, or straight from the vector: one curve, either sign."""
     w = cs.SX.sym("w", 3)
-    through_R, straight = quaternions(rodrigues(w)), half_turns(w)
+    through_R, straight = quaternions(rodrigues(w)), quaternions_of_vectors(w)
     outputs = []
     for q in (through_R, straight):
         J = cs.jacobian(q, w)

@@ -12,18 +12,17 @@ from scipy.spatial.transform import Rotation
 from tests.tiers import few
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
-from workbench.geometry.surface_kernels import compiled
-from workbench.geometry.surface_search import IN_NUMPY, Way
-from workbench.geometry.surface_tree import Closest, SurfaceTree
+from workbench.geometry.surface_search import IN_NUMPY, SearchBackend
+from workbench.geometry.surface_tree import Closest, SurfaceTree, compiled
 
 CUBE = trimesh.creation.box()  # of side 1, around the origin
 
 
-def in_numpy() -> Way:
+def in_numpy() -> SearchBackend:
     return IN_NUMPY
 
 
-def in_c() -> Way:
+def in_c() -> SearchBackend:
     way = compiled()
     if way is None:
         pytest.skip("no C compiler on the PATH")
@@ -31,7 +30,7 @@ def in_c() -> Way:
 
 
 BOTH = pytest.mark.parametrize("way", [in_numpy, in_c])
-Ways = Callable[[], Way]
+Ways = Callable[[], SearchBackend]
 
 
 def soup(rng: np.random.Generator) -> tuple[Array, Index]:
@@ -217,7 +216,7 @@ def test_distances_are_negative_inside(way: Ways, shape: Callable[[], tuple[Arra
 
 @BOTH
 def test_normals_of_a_cube(way: Ways) -> None:
-    tree = SurfaceTree(np.array(CUBE.vertices), np.array(CUBE.faces), way)
+    tree = SurfaceTree(CUBE, way=way)  # as trimesh has it
     points = np.array([[1.0, 1, 1], [1, 1, 0.1], [1, 0.2, 0.1], [0.4, 0.1, 0.1], [-1, -1, 1]])
     found = tree.closest(points)
     expected = unit(np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 0], [1, 0, 0], [-1, -1, 1]]))

@@ -7,8 +7,14 @@ import pytest
 import workbench as wb
 from workbench.errors import BadMesh
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, frames, gradient_slopes, gradients, soup
+from workbench.geometry.triangles import (
+    Stitching,
+    edges,
+    frames,
+    gradient_derivatives,
+    gradients,
+    soup,
+)
 
 BODY = wb.load_body("small")
 FACES, TEMPLATE = BODY.faces, BODY.template
@@ -50,7 +56,7 @@ def test_gradients_of_a_similarity_are_found() -> None:
 
 def test_slopes_of_gradients_are_those_of_differences() -> None:
     directions = BODY.shapedirs[:, :, :3]
-    slopes, h = gradient_slopes(TEMPLATE, directions, FACES), 1e-4
+    slopes, h = gradient_derivatives(TEMPLATE, directions, FACES), 1e-4
     for b in range(3):
         sides = (
             gradients(TEMPLATE, TEMPLATE + s * h * directions[:, :, b], FACES) for s in (1, -1)

@@ -66,13 +66,19 @@ PLY: dict[str, Callable[[], bytes]] = {
     "3 billion vertices in binary": lambda: ply(claims(MANY), bytes(99), LITTLE),
     "one vertex too many": lambda: ply(claims(4), TRIANGLE),
     "more than its header says": lambda: ply(claims(3), bytes(40), LITTLE),
-    "a list of billions": lambda: ply(claims(3, 1), TRIANGLE + b"4000000000 0 1 2\n"),
     "a list of no number": lambda: ply(FLOATS, bytes(36) + b"\xff" * 4 + bytes(12), LITTLE),
     "a list of minus one": lambda: ply(
         claims(3, 1).replace("uchar", "char"), bytes(36) + b"\xff" * 16, LITTLE
     ),
     "a later list of 255": lambda: ply(
         claims(3, 2), bytes(36) + FACE + b"\xff" + bytes(16), LITTLE
+    ),
+    "half a face in text": lambda: ply(claims(3, 2), TRIANGLE + b"3 0 1 2\n3 0 1\n"),
+    "many empty lines": lambda: ply(claims(3), TRIANGLE + b"\n" * 20_000_000),
+    "many edges": lambda: ply(
+        "element edge 200000\nproperty int vertex1\nproperty int vertex2\n" + claims(3),
+        bytes(1_600_000 + 36 + 1),
+        LITTLE,
     ),
     "lists of nothing": lambda: ply(claims(3, 500_000), bytes(36 + 500_000), LITTLE),
     "a corner far away": lambda: ply(claims(3, 1), TRIANGLE + b"3 0 1e300 2\n"),
@@ -85,7 +91,14 @@ PLY: dict[str, Callable[[], bytes]] = {
 LINES: dict[str, Callable[[], bytes]] = {
     "one vertex too many.off": lambda: b"OFF\n4 0 0\n" + TRIANGLE,
     "more digits than numbers have.off": lambda: b"OFF\n" + b"9" * 5000 + b" 1 0\n",
-    "a face of billions.off": lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"4000000000 0 1 2\n",
+    "a face too few.off": lambda: b"OFF\n3 2 0\n" + TRIANGLE + b"3 0 1 2\n",
+    "half a face.off": lambda: b"OFF\n3 2 0\n" + TRIANGLE + b"3 0 1 2\n3 0 1\n",
+    "half a solid.stl": lambda: (
+        (b"solid a\n" + b"vertex 0 0 1\n" * 3 + b"endsolid a\n") * 2
+        + b"solid b\n"
+        + b"vertex 0 0 1\n" * 3
+    ),
+    "many solids.stl": lambda: (b"solid a\n" + b"vertex 0 0 1\n" * 3 + b"endsolid a\n") * 20_000,
     "a line without end.off": lambda: b"OFF " + b"1 " * 2_000_000,
     "4 billion triangles.stl": lambda: bytes(80) + b"\xff" * 4 + bytes(50),
     "half a triangle.stl": lambda: b"solid a\nvertex 0 0 0\nendsolid",

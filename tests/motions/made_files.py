@@ -13,7 +13,7 @@ from tests.motions.made_glb import made, write_text
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Motion, save_motion
 
 RNG = np.random.default_rng(7)
@@ -79,7 +79,7 @@ def random_motion(K: int, names: Sequence[str], frames: int = T) -> Motion:
 
 def amass_entries(motion: Motion) -> dict[str, np.ndarray]:
     """The older layout, z up, with entries that are not read."""
-    there = motion.turned(TURNS["z"].T)
+    there = motion.turned(UP_TO_Y["z"].T)
     return {
         "poses": there.pose.reshape(len(there), -1),
         "trans": there.trans,

@@ -10,7 +10,7 @@ import workbench as wb
 from tests.motions.made_files import bvh_rows, bvh_text, random_motion
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, read_bvh, read_motion, write_bvh
 
 SMALL = wb.load_body("small")
@@ -148,7 +148,7 @@ def test_unit_of_bvh_is_guessed(tmp_path: Path, scale: float, name: str) -> None
 def test_bvh_with_z_up_is_turned(tmp_path: Path) -> None:
     text = bvh_text(bvh_rows())
     found, plain = (read_bvh(saved(tmp_path, text), up=up) for up in ("z", "y"))
-    np.testing.assert_allclose(places(found), places(plain) @ TURNS["z"].T, atol=1e-12)
+    np.testing.assert_allclose(places(found), places(plain) @ UP_TO_Y["z"].T, atol=1e-12)
 
 
 @pytest.mark.parametrize("whole", [True, False])

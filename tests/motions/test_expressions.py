@@ -12,8 +12,7 @@ import workbench as wb
 from tests.bodies.model_files import flame, written
 from workbench.bodies import shape_space
 from workbench.conversion import convert
-from workbench.geometry.glb_document import local_motion
-from workbench.geometry.gltf_buffers import document_of
+from workbench.geometry.gltf import document_of, local_motion
 from workbench.motions import write_glb
 
 T = 4

@@ -14,9 +14,8 @@ from benchmarks.clips_made_up import clip
 from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns, write_text
 from tests.tiers import few
 from workbench.errors import BadFile
-from workbench.geometry import gltf_buffers
-from workbench.geometry.glb_document import GlbDocument
-from workbench.geometry.gltf_buffers import document_of
+from workbench.geometry import gltf
+from workbench.geometry.gltf import GlbDocument, document_of
 from workbench.motions import read_glb, write_glb
 from workbench.motions.gltf_tracks import Track
 
@@ -161,7 +160,7 @@ def test_gltf_text_opens_no_other_file(tmp_path: Path, buffer: dict[str, Any], s
 
 
 def test_file_of_many_buffers_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gltf_buffers, "MOST_BYTES", 5000)
+    monkeypatch.setattr(gltf, "MOST_BYTES", 5000)
     (tmp_path / "twice.bin").write_bytes(bytes(4096))
     (tmp_path / "more.bin").write_bytes(bytes(1000))
     many = [{"byteLength": 4096, "uri": "twice.bin"}] * 1000

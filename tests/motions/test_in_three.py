@@ -16,7 +16,6 @@ import pytest
 import workbench as wb
 from benchmarks.clips_made_up import clip
 from tests.bodies.model_files import flame, with_fingers, written
-from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.motions import glb_files, write_glb
 
@@ -46,7 +45,6 @@ def shown(path: Path) -> tuple[dict[str, object], np.ndarray]:
         ("default", 40, 32, 5e-4),
         ("hand", 20, None, 1e-6),
         ("52 joints", 12, None, 1e-6),
-        ("small-blend-scape", 12, None, 1e-6),
     ],
 )
 def test_validator_and_three_show_the_body(
@@ -54,7 +52,7 @@ def test_validator_and_three_show_the_body(
 ) -> None:
     known = name != "52 joints"
     body = wb.load_body(name if known else written(with_fingers("small"), tmp_path / "SMPLH.pkl"))
-    assert isinstance(body, wb.SkinnedBody | TriangleBody)
+    assert isinstance(body, wb.SkinnedBody)
     motion = clip(body, frames, seed=6)
     seen_by_others(tmp_path / "a.glb", motion, body, correctives, farthest)
 
@@ -80,7 +78,7 @@ def test_three_shows_expressions(tmp_path: Path) -> None:
 def seen_by_others(
     path: Path,
     motion: wb.Motion,
-    body: wb.SkinnedBody | TriangleBody,
+    body: wb.SkinnedBody,
     correctives: int | None,
     farthest: float,
 ) -> None:

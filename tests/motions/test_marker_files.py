@@ -9,7 +9,7 @@ from tests.motions.made_files import LABELS, MARKER_FILES, c3d_bytes, marker_pla
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import read_markers
 from workbench.fitting.marker_files import write_markers
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Trajectories, read_c3d, read_trc, write_trc
 
 PLACES = marker_places()
@@ -19,7 +19,7 @@ PLACES = marker_places()
 def test_marker_formats_hold_the_same_markers(tmp_path: Path, name: str) -> None:
     MARKER_FILES[name](tmp_path / name)
     found = read_markers(tmp_path / name)
-    exact = PLACES @ TURNS["z"].T / 1000
+    exact = PLACES @ UP_TO_Y["z"].T / 1000
     rounding = 5.1e-5 if name == "integers.c3d" else 1e-7  # half of its scale, 0.1 mm
     np.testing.assert_allclose(found.markers, exact, atol=rounding)
     assert (found.labels, found.fps) == (LABELS, 100.0)

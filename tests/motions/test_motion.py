@@ -15,7 +15,7 @@ from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import MarkerFit
 from workbench.fitting.setup import Moving
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.gaps import without_gaps
 from workbench.plots import caption_motion, plot_motion
@@ -184,9 +184,9 @@ def test_gaps_are_filled_between_frames() -> None:
         without_gaps(np.full((2, 1, 3), np.nan), np.zeros((2, 3)))
 
 
-@pytest.mark.parametrize("axis", few(TURNS, 2))
+@pytest.mark.parametrize("axis", few(UP_TO_Y, 2))
 def test_axis_up_is_where_the_root_points(axis: str) -> None:
-    motion = random_motion(1, ("root",), 40).turned(TURNS[axis].T)
+    motion = random_motion(1, ("root",), 40).turned(UP_TO_Y[axis].T)
     found, clear = motion.up
     assert found == axis
     assert clear > 0.9

@@ -6,7 +6,7 @@ import pytest
 from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import SOLVERS, Block, Constraint, LevenbergMarquardt, Problem, residuals
-from workbench.geometry.rotation import matrix_from_vector, shortest
+from workbench.geometry.rotation import matrix_from_vector, wrapped_to_pi
 from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)
@@ -22,7 +22,7 @@ LONG = np.array([[0.1, 0.2, 0.3], [4.0, 0.0, 0.5], [0.0, -7.0, 0.2]])
 def test_the_shortest_vector_is_the_same_rotation(angle: float) -> None:
     axes = RNG.normal(size=(5, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    short = shortest(angle * axes)
+    short = wrapped_to_pi(angle * axes)
     assert (np.linalg.norm(short, axis=1) <= np.pi * (1 + 1e-12)).all()
     for before, after in zip(angle * axes, short, strict=True):
         np.testing.assert_allclose(

@@ -14,7 +14,7 @@ from workbench.bodies.forward.features import (
 )
 from workbench.bodies.forward.skinning import unskinned
 from workbench.errors import BadArgument, BadFile
-from workbench.geometry.mesh_graph import along_edges
+from workbench.geometry.solids import along_edges
 from workbench.lectures.material.tubes import tube
 from workbench.studies.blend_shapes.sparsity import (
     group_lasso,

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import LinearOperator
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.geometry.stitching import Stitching
+from workbench.geometry.triangles import Stitching
 from workbench.training.triangles.learning import PosedMeshes, learn_bends
 from workbench.training.triangles.shape_space import learn_shapes
 from workbench.training.triangles.stitched_fit import LSQR, ClosedEdges, LeastSquares, Measure

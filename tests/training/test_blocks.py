@@ -13,7 +13,7 @@ from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.unposing import unpose
-from workbench.geometry.mesh_graph import NoMirror, find_mirror
+from workbench.geometry.mirror import NoMirror, find_mirror
 from workbench.geometry.solids import volume
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,

@@ -9,7 +9,11 @@ from tests.training.test_symbolic_form import BODY, ESTIMATE, OBJECTIVE, START
 from workbench.errors import BadArgument
 from workbench.fitting import pose_prior
 from workbench.fitting.body_priors import pose_gaussian
-from workbench.geometry.rotation import matrix_from_vector, slopes_by_turns, vector_from_matrix
+from workbench.geometry.rotation import (
+    inverse_left_jacobian,
+    matrix_from_vector,
+    vector_from_matrix,
+)
 from workbench.problem import Problem
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.normal_equations import NormalEquations
@@ -144,7 +148,7 @@ def test_rotation_vectors_move_with_turns(size: float) -> None:
             for there in [matrix_from_vector(w)]
         ]
         expected = (ends[0] - ends[1]) / (2 * h)
-        np.testing.assert_allclose(slopes_by_turns(w) @ axis, expected, atol=2e-8)
+        np.testing.assert_allclose(inverse_left_jacobian(w) @ axis, expected, atol=2e-8)
 
 
 def test_pose_prior_costs_its_residual() -> None:

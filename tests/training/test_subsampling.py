@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, eye_array
 import workbench as wb
 from builder.collapsing import collapsed
 from workbench.errors import BadArgument
-from workbench.geometry.mesh_graph import find_mirror
+from workbench.geometry.mirror import find_mirror
 from workbench.geometry.solids import mesh_edges
 from workbench.synthetic.topology import Topology
 from workbench.training.blocks import BlockInput, BlockOptions, fit_poses

@@ -12,8 +12,7 @@ from tests.bodies_made_up import tube_body
 from tests.training.known_poses import Direct, learn
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges
+from workbench.geometry.triangles import Stitching, edges
 from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,

@@ -11,14 +11,13 @@ from workbench.bodies.body import Body
 from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.checking.check_file import FileCheck, check_body_file
-from workbench.bodies.checking.findings import FileFinding
+from workbench.bodies.checking.model_arrays import FileFinding
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
 from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.mirrored import mirrored
-from workbench.bodies.penetrations import BodySolids, Penetration, penetrations
 from workbench.bodies.pose_space import PoseSpace, pose_space
 from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
 from workbench.bodies.shape_space import ShapeSpace, shape_space
@@ -27,13 +26,11 @@ from workbench.bodies.skinned import SkinnedBody
 __all__ = [
     "HAND_POINTS",
     "Body",
-    "BodySolids",
     "Capsules",
     "FileCheck",
     "FileFinding",
     "HandMotion",
     "Landmarks",
-    "Penetration",
     "PoseSpace",
     "ShapeSpace",
     "SkinnedBody",
@@ -50,7 +47,6 @@ __all__ = [
     "is_hand",
     "linear_blend",
     "mirrored",
-    "penetrations",
     "pose_space",
     "shape_space",
     "skin",

@@ -23,7 +23,7 @@ from workbench.bodies.capsules import Capsules, segment_distances
 from workbench.bodies.parts import BONES, TRUNK, part_joints, separate
 from workbench.bodies.skinned import SkinnedBody
 from workbench.geometry.mirror import REFLECTION, opposite
-from workbench.geometry.solids import face_vectors, sums_around
+from workbench.geometry.solids import face_vectors, sums_over_faces
 
 BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
 STEPS = 25
@@ -100,7 +100,9 @@ def _gauss_newton(
     q = np.zeros((M.shape[1], powers.shape[1]))
     q[:, 0] = np.linalg.lstsq(M, _first(rest, form), rcond=None)[0]
     trees = [cKDTree(person) for person in people]
-    outward = [sums_around(face_vectors(person, faces), faces, len(person)) for person in people]
+    outward = [
+        sums_over_faces(face_vectors(person, faces), faces, len(person)) for person in people
+    ]
     best, least = q, np.inf
     for _ in range(STEPS):
         capsules = powers @ (M @ q).T  # (m, 7)

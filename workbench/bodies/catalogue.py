@@ -6,12 +6,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args, overload
 
-from workbench.bodies.files.contents import contents_of
-from workbench.bodies.files.embedded import embedded, embedded_hand
-from workbench.bodies.files.embedded_triangles import embedded_triangles
-from workbench.bodies.files.embedded_with_hands import embedded_with_hands
-from workbench.bodies.files.smpl_layout import body_from
-from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
+from workbench.bodies.files.embedded import (
+    embedded,
+    embedded_hand,
+    embedded_triangles,
+    embedded_with_hands,
+)
+from workbench.bodies.files.layouts import body_from, is_triangle_body, triangle_body_from
+from workbench.bodies.files.reading import contents_of
 from workbench.bodies.mirrored import mirrored
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody

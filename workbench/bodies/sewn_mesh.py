@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
-from workbench.geometry.closest_points import read_off
+from workbench.geometry.surface_tree import barycentric_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class SewnMesh:
         now = csr_array((np.ones(N), (self.origin, np.arange(N))), shape=(before, N))
         gone = np.setdiff1d(rows.tocoo().col, self.origin)
         if len(gone):
-            place = read_off(template[self.origin], self.faces, template[gone]).tocoo()
+            place = barycentric_weights(template[self.origin], self.faces, template[gone]).tocoo()
             shares = csr_array((place.data, (gone[place.row], place.col)), shape=(before, N))
             now = now + shares
         return csr_array(rows @ now)

@@ -13,7 +13,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.files.extras import SKINNED, clashes
+from workbench.bodies.files.reading import SKINNED, clashes
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.features import count_features, rotation_elements
 from workbench.bodies.landmarks import Landmarks

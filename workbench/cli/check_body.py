@@ -1,6 +1,5 @@
 """`workbench check-body`: what the file of a body model is, and what is wrong with it."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,7 +9,7 @@ from rich.markup import escape
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.checking.check_file import FileCheck, check_body_file, check_contents
 from workbench.bodies.files.saving import arrays_of
-from workbench.cli.output import rich_table, say, warn_without_effect
+from workbench.cli.output import rich_table, say
 from workbench.reports.tables import Table
 
 WARNED = 1  # the exit code if there are warnings
@@ -25,10 +24,6 @@ def check_body(
             "one that the workbench wrote), or the name of an embedded body."
         ),
     ],
-    other_hand: Annotated[
-        Path | None,
-        typer.Option(help="The file of the other hand, of which FILE should be the mirror image."),
-    ] = None,
 ) -> None:
     """Say what a model file is, which of its keys are used and kept, and what is wrong with it.
 
@@ -37,11 +32,9 @@ def check_body(
     """
     console = Console()
     if file in BODIES:
-        if other_hand is not None:
-            warn_without_effect(console, "--other-hand", f"{file} is an embedded body")
         found = check_contents(dict(arrays_of(load_body(file))), file)
     else:
-        found = check_body_file(file, other_hand)
+        found = check_body_file(file)
     _print(console, found)
     if found.warnings:
         raise typer.Exit(WARNED)

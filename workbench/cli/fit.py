@@ -34,7 +34,7 @@ from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_sets import OUT
 from workbench.fitting.meshes import own_mesh
 from workbench.fitting.setup import Setup
-from workbench.geometry.meshes import READERS, REGISTERED
+from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 
 FPS = 30.0  # frames per second of a clip that does not say
@@ -85,7 +85,7 @@ def fit(
             help="Keypoints of one moment (COCO, COCO-WholeBody or OpenPose JSON, one file per "
             "camera); a folder of such files, of one image each; with --video a clip; "
             "markers: .c3d, .trc, or .npz with markers (T, M, 3) and labels (M,); or a mesh "
-            f"({', '.join(REGISTERED)}) of the body's topology, in metres."
+            f"({', '.join(WITH_VERTEX_ORDER)}) of the body's topology, in metres."
         ),
     ],
     cameras: Annotated[

@@ -8,9 +8,9 @@ from rich.markup import escape
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.triangles import TriangleBody
+from workbench.bodies.skinned_only import not_skinned
 from workbench.cli.output import say
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadBody
 from workbench.motions import Motion, save_motion, write_bvh, write_glb
 
 MOTIONS = (".bvh", ".npz", ".glb")  # what is written
@@ -54,7 +54,8 @@ def write_motion(
     elif suffix == ".npz":
         save_motion(out, motion)
     else:
-        assert isinstance(body, SkinnedBody | TriangleBody)  # as all are that load_body returns
+        if not isinstance(body, SkinnedBody):
+            raise BadBody(not_skinned(body, "a .glb", "write .npz or .bvh, or take another body"))
         if correctives is not None or shapes:
             used = min(shapes, body.n_betas)
             found = write_glb(out, motion, body, correctives=correctives, shapes=used)

@@ -11,13 +11,13 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from workbench.errors import BadArgument, WorkbenchError
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.tables import Table
 
 Up = Annotated[
     str | None,
-    typer.Option(help=f"Axis that points up ({', '.join(TURNS)}); else it is guessed."),
+    typer.Option(help=f"Axis that points up ({', '.join(UP_TO_Y)}); else it is guessed."),
 ]
 
 

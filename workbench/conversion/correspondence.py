@@ -19,11 +19,10 @@ from workbench.bodies.forward.evaluation import regressed
 from workbench.conversion.sampled import sampled_vertices
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.body_priors import shape_prior
-from workbench.geometry.closest_points import read_off
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import vertex_normals
-from workbench.geometry.surface_tree import SurfaceTree
+from workbench.geometry.surface_tree import SurfaceTree, barycentric_weights
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, landmarks, vertices
 from workbench.solvers import TrustRegion
@@ -95,7 +94,9 @@ def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Co
         at = refine(at, places, seen)
     posed = _vertices(target, at)
     _, matched, distances = _closest(tree, posed, target.faces, np.arange(N))
-    return Correspondence(read_off(surface, source.faces, posed), matched, distances, at, False)
+    return Correspondence(
+        barycentric_weights(surface, source.faces, posed), matched, distances, at, False
+    )
 
 
 def _vertices(body: Body, values: Values) -> Array:

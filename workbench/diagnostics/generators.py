@@ -28,7 +28,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
 from workbench.blocks.tree import Rest
 from workbench.diagnostics.words import LENGTHS, in_space, listed, rows_of
-from workbench.geometry.rotation import slopes_by_turns
+from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.problem import Problem
 
 ANGLES = ("rad", "deg")
@@ -370,7 +370,7 @@ def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> I
 
         def columns(x: Array, sign: float = sign) -> Array:
             w = x[at].reshape(-1, 3)
-            return np.asarray(sign * slopes_by_turns(sign * w).reshape(-1, 3))
+            return np.asarray(sign * inverse_left_jacobian(sign * w).reshape(-1, 3))
 
         segment = Segment("rotation", 3, partial(_about_axis, said))
         with_others = len(at) == 3 and not few

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.files.embedded_triangles import UNTRAINED
+from workbench.bodies.files.embedded import UNTRAINED
 from workbench.errors import UnknownName
 from workbench.fitting.body_priors import shape_prior
 from workbench.fitting.compared_solvers import LARGE

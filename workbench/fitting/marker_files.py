@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, Mask
 from workbench.errors import BadFile, listed, some
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions.c3d_files import read_c3d
 from workbench.motions.guesses import check_given, unit_of, up_of
 from workbench.motions.trajectories import Trajectories, checked_places
@@ -77,7 +77,7 @@ def upright(
         axis, why = up_of(places, up)
     share = f"{100 * lost.mean():.1f} % of the places of markers are missing"
     notes = (said, why, share, *found.notes)
-    return MarkerRecording(places @ TURNS[axis].T, found.labels, found.fps, notes)
+    return MarkerRecording(places @ UP_TO_Y[axis].T, found.labels, found.fps, notes)
 
 
 def read_marker_arrays(path: str | Path) -> Trajectories:

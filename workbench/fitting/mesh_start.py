@@ -8,7 +8,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block, Layout, Values
 from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
-from workbench.geometry.rigid import procrustes, segment_motions
+from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 Start = Callable[[Body, Array], Values]  # from a body and a mesh (N, 3) m of its topology
@@ -54,8 +54,8 @@ def from_correspondences(body: Body, observed: Array) -> Values:
     at_rest = local_rotations(bound, body.parents)
     weights = body.vertex_weights.T**2
     visible = np.count_nonzero(weights, axis=1) >= 3
-    motions = segment_motions(body.template, mesh, np.where(visible[:, None], weights, 1.0))
-    world = np.stack([motion.R for motion in motions]) @ bound
+    trusted = np.where(visible[:, None], weights, 1.0)
+    world = np.stack([procrustes(body.template, mesh, each).R for each in trusted]) @ bound
     for k in np.flatnonzero(~visible):  # as in the bind pose, in its parent's frame
         world[k] = world[body.parents[k]] @ at_rest[k] if k else at_rest[0]
     found = vector_from_matrix(local_rotations(world, body.parents))

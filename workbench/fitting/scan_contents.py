@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadFile, listed, some
 from workbench.fitting.scan_arrays import chosen_arrays
-from workbench.geometry.glb import parse_glb
+from workbench.geometry.gltf import parse_glb
 from workbench.geometry.meshes import READERS as MESHES
-from workbench.geometry.meshes import parsed_mesh
-from workbench.geometry.pcd import parse_pcd
-from workbench.geometry.ply import parse_ply_and_normals
-from workbench.geometry.xyz import parse_xyz
+from workbench.geometry.meshes import parse_ply_and_normals, parsed_mesh
+from workbench.geometry.point_clouds import parse_pcd, parse_xyz
 from workbench.reading.arrays import mapped_array, opened, taken_for, widened
 
 MOST_BYTES = 2**31  # of a file that is read as a whole

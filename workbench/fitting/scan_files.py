@@ -16,7 +16,7 @@ from workbench.fitting.scan_outline import outline
 from workbench.fitting.scan_surface import areas_of_faces, areas_of_neighbours, units
 from workbench.fitting.scan_units import UNITS, unit_of
 from workbench.fitting.scan_up import up_axis
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 
 FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
@@ -103,7 +103,7 @@ def _read(contents: Contents, suffix: str, unit: str | None, up: str | None, mos
     unit, of_unit = unit_of(cells, unit, metres)
     scale = UNITS[unit]
     up, of_up = up_axis(cells * scale, up, axis)
-    turn = TURNS[up]
+    turn = UP_TO_Y[up]
     camera = contents.camera_position
     if camera is not None and not np.isfinite(camera).all():
         contents, camera = _noted(contents, "the camera's position is not finite"), None

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index
 from workbench.fitting.scan_outline import means_of_cells
-from workbench.geometry.solids import face_vectors, sums_around
+from workbench.geometry.solids import face_vectors, sums_over_faces
 
 NEIGHBOURS = 16
 CELLS = 100  # along the longest side of a cloud, whose means make normals: 2 cm of a person
@@ -23,13 +23,13 @@ SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point b
 
 def normals_of_faces(points: Array, faces: Index) -> Array:
     """Unit normals (M, 3): the sum over the faces of a point, by area; 0 where it vanishes."""
-    return units(sums_around(face_vectors(points, faces), faces, len(points)))
+    return units(sums_over_faces(face_vectors(points, faces), faces, len(points)))
 
 
 def areas_of_faces(points: Array, faces: Index) -> Array:
     """A third of the area of the faces around each point, (M,) m^2; the sum is the whole area."""
     areas = np.linalg.norm(face_vectors(points, faces), axis=1) / 3
-    return sums_around(areas[:, None], faces, len(points))[:, 0]
+    return sums_over_faces(areas[:, None], faces, len(points))[:, 0]
 
 
 def normals_of_neighbours(points: Array) -> Array:

@@ -5,7 +5,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import UnknownName
 from workbench.fitting.scan_outline import TRIM, extents
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 
 STANDING = (1.0, 2.3)  # m, from the floor to the head
 LONGER = 1.3  # times as tall as the thinnest side
@@ -28,8 +28,8 @@ def up_axis(cells: Array, given: str | None, declared: str | None = None) -> tup
     """
     if given is not None:
         axis = given.removeprefix("+")
-        if axis not in TURNS:
-            raise UnknownName("axis", given, TURNS)
+        if axis not in UP_TO_Y:
+            raise UnknownName("axis", given, UP_TO_Y)
         return axis, f"the axis {axis} was given as up"
     if declared is not None:
         return declared, f"{declared} is up, as the format prescribes"

@@ -5,7 +5,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.geometry.sight import passages
+from workbench.geometry.solids import ray_crossings
 
 THICK = 0.15  # m of the body in front of a landmark: a joint is hardly ever as deep under the skin
 
@@ -19,5 +19,5 @@ def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -
     """
     at = [values[block.name] for block in body.blocks()]
     points, skin = body.landmark(name, *at), body.vertices(*at)
-    exits, inside = passages(eye, points, skin, body.faces)
+    exits, inside = ray_crossings(eye, points, skin, body.faces)
     return np.asarray((exits > 0) | (inside > THICK))

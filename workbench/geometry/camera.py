@@ -213,8 +213,14 @@ def triangulate(
 
     Each view counts by its confidence (N,), and by 0 where a pixel is NaN. A point that fewer than
     two cameras see is NaN. The method is linear (DLT; Hartley and Zisserman, Multiple View
-    Geometry, 12.2). It ignores the lens distortion, which is good enough for a start.
+    Geometry, 12.2). It ignores the lens distortion, which is good enough for a start. Raises
+    BadCamera without cameras, or without pixels and confidence for each.
     """
+    if not len(cameras) == len(pixels) == len(confidence) > 0:
+        raise BadCamera(
+            f"there are {len(cameras)} cameras, pixels of {len(pixels)} and confidences of "
+            f"{len(confidence)}; give both for each camera, and at least one"
+        )
     count = len(np.asarray(pixels[0]))
     rows = np.zeros((count, 2 * len(cameras), 4))
     seen = np.zeros(count, dtype=int)

@@ -3,23 +3,33 @@
 In metres, y up, as glTF has it; nothing is scaled, turned, merged or re-ordered.
 """
 
-from collections.abc import Callable
+import re
+import warnings
+from array import array
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from io import BytesIO, TextIOWrapper
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
-from workbench.errors import BadFile, BadMesh, cut, listed
-from workbench.geometry.glb import parse_glb
-from workbench.geometry.obj import obj_text, parse_obj
-from workbench.geometry.off import parse_off
-from workbench.geometry.ply import parse_ply
-from workbench.geometry.polygons import text_lines
-from workbench.geometry.stl import parse_stl
+from workbench.environment import expanded
+from workbench.errors import BadFile, BadMesh, cut, listed, shown
+from workbench.geometry.gltf import parse_glb
 from workbench.writing import write_file
+
+if TYPE_CHECKING:
+    import trimesh
+
+LONGEST_LINE = 10**6  # characters; a line is split into its words before these are looked at
+LONGEST_HEADER = 2**16  # bytes
+COMMENTS = ("comment", "obj_info")  # in the header of a .ply
+MOST_SOLIDS = 10_000  # in an .stl of text
+OFF = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
 
 T = TypeVar("T")
 
@@ -28,16 +38,22 @@ T = TypeVar("T")
 class Mesh:
     """Vertices (N, 3) in m and triangles (F, 3) of their numbers; a point cloud has none.
 
-    Raises BadMesh if they do not fit together or a number is not finite.
+    What a file or another package has, `Mesh.of` takes, and `trimesh` gives back; the order of
+    vertices and faces stays. Raises BadMesh if they do not fit together or a number is not finite.
+
+    >>> import trimesh
+    >>> mesh = Mesh.of(trimesh.creation.box())
+    >>> mesh.vertices.shape, mesh.trimesh().is_watertight
+    ((8, 3), True)
     """
 
     vertices: Array
     faces: Index
 
     def __post_init__(self) -> None:
-        for name, array in (("vertices", self.vertices), ("faces", self.faces)):
-            if array.ndim != 2 or array.shape[1] != 3:
-                raise BadMesh(f"{name} have shape {array.shape}, but must be (., 3)")
+        for name, rows in (("vertices", self.vertices), ("faces", self.faces)):
+            if rows.ndim != 2 or rows.shape[1] != 3:
+                raise BadMesh(f"{name} have shape {rows.shape}, but must be (., 3)")
         if not np.isfinite(self.vertices).all():
             bad = int(np.argmax(~np.isfinite(self.vertices).all(axis=1)))
             raise BadMesh(f"vertex {bad} is {self.vertices[bad].tolist()}; remove or repair it")
@@ -47,6 +63,40 @@ class Mesh:
             raise BadMesh(
                 f"face {face} is {self.faces[face].tolist()}, but there are {N} vertices from 0"
             )
+
+    @classmethod
+    def of(
+        cls, mesh: "Mesh | trimesh.Trimesh | ArrayLike", faces: ArrayLike | None = None
+    ) -> "Mesh":
+        """A mesh from a Mesh, a `trimesh.Trimesh`, or vertices (N, 3) m and faces (F, 3).
+
+        Raises BadMesh for what is none.
+        """
+        if isinstance(mesh, Mesh):
+            return mesh
+        places: Any = mesh
+        if faces is None:
+            if not hasattr(places, "vertices") or not hasattr(places, "faces"):
+                raise BadMesh(
+                    f"a {type(mesh).__name__} is no mesh; give a Mesh, a trimesh.Trimesh, or "
+                    "vertices and faces"
+                )
+            places, faces = places.vertices, places.faces
+        try:
+            vertices, triangles = np.array(places, dtype=np.float64), np.asarray(faces)
+        except (TypeError, ValueError) as error:
+            raise BadMesh(f"vertices and faces must be arrays of numbers: {error}") from error
+        if not triangles.size:
+            triangles = np.zeros((0, 3), dtype=np.int64)
+        if triangles.dtype.kind not in "iu":
+            raise BadMesh(f"faces are {triangles.dtype}, but must be whole numbers of vertices")
+        return cls(vertices, triangles.astype(np.int64))
+
+    def trimesh(self) -> "trimesh.Trimesh":
+        """The same vertices and faces in the same order, none merged or removed."""
+        import trimesh  # a quarter of a second to import: not before it is needed
+
+        return trimesh.Trimesh(self.vertices, self.faces, process=False, validate=False)
 
 
 def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
@@ -79,6 +129,7 @@ def parsed_mesh(path: Path, parse: Callable[[bytes], T]) -> T:
 
     The arrays are as the file has them: positions may be NaN, and faces may name any vertex.
     """
+    path = expanded(path)
     if not path.is_file():
         raise BadFile(f"there is no mesh file {path}")
     try:
@@ -95,10 +146,10 @@ def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:
     Raises BadFile for an .stl as well: it holds triangles that share no vertices, so the numbers
     of a mesh that was written to one are lost.
     """
-    if Path(path).suffix.lower() in SOUPS:
+    if Path(path).suffix.lower() in UNSHARED:
         raise BadFile(
             f"{path}: an .stl holds three vertices of its own for every triangle, so which vertex "
-            f"is which is lost; give the mesh as {listed(REGISTERED)}"
+            f"is which is lost; give the mesh as {listed(WITH_VERTEX_ORDER)}"
         )
     return read_mesh(path, points_alone=points_alone)
 
@@ -117,26 +168,24 @@ def _canonical(faces: Index) -> bytes:
     return turned[np.lexsort(turned.T)].astype(np.int64).tobytes()
 
 
-def write_mesh(path: str | Path, vertices: ArrayLike, faces: ArrayLike) -> None:
-    """Write vertices (N, 3) in m and faces (F, 3), from 0, as the suffix of `path` says.
+def write_mesh(
+    path: str | Path, mesh: "Mesh | trimesh.Trimesh | ArrayLike", faces: ArrayLike | None = None
+) -> None:
+    """Write a Mesh, a `trimesh.Trimesh`, or vertices (N, 3) m and faces (F, 3) from 0.
 
-    .obj, .off and .ply keep every digit (float64), .glb and .stl are of single precision by
-    their definition. Whole or not at all. Points without faces go into .obj, .off and .ply.
-    Raises BadFile for another suffix or a place that cannot be written, BadMesh for numbers
-    that are no mesh.
+    The suffix of `path` says how: .obj, .off and .ply keep every digit (float64), .glb and .stl are
+    of single precision by their definition. Whole or not at all. Points without faces go into
+    .obj, .off and .ply. Raises BadFile for another suffix or a place that cannot be written,
+    BadMesh for what is no mesh.
     """
     path = Path(path)
     write = _known(path, WRITERS)
-    triangles = np.asarray(faces, dtype=np.int64)
-    if not triangles.size:
-        triangles = np.zeros((0, 3), dtype=np.int64)
-    mesh = Mesh(np.asarray(vertices, dtype=np.float64), triangles)
+    mesh = Mesh.of(mesh, faces)
     if not len(mesh.vertices):
         raise BadMesh(f"there are no vertices to write to {path}")
-    if not len(triangles) and path.suffix.lower() in (".glb", ".stl"):
+    if not len(mesh.faces) and path.suffix.lower() in (".glb", ".stl"):
         raise BadFile(f"{path}: a {path.suffix} holds triangles; write points as .ply")
-    content = write(mesh)
-    write_file(path, content)
+    write_file(path, write(mesh))
 
 
 def _known(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
@@ -167,19 +216,219 @@ def _write_off(mesh: Mesh) -> bytes:
 
 def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
     def write(mesh: Mesh) -> bytes:
-        import trimesh  # a quarter of a second to import: not before it is needed
-
-        same = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
-        content = same.export(file_type=kind)
+        content = mesh.trimesh().export(file_type=kind)
         assert isinstance(content, bytes)  # of one file, that is not text
         return content
 
     return write
 
 
+def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
+    """Vertices (N, 3) and triangles (F, 3), from 0; a polygon is a fan around its first corner.
+
+    Readers made for drawing split a vertex wherever its texture or normal changes, and so lose the
+    order that registered meshes agree on. This one reads `v` and `f` and nothing else. Raises
+    ValueError with the number of a line that cannot be read.
+    """
+    vertices, faces, so_far = array("d"), array("q"), 0
+    for number, line in enumerate(lines, start=1):
+        match line.split():
+            case ["v", *numbers]:
+                vertices.extend(_position(numbers, f"line {number}"))
+                so_far += 1
+            case ["f", *corners]:
+                if len(corners) < 3:
+                    raise ValueError(f"line {number}: a face has at least 3 corners")
+                first, *others = (_corner(c, so_far, number) for c in corners)
+                for second, third in pairwise(others):
+                    faces.extend((first, second, third))
+    return np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _position(words: list[str], where: str) -> list[float]:
+    try:
+        x, y, z = (float(word) for word in words[:3])  # a colour or a weight may follow
+    except ValueError:
+        raise ValueError(f"{where}: {shown(' '.join(words[:4]))} is no position") from None
+    return [x, y, z]
+
+
+def _corner(corner: str, so_far: int, line: int) -> int:
+    """The vertex of `vertex/texture/normal`, counted from 1, or from -1 backwards."""
+    try:
+        index = int(corner.partition("/")[0])
+    except ValueError:
+        raise ValueError(f"line {line}: {shown(corner)} is no corner of a face") from None
+    if abs(index) >= 2**53:
+        raise ValueError(f"line {line}: there is no vertex {shown(index)}")
+    if index == 0:
+        raise ValueError(f"line {line}: vertices are counted from 1, but a face names vertex 0")
+    return index - 1 if index > 0 else so_far + index
+
+
+def obj_text(vertices: Array, faces: Index) -> str:
+    """The mesh as an OBJ, every number with all its digits."""
+    positions = (f"v {x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist())
+    triangles = (f"f {a} {b} {c}\n" for a, b, c in (faces + 1).tolist())
+    return "".join((*positions, *triangles))
+
+
+def text_lines(content: bytes) -> Iterator[str]:
+    """The lines of a text. Raises ValueError for a line that is too long for a mesh file."""
+    text = TextIOWrapper(BytesIO(content), encoding="utf-8", errors="replace")
+    number = 0
+    while line := text.readline(LONGEST_LINE + 1):
+        number += 1
+        if len(line) > LONGEST_LINE:
+            raise ValueError(f"line {number} has more than {LONGEST_LINE:,} characters")
+        yield line
+
+
+def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
+    """Vertices (N, 3), triangles (F, 3), and the normals (N, 3) of vertices, of any length, if any.
+
+    A polygon is a fan around its first corner. If all have as many corners, the order of the faces
+    is the file's; otherwise triangles come first, which only text says. Raises ValueError with what
+    is wrong. (Greg Turk, The PLY Polygon File Format, 1994.)
+    """
+    from trimesh.exchange.ply import load_ply
+
+    sizes, content = _ply_sizes(content)
+    try:
+        found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
+    except ValueError as error:
+        if "unexpected length" not in str(error):
+            raise
+        raise ValueError(
+            "it is cut off, or its polygons have different numbers of corners, which is read in "
+            "text alone; export triangles, or text"
+        ) from error
+    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+        vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
+        normals = found.get("vertex_normals")
+        normals = None if normals is None else np.asarray(normals, dtype=np.float64)
+    faces = np.asarray(found.get("faces", ()))
+    if not faces.size:
+        faces = np.zeros((0, 3), dtype=np.int64)
+    if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] < 3:
+        raise ValueError("its faces are no lists of three or more whole numbers")
+    corners = [(0, k, k + 1) for k in range(1, faces.shape[1] - 1)]
+    faces = faces[:, corners].reshape(-1, 3).astype(np.int64)
+    _check_counts(vertices, len(faces), sizes.get("vertex", 0), sizes.get("face", 0))
+    return vertices, faces, normals
+
+
+def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
+    """How many there are of each element, believed only as far as there are bytes for them.
+
+    The content that is returned has no comments in its header, whose letters trimesh may not know,
+    and another name for edges, of which it would make a path.
+    """
+    head, end, _ = content[:LONGEST_HEADER].partition(b"end_header")
+    lines = head.decode("latin1").splitlines()
+    lines = [line for line in lines if line.strip() and line.split()[0] not in COMMENTS]
+    if not content[:3].lower().startswith(b"ply") or not end:
+        raise ValueError("it has no header from `ply` to `end_header`")
+    if not lines[1:] or not re.fullmatch(
+        r"format (ascii|binary_(little|big)_endian) \S+", lines[1].strip()
+    ):
+        raise ValueError(f"its second line is {shown(''.join(lines[1:2]))}, and no format")
+    sizes, least, size = dict[str, int](), 0, 0
+    for line in lines[2:]:
+        match line.split():
+            case ["element", name, count] if (
+                count.isdecimal() and len(count) < 16 and name not in sizes
+            ):
+                size = sizes[name] = int(count)
+            case ["property", _, _] | ["property", "list", _, _, _] if sizes:
+                least += size
+            case _:
+                raise ValueError(f"its header says {shown(line)}")
+    rows = content.count(b"\n", len(head)) if "ascii" in lines[1] else 0
+    if least > len(content) or rows > sum(sizes.values()) + 2:
+        raise ValueError(
+            f"its header counts {sum(sizes.values()):,} elements, and there are {len(content):,} "
+            f"bytes{f' in {rows:,} lines' if rows else ''}"
+        )
+    plain = "\n".join([*lines, ""]).replace("element edge ", "element line ")
+    return sizes, plain.encode("ascii", "replace") + content[len(head) :]
+
+
+def parse_off(content: bytes) -> tuple[Array, Index]:
+    """Vertices (N, 3) and triangles (F, 3) of an Object File Format; a polygon is a fan.
+
+    What follows a position in its line, texture coordinates, colour and normal, is left in the
+    file. trimesh takes no polygons of more than four corners from it, and passes over a last face
+    that is cut off. Raises ValueError with what is wrong.
+    """
+    lines = (words for line in text_lines(content) if (words := line.partition("#")[0].split()))
+    first = next(lines, [])
+    if not first or first[0].upper() not in OFF:
+        raise ValueError("it does not begin with OFF")
+    sizes = (first[1:] or next(lines, []))[:2]
+    if len(sizes) < 2 or not all(size.isdecimal() and len(size) < 16 for size in sizes):
+        raise ValueError(f"it claims to hold {shown(sizes)} vertices and faces")
+    n_vertices, n_faces = map(int, sizes)
+    vertices, faces, read = array("d"), array("q"), 0
+    for words in islice(lines, n_vertices):
+        vertices.extend(_position(words, "vertices"))
+    for read, words in enumerate(islice(lines, n_faces), start=1):
+        try:
+            size, *corners = (int(word) for word in words[: int(words[0]) + 1])
+        except (ValueError, OverflowError):
+            size, corners = -1, []
+        if size != len(corners) or size < 3 or max(map(abs, corners)) >= 2**53:
+            raise ValueError(f"face {read - 1} is {shown(words[:4])}")
+        for second, third in pairwise(corners[1:]):
+            faces.extend((corners[0], second, third))
+    places = np.array(vertices).reshape(-1, 3)
+    _check_counts(places, read, n_vertices, n_faces)
+    return places, np.array(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def parse_stl(content: bytes) -> tuple[Array, Index]:
+    """Vertices (3 F, 3), three for every triangle, and triangles (F, 3); binary or text.
+
+    Raises ValueError with what is wrong.
+    """
+    from trimesh.exchange.stl import load_stl
+
+    text = content.lstrip()[:5].lower() == b"solid"
+    if text and content.lower().count(b"endsolid") > MOST_SOLIDS:
+        raise ValueError(f"it holds more than {MOST_SOLIDS:,} solids")
+    found = _by_trimesh(load_stl, content)
+    parts = found.get("geometry", {"": found}).values()
+    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+        vertices = np.concatenate([np.zeros((0, 3)), *(part["vertices"] for part in parts)])
+    binary = len(content) == 84 + 50 * (len(vertices) // 3)
+    if not binary and (not text or content.lower().count(b"vertex") != len(vertices)):
+        raise ValueError("it is cut off: there are other triangles than it says")
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+
+
+def _by_trimesh(load: Callable[..., dict[str, Any]], content: bytes, **how: Any) -> dict[str, Any]:
+    """What a reader of trimesh makes of a file. Raises ValueError for whatever it stumbles over."""
+    with warnings.catch_warnings(), np.errstate(over="ignore", invalid="raise"):
+        # by a warning NumPy says that a text stops being numbers, and stops reading
+        warnings.filterwarnings("error", message="string or file could not be read")
+        try:
+            return load(BytesIO(content), **how)
+        except Exception as error:
+            raise ValueError(f"trimesh does not read it ({cut(error)})") from error
+
+
+def _check_counts(vertices: Array, n_read: int, n_vertices: int, n_faces: int) -> None:
+    """Raise ValueError for less than a header says, which trimesh reads without a word."""
+    if len(vertices) != n_vertices or n_read < n_faces:
+        raise ValueError(
+            f"its header says {n_vertices:,} vertices and {n_faces:,} faces, but "
+            f"{len(vertices):,} and {n_read:,} follow"
+        )
+
+
 READERS: dict[str, Callable[[bytes], tuple[Array, Index]]] = {
     ".obj": lambda content: parse_obj(text_lines(content)),
-    ".ply": parse_ply,
+    ".ply": lambda content: parse_ply_and_normals(content)[:2],
     ".glb": parse_glb,
     ".stl": parse_stl,
     ".off": parse_off,
@@ -191,5 +440,5 @@ WRITERS: dict[str, Callable[[Mesh], bytes]] = {
     ".glb": _write_with_trimesh("glb"),
     ".stl": _write_with_trimesh("stl"),
 }
-SOUPS = (".stl",)  # what holds triangles, and no vertices that they share
-REGISTERED = tuple(sorted(READERS.keys() - set(SOUPS)))
+UNSHARED = (".stl",)  # what holds triangles, and no vertices that they share
+WITH_VERTEX_ORDER = tuple(sorted(READERS.keys() - set(UNSHARED)))

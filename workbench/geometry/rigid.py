@@ -81,14 +81,6 @@ def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = No
     return Similarity(R, pair.q0 - scale * R @ pair.p0, scale)
 
 
-def segment_motions(source: Array, target: Array, weights: Array) -> list[Similarity]:
-    """The rigid motion from source to target, both (N, 3), of each of K segments.
-
-    It is that of `procrustes` with the segment's row of the weights (K, N), and raises as it does.
-    """
-    return [procrustes(source, target, w) for w in weights]
-
-
 class _Centred:
     """Two point sets about their weighted means p0 and q0, with what rounding does to them."""
 

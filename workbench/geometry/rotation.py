@@ -56,7 +56,7 @@ def sine_and_cosine_ratios(t2: Matrix) -> tuple[Matrix, Matrix]:
     return a, cs.if_else(near, _series(t2, 2), 2 * (cs.sin(t / 2) / t) ** 2)
 
 
-def half_turns(w: Matrix) -> Matrix:
+def quaternions_of_vectors(w: Matrix) -> Matrix:
     """The quaternions (cos t/2, n sin t/2), (4, K), of rotation vectors n t (3, K) in radians.
 
     Smooth everywhere; a full turn further is the opposite quaternion, of the same rotation.
@@ -97,7 +97,7 @@ def vector_from_matrix(R: ArrayLike) -> Array:
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
 
 
-def slopes_by_turns(w: ArrayLike) -> Array:
+def inverse_left_jacobian(w: ArrayLike) -> Array:
     r"""How rotation vectors (..., 3) rad move with a small turn u before them: (..., 3, 3).
 
     log(exp(u) exp(w)) = w + S u + ..., where S is the inverse of the left Jacobian of SO(3),
@@ -128,7 +128,7 @@ def nearest_rotation(M: ArrayLike) -> Array:
     return np.asarray((U * np.sign(signs)[..., None, :]) @ Vt)
 
 
-def shortest(rotations: Array) -> Array:
+def wrapped_to_pi(rotations: Array) -> Array:
     """The same rotations by vectors (..., 3) rad of at most pi: theta - 2 pi k theta / |theta|.
 
     At |theta| = 2 pi the exponential map has rank 1, and solvers that come near do not leave.

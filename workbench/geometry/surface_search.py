@@ -1,19 +1,229 @@
-"""Closest triangles by NumPy: the tree is descended for many points at once, level by level.
+"""Closest triangles of a mesh, found by a tree of boxes around them; here by NumPy.
 
-Every formula is written so that compiled code can say the same to the last bit: sums of three
-products from left to right, nothing that depends on how NumPy adds up.
+The tree halves the triangles again and again, across the longest side of their centroids' box,
+until at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE
+children. All leaves are on one level, so that where a node's children are needs no pointers.
+Neighbours in space are neighbours in memory. The tree is descended for many points at once, level
+by level. Every formula is written so that compiled code can say the same to the last bit: sums of
+three products from left to right, nothing that depends on how NumPy adds up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
-from workbench.geometry.surface_boxes import FAR, Boxes, dot
-from workbench.geometry.surface_order import NONE, WIDE, Order
+from workbench.geometry.triangles import FLAT
+
+WIDE = 8  # triangles in a leaf, children of a node
+NONE = -1  # in place of a face
+CORNERS = ((1, 2), (2, 0), (0, 1))  # of a triangle's edges: edge k is opposite to corner k
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleTree:
+    """Which triangles of a mesh are in which leaf, whatever its vertices do.
+
+    Attributes:
+        faces: (F, 3) vertices of each triangle.
+        n_vertices: how many vertices there are.
+        leaves: (L, WIDE) faces in each leaf, in rising order, and NONE after them.
+    """
+
+    faces: Index
+    n_vertices: int
+    leaves: Index
+
+    @staticmethod
+    def of(vertices: Array, faces: Index) -> TriangleTree:
+        """The order in which a mesh is split where its vertices are now."""
+        F = len(faces)
+        halvings = max(0, (-(-F // WIDE) - 1).bit_length())
+        each = -(-F // 2**halvings)
+        middles = np.full((2**halvings * each, 3), np.inf)
+        middles[:F] = vertices[faces].mean(axis=1)
+        order = np.arange(len(middles))[None]
+        for _ in range(halvings):
+            here = middles[order]
+            low, high = here.min(axis=1), np.where(np.isfinite(here), here, -np.inf).max(axis=1)
+            with np.errstate(invalid="ignore"):  # a group of no triangles
+                axis = np.argmax(high - low, axis=1)
+            along = np.take_along_axis(here, axis[:, None, None], axis=2)[..., 0]
+            half = order.shape[1] // 2
+            split = np.argpartition(along, half, axis=1)
+            order = np.take_along_axis(order, split, axis=1).reshape(-1, half)
+        order = np.sort(order, axis=1)
+        leaves = np.full((len(order), WIDE), NONE)
+        leaves[:, :each] = np.where(order < F, order, NONE)
+        return TriangleTree(faces, len(vertices), leaves)
+
+    @cached_property
+    def levels(self) -> tuple[int, ...]:
+        """The number of nodes on each level, from the root to the leaves."""
+        counts = [len(self.leaves)]
+        while counts[0] > 1 or len(counts) == 1:
+            counts.insert(0, -(-counts[0] // WIDE))
+        return tuple(counts)
+
+    @cached_property
+    def lanes(self) -> Index:
+        """Where each face is in `leaves` when that is flat, (F,)."""
+        where, there = np.empty(len(self.faces), np.int64), self.leaves.ravel() != NONE
+        where[self.leaves.ravel()[there]] = np.flatnonzero(there)
+        return where
+
+    @cached_property
+    def rising(self) -> Index:
+        """The corners 0, 1, 2 of each face by the numbers of their vertices, (F, 3).
+
+        Taken in this order, an edge that two triangles share is computed from the same end in both.
+        """
+        return np.argsort(self.faces, axis=1, kind="stable")
+
+    @cached_property
+    def ends(self) -> Index:
+        """The vertices of each face in rising order, (F, 3)."""
+        return np.take_along_axis(self.faces, self.rising, axis=1)
+
+    @cached_property
+    def features(self) -> MeshAdjacency:
+        """What the faces share."""
+        return MeshAdjacency.of(self.faces, self.n_vertices)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshAdjacency:
+    """The edges and vertices of a mesh, edges first, and the corners of faces around them.
+
+    Attributes:
+        edges: (F, 3) the edge opposite to each corner.
+        n_edges: how many edges there are; vertex i is feature n_edges + i.
+        starts: (n_edges + N + 1,) where the corners of each feature begin.
+        corners: (6 F,) corner k of face f as 3 f + k; of an edge, the corners opposite to it.
+    """
+
+    edges: Index
+    n_edges: int
+    starts: Index
+    corners: Index
+
+    @staticmethod
+    def of(faces: Index, n_vertices: int) -> MeshAdjacency:
+        """The features of a mesh of n_vertices."""
+        ends = np.sort(faces[:, CORNERS], axis=2)
+        keys = (ends[..., 0] * n_vertices + ends[..., 1]).ravel()
+        unique, edges = np.unique(keys, return_inverse=True)
+        of_corners = np.concatenate([edges.ravel(), len(unique) + faces.ravel()])
+        counts = np.bincount(of_corners, minlength=len(unique) + n_vertices)
+        corners = np.argsort(of_corners, kind="stable") % faces.size
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        return MeshAdjacency(edges.reshape(faces.shape), len(unique), starts, corners)
+
+
+ROWS = 18  # numbers of a triangle: corners a, b, c (9), 1 / |edge|^2 of ab, ac, bc (3), slopes (6)
+FAR = 1e150  # m: where there are no triangles; its square is still finite
+TINY = 1e-300  # m^2: the square of an edge that counts as a point
+MARGIN = 1e-14  # of the largest coordinate: boxes are wider by so much, more than rounding is
+
+
+@dataclass(frozen=True, eq=False)
+class TreeBoxes:
+    """The triangles and boxes of a tree.
+
+    Attributes:
+        order: which triangle is in which leaf.
+        vertices: (N, 3) m.
+        triangles: (L, ROWS, WIDE) the numbers of every leaf's triangles. The slopes of a triangle
+            are those of its barycentric coordinates of b and c, along its plane; 0 if it is flat.
+        nodes: (nodes, 6, WIDE) lower and upper corners of every node's children, from the root on.
+        normals: (F, 3) unit normals; zero for a triangle without area.
+        areas: (F,) m^2, twice the area of each triangle.
+        turns: (F, 3) m^2, the product of the two edges that leave each corner.
+    """
+
+    order: TriangleTree
+    vertices: Array
+    triangles: Array
+    nodes: Array
+    normals: Array
+    areas: Array
+    turns: Array
+
+    @staticmethod
+    def of(order: TriangleTree, vertices: Array) -> TreeBoxes:
+        """The boxes around vertices (N, 3) m."""
+        there = order.leaves != NONE
+        corners = np.where(there, order.ends.T[:, order.leaves], 0)  # (3, L, WIDE)
+        a, b, c = (np.ascontiguousarray(vertices.T)[:, corner] for corner in corners)
+        u, v, w = b - a, c - a, c - b
+        n = _cross(u, v)
+        squares = np.stack([dot(edge, edge) for edge in (u, v, w)])
+        area = np.sqrt(dot(n, n))
+        flat = ~(area > FLAT * squares.max(axis=0))
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            inverses = np.where(squares > TINY, 1 / squares, 0)
+            n = np.where(flat, 0, n / area)
+            g, h = (np.where(flat, 0, _cross(*sides) / area) for sides in ((v, n), (n, u)))
+        triangles = np.empty((len(order.leaves), ROWS, WIDE))
+        for row, values in enumerate([*a, *b, *c, *inverses, *g, *h]):
+            triangles[:, row] = np.where(there, values, FAR if row < 9 else 0)
+        low = np.where(there, np.minimum(np.minimum(a, b), c), FAR).min(axis=2)
+        high = np.where(there, np.maximum(np.maximum(a, b), c), -FAR).max(axis=2)
+        wide = widening(vertices)
+        nodes = _nodes(order.levels, low - wide, high + wide)
+        even = (order.rising[:, 1] - order.rising[:, 0]) % 3 == 1
+        normals = _by_face(order, n) * np.where(even, 1.0, -1.0)[:, None]
+        turns, rising = (
+            np.empty((len(order.faces), 3)),
+            np.stack([dot(u, v), -dot(u, w), dot(v, w)]),
+        )
+        np.put_along_axis(turns, order.rising, _by_face(order, rising), axis=1)
+        areas = _by_face(order, area[None])[:, 0]
+        return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
+
+    @cached_property
+    def angles(self) -> Array:
+        """The angle at every corner of every face, (F, 3); 0 where an edge has no length."""
+        return np.asarray(np.arctan2(self.areas[:, None], self.turns))
+
+
+def widening(vertices: Array) -> float:
+    """By how much boxes are wider than what is in them, m."""
+    return float(MARGIN * np.abs(vertices).max())
+
+
+def _by_face(order: TriangleTree, values: Array) -> Array:
+    """(k, L, WIDE) -> (F, k)."""
+    return np.ascontiguousarray(values.reshape(len(values), -1)[:, order.lanes].T)
+
+
+def _nodes(levels: tuple[int, ...], low: Array, high: Array) -> Array:
+    """The boxes of the children of all nodes, from those of the leaves, (3, L) both."""
+    found: list[Array] = []
+    for count in reversed(levels[:-1]):
+        missing = ((0, 0), (0, count * WIDE - low.shape[1]))
+        low = np.pad(low, missing, constant_values=FAR).reshape(3, count, WIDE)
+        high = np.pad(high, missing, constant_values=-FAR).reshape(3, count, WIDE)
+        found.insert(0, np.concatenate([low, high]).transpose(1, 0, 2))
+        low, high = low.min(axis=2), high.max(axis=2)
+    return np.ascontiguousarray(np.concatenate(found))
+
+
+def dot(x: Array, y: Array) -> Array:
+    """The products of vectors whose three coordinates come first."""
+    found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+    return found
+
+
+def _cross(x: Array, y: Array) -> Array:
+    return np.stack(
+        [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
+    )
+
 
 TOGETHER = 2048  # points that descend together
 MOST = 8192  # pairs of a point and a node that are looked at together
@@ -23,7 +233,7 @@ BETWEEN = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Query:
     """What is searched for.
 
     Attributes:
@@ -40,7 +250,7 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """Where the closest triangles are.
 
     Attributes:
@@ -57,7 +267,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class SearchBackend:
     """The two functions of a search, in NumPy or compiled.
 
     Attributes:
@@ -65,11 +275,11 @@ class Way:
         search: finds what is asked for, in boxes that `boxes` has made.
     """
 
-    boxes: Callable[[Order, Array], Boxes]
-    search: Callable[[Boxes, Asked], Found]
+    boxes: Callable[[TriangleTree, Array], TreeBoxes]
+    search: Callable[[TreeBoxes, Query], SearchResult]
 
 
-def by_numpy(boxes: Boxes, asked: Asked) -> Found:
+def by_numpy(boxes: TreeBoxes, asked: Query) -> SearchResult:
     """The closest triangle of each point, and the place in it."""
     M = len(asked.points)
     search = _Search(boxes, asked, np.full(M, asked.within**2), np.full(M, len(boxes.order.faces)))
@@ -81,15 +291,15 @@ def by_numpy(boxes: Boxes, asked: Asked) -> Found:
     shares[some] = _shares(boxes, faces[some], asked.points[some])
     normals = np.zeros((M, 3))
     normals[some] = _normals(boxes, faces[some], shares[some])
-    return Found(faces, shares, squares, normals)
+    return SearchResult(faces, shares, squares, normals)
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The best found so far: squared distances (M,) and faces (M,), which change."""
 
-    boxes: Boxes
-    asked: Asked
+    boxes: TreeBoxes
+    asked: Query
     squares: Array
     faces: Index
 
@@ -181,7 +391,7 @@ def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
     return found, [v, w, *places]
 
 
-def _shares(boxes: Boxes, faces: Index, points: Array) -> Array:
+def _shares(boxes: TreeBoxes, faces: Index, points: Array) -> Array:
     """Barycentric coordinates (n, 3) of the places in these faces that are closest to points."""
     leaf, lane = np.divmod(boxes.order.lanes[faces], WIDE)
     squares, (v, w, ab, ac, bc) = _candidates(boxes.triangles[leaf, :, lane].T, points.T)
@@ -195,7 +405,7 @@ def _shares(boxes: Boxes, faces: Index, points: Array) -> Array:
     return found
 
 
-def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
+def _normals(boxes: TreeBoxes, faces: Index, shares: Array) -> Array:
     """The sum of the normals of all faces that meet at places in these faces, (n, 3)."""
     features, found = boxes.order.features, boxes.normals[faces]
     corners = (shares > 0).sum(axis=1)
@@ -216,4 +426,4 @@ def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
     return found
 
 
-IN_NUMPY = Way(Boxes.of, by_numpy)
+IN_NUMPY = SearchBackend(TreeBoxes.of, by_numpy)

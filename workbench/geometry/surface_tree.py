@@ -2,18 +2,143 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index
+from workbench.compiling import library_or_none, source_beside
 from workbench.errors import BadArgument, BadMesh
 from workbench.geometry.meshes import Mesh
-from workbench.geometry.surface_kernels import quickest
-from workbench.geometry.surface_order import NONE, Order
-from workbench.geometry.surface_search import Asked, Found, Way
+from workbench.geometry.surface_search import (
+    IN_NUMPY,
+    NONE,
+    ROWS,
+    WIDE,
+    Query,
+    SearchBackend,
+    SearchResult,
+    TreeBoxes,
+    TriangleTree,
+    widening,
+)
+from workbench.geometry.triangles import FLAT
+
+if TYPE_CHECKING:
+    import trimesh
+
+NAME = "surface-tree"
+EXACT = ("-O3", "-ffp-contract=off", "-fno-math-errno")  # the rounding of NumPy, loops as vectors
+TRIED = 100  # triangles and points that a library is tried on
+
+Word = NDArray[np.generic] | int | float | None
+
+
+def quickest() -> SearchBackend:
+    """The search by compiled code, or by NumPy where there is no compiler."""
+    return compiled() or IN_NUMPY
+
+
+@cache
+def compiled() -> SearchBackend | None:
+    """The search by compiled code, loaded once per process; None where there is no compiler."""
+    source = source_beside(__package__, "surface_tree.c")
+    found = library_or_none(NAME, source, _agrees, "closest points are found by NumPy", EXACT)
+    if found is None:
+        return None
+    loaded = Loaded(found)
+    return SearchBackend(loaded.boxes, loaded.search)
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """TreeBoxes and searches of a loaded library.
+
+    Attributes:
+        library: the compiled functions.
+    """
+
+    library: ctypes.CDLL
+
+    def boxes(self, order: TriangleTree, vertices: Array) -> TreeBoxes:
+        """The boxes around vertices (N, 3) m, with the same numbers as `TreeBoxes.of`."""
+        F, levels = len(order.faces), order.levels
+        triangles = np.empty((len(order.leaves), ROWS, WIDE))
+        nodes = np.empty((sum(levels[:-1]), 6, WIDE))
+        normals, areas, turns = np.empty((F, 3)), np.empty(F), np.empty((F, 3))
+        where = (len(order.leaves), order.leaves, order.faces, order.rising, vertices)
+        self._run("fit", *where, FLAT, triangles, normals, areas, turns)
+        counts = np.array(levels, np.intp)
+        self._run("enclose", len(levels), counts, triangles, widening(vertices), nodes)
+        return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
+
+    def search(self, boxes: TreeBoxes, asked: Query) -> SearchResult:
+        """The closest triangle of each point, with the same numbers as `by_numpy`."""
+        order, M = boxes.order, len(asked.points)
+        found = SearchResult(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
+        offsets, features = np.cumsum((0, *order.levels), dtype=np.intp), order.features
+        self._run(
+            "closest",
+            *(M, asked.points, asked.normals, float(asked.within) ** 2, float(asked.facing)),
+            *(len(order.levels), offsets, order.leaves, boxes.triangles, boxes.nodes),
+            *(boxes.normals, order.rising, order.faces, features.edges, features.n_edges),
+            *(features.starts, features.corners, boxes.angles, len(order.faces)),
+            *(found.faces, found.shares, found.squares, found.normals),
+        )
+        return found
+
+    def _run(self, name: str, *words: Word) -> None:
+        """A function of the library; arrays, which must be in one piece, by their addresses."""
+        getattr(self.library, name)(*map(_word, words))
+
+
+def _word(given: Word) -> ctypes.c_double | ctypes.c_ssize_t:
+    if isinstance(given, float):
+        return ctypes.c_double(given)
+    if isinstance(given, np.ndarray):
+        assert given.flags.c_contiguous
+        return ctypes.c_ssize_t(given.ctypes.data)
+    return ctypes.c_ssize_t(given or 0)
+
+
+def _agrees(loaded: ctypes.CDLL) -> bool:
+    """Whether the library says what NumPy says, about a few random triangles, some of them flat."""
+    rng, way = np.random.default_rng(0), Loaded(loaded)
+    vertices, faces = (
+        rng.standard_normal((TRIED // 2, 3)),
+        rng.integers(TRIED // 2, size=(TRIED, 3)),
+    )
+    faces = np.concatenate([faces, faces[::7, [1, 2, 0]]])
+    order = TriangleTree.of(vertices, faces)
+    boxes, expected = way.boxes(order, vertices), IN_NUMPY.boxes(order, vertices)
+    points, normals = rng.standard_normal((2, TRIED, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    tried = (Query(points, 1.0, None, 0.0), Query(points, np.inf, normals, 0.5))
+    answers = [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
+    return all(
+        np.array_equal(getattr(got, name), getattr(right, name))
+        for got, right in ((boxes, expected), *answers)
+        for name in (
+            "triangles",
+            "nodes",
+            "normals",
+            "areas",
+            "turns",
+            "faces",
+            "shares",
+            "squares",
+        )
+        if hasattr(got, name)
+    )
+
 
 FARTHEST = 1e70  # m: no coordinate is larger, so that products of four do not overflow
 CANCELLED = 1e-9  # a sum of unit normals that is shorter says nothing
@@ -46,8 +171,9 @@ class Closest:
 class SurfaceTree:
     """A triangle mesh that can be asked for the place closest to a point.
 
-    vertices (N, 3) m, finite; faces (F, 3) vertices of each triangle. Triangles without area, and
-    several in one place, are allowed. Raises BadMesh for other arrays and for a mesh without faces.
+    It is a Mesh, a `trimesh.Trimesh`, or finite vertices (N, 3) m and faces (F, 3). Triangles
+    without area, and several in one place, are allowed. Raises BadMesh for other arrays and for a
+    mesh without faces.
 
     >>> import numpy as np
     >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -57,12 +183,18 @@ class SurfaceTree:
     ([[0.25, 0.25, 0.0], [1.0, 0.0, 0.0]], [0.5, 1.0])
     """
 
-    def __init__(self, vertices: Array, faces: Index, way: Callable[[], Way] = quickest) -> None:
-        mesh = Mesh(_places(vertices), _whole(faces))
+    def __init__(
+        self,
+        mesh: Mesh | trimesh.Trimesh | Array,
+        faces: Index | None = None,
+        way: Callable[[], SearchBackend] = quickest,
+    ) -> None:
+        mesh = Mesh.of(mesh, faces)
+        mesh = Mesh(_places(mesh.vertices), mesh.faces)
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
         self._way = way  # a function, as a loaded library cannot be pickled
-        self._boxes = way().boxes(Order.of(mesh.vertices, mesh.faces), mesh.vertices)
+        self._boxes = way().boxes(TriangleTree.of(mesh.vertices, mesh.faces), mesh.vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -101,10 +233,10 @@ class SurfaceTree:
             raise BadArgument(f"within is {within}, but must be a distance in m, not negative")
         if np.isnan(facing):
             raise BadArgument(f"facing is {facing}, but must be a cosine, from -1 to 1")
-        found = self._way().search(self._boxes, Asked(p, float(within), n, float(facing)))
+        found = self._way().search(self._boxes, Query(p, float(within), n, float(facing)))
         return self._closest(p, float(within), found)
 
-    def _closest(self, points: Array, within: float, found: Found) -> Closest:
+    def _closest(self, points: Array, within: float, found: SearchResult) -> Closest:
         there = found.faces != NONE
         corners = self._boxes.vertices[self._boxes.order.faces[found.faces]]
         s = found.shares
@@ -139,13 +271,6 @@ def _places(vertices: Array) -> Array:
     return given
 
 
-def _whole(faces: Index) -> Index:
-    given = np.asarray(faces)
-    if given.dtype.kind not in "iu":
-        raise BadMesh(f"faces are {given.dtype}, but must be whole numbers of vertices")
-    return np.array(given, dtype=np.int64, order="C")
-
-
 def _rows(given: Array, what: str) -> Array:
     try:
         array = np.ascontiguousarray(given, dtype=np.float64)
@@ -158,3 +283,29 @@ def _rows(given: Array, what: str) -> Array:
         bad = int(np.argmin(right))
         raise BadArgument(f"row {bad} of {what} is {array[bad].tolist()}; leave it out")
     return array
+
+
+SAME = 1e-5  # m: a point nearer to a vertex follows it alone
+
+
+def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
+    """The distance of each point (M, 3) from the nearest vertex, and that vertex, (M,) both."""
+    distances, numbers = cKDTree(vertices).query(points)
+    return np.asarray(distances, np.float64), np.asarray(numbers, np.int64)
+
+
+def barycentric_weights(vertices: Array, faces: Index, points: Array) -> csr_array:
+    """Each point (M, 3) m as the mean of the corners of the closest triangle: (M, N).
+
+    Rows sum to one. A point at a vertex (N, 3) m follows that vertex alone.
+    """
+    found = SurfaceTree(vertices, faces).closest(points)
+    corners, shares = faces[found.faces], found.shares
+    distance, vertex = nearest(vertices, points)
+    same = distance < SAME
+    corners[same], shares[same] = vertex[same, None], [1.0, 0.0, 0.0]
+    shares[shares < 1e-6] = 0
+    shares /= shares.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(points)), 3)
+    shape = len(points), len(vertices)
+    return csr_array((shares.ravel(), (rows, corners.ravel())), shape=shape)

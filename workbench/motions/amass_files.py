@@ -17,7 +17,7 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.files.joint_names import BODY, HANDS, family, joint_names
 from workbench.errors import BadArgument, BadFile, some
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions.bones import Bones
 from workbench.motions.gaps import without_gaps
 from workbench.motions.guesses import check_given
@@ -219,7 +219,7 @@ def _upright(
     if given is not None:
         axis = given.removeprefix("+")
         notes.append(f"the axis {axis} was given as up")
-    elif declared in TURNS:
+    elif declared in UP_TO_Y:
         axis = str(declared)
     else:
         axis, clear = motion.up
@@ -238,7 +238,7 @@ def _upright(
         else:
             few = motion.betas[: body.n_betas]
             root = body.joints(np.zeros((body.n_joints, 3)), few)[0]
-    found = motion if axis == "y" else motion.turned(TURNS[axis], root)
+    found = motion if axis == "y" else motion.turned(UP_TO_Y[axis], root)
     return replace(found, notes=(*notes, *found.notes))
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile, shown
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions.bones import Bones, bones_of
 from workbench.motions.bvh_text import BvhText, parse_bvh
 from workbench.motions.guesses import FRAMES, UNITS, check_given, unit_of, up_of
@@ -93,7 +93,7 @@ def _motion_of(
     scaled = Bones(bones.parents, metres * offsets, bones.end_parents, metres * ends)
     return Motion(
         pose, metres * trans, rate, names, bones=scaled, origin=name, notes=tuple(notes)
-    ).turned(TURNS[axis])
+    ).turned(UP_TO_Y[axis])
 
 
 def _turned(channels: tuple[str, ...], columns: Array) -> Array:

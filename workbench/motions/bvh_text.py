@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import shown
-from workbench.geometry.polygons import text_lines
+from workbench.geometry.meshes import text_lines
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 MOST_JOINTS = 10_000

@@ -6,9 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.correctives import Correctives
-from workbench.bodies.files.gltf import write_gltf
-from workbench.bodies.triangles import TriangleBody
+from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.errors import BadArgument
 from workbench.motions.motion import Motion
 
@@ -18,7 +16,7 @@ LARGEST = 2.5e8  # bytes of morph targets, and of their weights in all frames
 def write_glb(
     path: str | Path,
     motion: Motion,
-    body: SkinnedBody | TriangleBody,
+    body: SkinnedBody,
     *,
     correctives: int | None = None,
     shapes: int = 0,
@@ -27,8 +25,7 @@ def write_glb(
     """Write a motion as .glb: surface, skeleton and correctives of a body, and its way.
 
     Each frame is a key frame. `correctives` is the number of morph targets that stand for what the
-    motion uses of the pose blend shapes, and for all that bones lack of a triangle body: None for
-    all of it, 0 for none. What is returned says how
+    motion uses of the pose blend shapes: None for all of it, 0 for none. What is returned says how
     far the surface is off with them, and so do the file's extras. An expression moves the face of a
     body that has one; `betas` (T, B) take the place of the motion's own. `shapes` is the number of
     shape directions that become morph targets as well, at zero for the person of the motion.
@@ -37,7 +34,7 @@ def write_glb(
     raise.
     """
     here, T = motion.named(body), len(motion)
-    used = min(T, body.posedirs.shape[2]) if isinstance(body, SkinnedBody) else T
+    used = min(T, body.posedirs.shape[2])
     each = here.betas_on(body) if betas is None else betas
     person = np.zeros(body.n_betas)
     person[: len(here.betas)] = here.betas

@@ -12,10 +12,9 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown
-from workbench.geometry.glb_document import GlbDocument, several
-from workbench.geometry.gltf_buffers import document_of
+from workbench.geometry.gltf import GlbDocument, document_of, several
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.rotation import nearest_rotation, vector_from_matrix
-from workbench.geometry.upright import TURNS
 from workbench.motions.bones import Bones
 from workbench.motions.gltf_skeleton import Nodes, Skin, skin_of
 from workbench.motions.gltf_tracks import Track, tracks_of
@@ -93,7 +92,7 @@ def _motion_of(
     found = Motion(
         pose, trans, rate, skin.names, _betas(document), bones=bones, origin=name, notes=notes
     )
-    return found.turned(TURNS[axis])
+    return found.turned(UP_TO_Y[axis])
 
 
 def _animation(

@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import some_of
-from workbench.geometry.glb_document import GlbDocument, children, local_motion, several
+from workbench.geometry.gltf import GlbDocument, children, local_motion, several
 from workbench.motions.gltf_tracks import Track, local_motions
 
 MOST_NODES = 10_000

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Mask
 from workbench.errors import shown
-from workbench.geometry.glb_document import GlbDocument, several
+from workbench.geometry.gltf import GlbDocument, several
 
 WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 LINEAR, STEP, CUBIC = "LINEAR", "STEP", "CUBICSPLINE"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import BadArgument, shown
-from workbench.geometry.polygons import text_lines
+from workbench.geometry.meshes import text_lines
 from workbench.motions.trajectories import (
     MOST_NUMBERS,
     Trajectories,

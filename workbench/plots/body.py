@@ -13,7 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
-from workbench.geometry.solids import face_vectors, sums_around
+from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.labels import plain
 from workbench.plots.palette import FAINT, SKIN
 
@@ -194,7 +194,7 @@ def painted(
 
 def lightness(solid: Array, faces: Index) -> Array:
     """How much each face is turned to the light, (F,) from 0 to 1, smoothed over its vertices."""
-    at_vertices = sums_around(face_vectors(solid, faces), faces, len(solid))
+    at_vertices = sums_over_faces(face_vectors(solid, faces), faces, len(solid))
     smooth = at_vertices[faces].sum(axis=1)
     smooth = smooth * np.where(smooth[:, 2:] < 0, -1.0, 1.0)  # both sides of a face are skin
     length = np.linalg.norm(smooth, axis=1)

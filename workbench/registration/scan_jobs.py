@@ -11,7 +11,7 @@ from workbench.errors import BadArgument, check_known
 from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
-from workbench.geometry.upright import TURNS
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.registration.fit_stage import Progress
 from workbench.registration.recipe import Recipe
 from workbench.registration.registering import Registration, register
@@ -46,7 +46,7 @@ class Reading:
         if self.unit is not None:
             check_known("unit", self.unit, UNITS)
         if self.up is not None:
-            check_known("axis", self.up.removeprefix("+"), TURNS)
+            check_known("axis", self.up.removeprefix("+"), UP_TO_Y)
         if self.most < FEWEST:
             raise BadArgument(f"at least {FEWEST:,} points of a scan are read, not {self.most}")
 

@@ -11,7 +11,7 @@ from workbench.bodies.body import Body
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.fitting.scan import Scan
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.geometry.solids import face_vectors, sums_around
+from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.registration.empty_space import EmptySpace
 from workbench.registration.limbs import limb_poses
@@ -74,7 +74,7 @@ def seen_starts(
     centre = body.joints(posed[0], shape, np.zeros(3))[0]  # the root's, which no pose moves
     tried: list[tuple[float, Array, Values]] = []
     for other, surface in zip(poses, body.vertices(posed, shape, np.zeros(3)), strict=True):
-        normals = sums_around(face_vectors(surface, body.faces), body.faces, len(surface))
+        normals = sums_over_faces(face_vectors(surface, body.faces), body.faces, len(surface))
         normals = normals[vertices] / np.linalg.norm(normals[vertices], axis=1, keepdims=True)
         for root, R in zip(roots, turns, strict=True):
             v, n = (surface[vertices] - centre) @ R.T + centre, normals @ R.T

@@ -8,7 +8,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.geometry.stitching import banded_factor
+from workbench.geometry.triangles import banded_factor
 from workbench.replay.packing import packed
 
 MOST_WEIGHTS = 4  # per vertex, as in SMPL

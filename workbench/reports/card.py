@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.extras import shapes_in_words
+from workbench.bodies.files.reading import shapes_in_words
 from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody

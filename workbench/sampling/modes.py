@@ -213,7 +213,7 @@ def shortest_rotations(target: LogDensity, z: Array) -> Array:
     for row in problem.rotations:
         length = float(np.linalg.norm(x[row]))
         if length > np.pi and sampled[row].all():
-            shorter = rotation.shortest(x[row])
+            shorter = rotation.wrapped_to_pi(x[row])
             if ((shorter >= problem.lower[row]) & (shorter <= problem.upper[row])).all():
                 x[row] = shorter
     return np.asarray(x[space.entries])

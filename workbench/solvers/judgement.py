@@ -19,7 +19,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.blocks.directions import in_units
 from workbench.errors import some_of
-from workbench.geometry.rotation import shortest
+from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import hidden
 from workbench.problem.rounding import fall, half_squared
@@ -380,7 +380,7 @@ def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
     found = []
     for start in first[angles > BEYOND]:
         at = slice(int(start), int(start) + 3)
-        short = shortest(x[at])
+        short = wrapped_to_pi(x[at])
         if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
             found.append((at, short))
     return found

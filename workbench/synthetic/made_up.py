@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.geometry.mesh_graph import heat
+from workbench.geometry.solids import heat
 from workbench.training.first_guess import Start, at_most
 from workbench.training.registrations import Batch, InMemory, Registrations
 

@@ -20,8 +20,7 @@ from scipy.sparse import csr_array, diags_array
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
-from workbench.geometry.mesh_graph import heat
-from workbench.geometry.solids import mesh_edges
+from workbench.geometry.solids import heat, mesh_edges
 from workbench.motions import Motion
 from workbench.motions.accelerations import GRAVITY, MovingFrames, second_differences
 

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.geometry.closest_points import nearest, read_off
 from workbench.geometry.mirror import REFLECTION
+from workbench.geometry.surface_tree import barycentric_weights, nearest
 from workbench.synthetic.base_mesh import N_BODY, BaseMesh
 from workbench.synthetic.wheel import ObjMesh, Wheel, WheelUnreadable
 
@@ -43,7 +43,7 @@ def read_topology(wheel: Wheel, name: str, base: BaseMesh) -> Topology:
     distances, mirror = nearest(mesh.vertices, mesh.vertices * REFLECTION)
     if distances.max() > 1e-6 or not np.array_equal(mirror[mirror], np.arange(len(mirror))):
         raise WheelUnreadable(f"{FILES[name]} is not alike on both sides")
-    follows = read_off(base.vertices[:N_BODY], base.triangles, mesh.vertices)
+    follows = barycentric_weights(base.vertices[:N_BODY], base.triangles, mesh.vertices)
     other_side = follows[mirror][:, base.mirror[:N_BODY]]
     return Topology(csr_array((follows + other_side) / 2), _triangulated(mesh, mirror), mirror)
 

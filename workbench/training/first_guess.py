@@ -13,9 +13,8 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.validation import check_tree
 from workbench.environment import expanded
 from workbench.errors import BadBody, BadFile
-from workbench.geometry.mesh_graph import find_mirror, heat
-from workbench.geometry.mirror import Mirror, opposite, opposites
-from workbench.geometry.solids import mesh_edges
+from workbench.geometry.mirror import Mirror, find_mirror, opposite, opposites
+from workbench.geometry.solids import heat, mesh_edges
 from workbench.reading.arrays import opened, read_expected, reals, taken_for, texts, wholes
 from workbench.training.registrations import FARTHEST
 from workbench.writing import write_arrays

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
-from workbench.geometry.meshes import READERS, SOUPS, read_registered, same_faces
+from workbench.geometry.meshes import READERS, UNSHARED, read_registered, same_faces
 from workbench.geometry.solids import volume
 from workbench.reading.arrays import (
     any_reals,
@@ -270,7 +270,7 @@ def _row(path: Path, number: int, line: dict[str, str | None], suffixes: Collect
         row = replace(row, **{name: value})
     suffix = Path(row.file.partition("#")[0]).suffix.lower()
     if suffix not in suffixes:
-        raise BadFile(f"{where}: {row.file} is none of {listed(set(suffixes) - set(SOUPS))}")
+        raise BadFile(f"{where}: {row.file} is none of {listed(set(suffixes) - set(UNSHARED))}")
     return row
 
 

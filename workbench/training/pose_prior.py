@@ -1,6 +1,7 @@
 """E_pose: a Gaussian on the poses of all registrations, as scans need one and meshes do not.
 
-Steps turn joints: a pose phi becomes log(exp(u) exp(phi)); see `geometry.rotation.slopes_by_turns`.
+Steps turn joints: a pose phi becomes log(exp(u) exp(phi)); see
+`geometry.rotation.inverse_left_jacobian`.
 """
 
 from dataclasses import dataclass
@@ -8,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.geometry.rotation import slopes_by_turns
+from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.residuals.numbers import whitening
 
 
@@ -42,13 +43,13 @@ class PosePrior:
 
     def curved(self, poses: Array, turns: Array) -> Array:
         """The Hessian of Gauss and Newton times turns (J, K, 3) rad."""
-        moved = (slopes_by_turns(poses) @ turns[..., None])[:, 1:, :, 0]
+        moved = (inverse_left_jacobian(poses) @ turns[..., None])[:, 1:, :, 0]
         pull = moved.reshape(len(poses), -1) @ self.whitening.T @ self.whitening
         return self._back(poses, pull)
 
     def blocks(self, poses: Array) -> Array:
         """That Hessian, one block for each pose, (J, 3 K, 3 K)."""
-        slopes = slopes_by_turns(poses)[:, 1:]
+        slopes = inverse_left_jacobian(poses)[:, 1:]
         J, m = slopes.shape[:2]
         precision = (self.whitening.T @ self.whitening).reshape(m, 3, m, 3)
         found = np.zeros((J, m + 1, 3, m + 1, 3))
@@ -62,7 +63,7 @@ class PosePrior:
 
     def _back(self, poses: Array, pull: Array) -> Array:
         found = np.zeros_like(poses)
-        slopes = slopes_by_turns(poses)[:, 1:]
+        slopes = inverse_left_jacobian(poses)[:, 1:]
         each = pull.reshape(len(poses), -1, 3, 1)
         found[:, 1:] = (slopes.swapaxes(-1, -2) @ each)[..., 0]
         return found

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
-from workbench.geometry.rigid import segment_motions
+from workbench.geometry.rigid import procrustes
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, MAY_RISE, BlockInput
 from workbench.training.checkpoint import Checkpoint, fingerprint, read_checkpoint
@@ -212,8 +212,8 @@ def motions_of_segments(
     R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
     for batch in batches(registrations):
         for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
-            trusted = weights.T * confidence + 1e-9 * confidence
-            for k, motion in enumerate(segment_motions(start.template, V, trusted)):
+            for k, trusted in enumerate(weights.T * confidence + 1e-9 * confidence):
+                motion = procrustes(start.template, V, trusted)
                 R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t
     return SegmentMotions(R, t)
 

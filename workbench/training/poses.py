@@ -16,7 +16,7 @@ from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations
-from workbench.geometry.rigid import segment_motions
+from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import mesh_edges
 from workbench.problem import Problem
@@ -283,6 +283,6 @@ def poses_of_segments(
     confidence: Array,
 ) -> Array:
     """A first guess (K, 3) rad: each segment of the template turned onto its own vertices."""
-    each = segment_motions(template, vertices, weights.T * confidence + 1e-9 * confidence)
-    world = np.stack([motion.R for motion in each])
+    trusted = weights.T * confidence + 1e-9 * confidence
+    world = np.stack([procrustes(template, vertices, each).R for each in trusted])
     return vector_from_matrix(local_rotations(world, parents))

@@ -8,7 +8,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
-from workbench.geometry.closest_points import read_off
+from workbench.geometry.surface_tree import barycentric_weights
 from workbench.training.estimate import Estimate
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
@@ -27,7 +27,7 @@ def upsampled(found: Estimate, on: Start, to: Start) -> Estimate:
     The differences of the subjects from the template are interpolated, and not the subjects, so
     that the new template keeps its fine detail.
     """
-    between = read_off(on.template, on.faces, to.template)
+    between = barycentric_weights(on.template, on.faces, to.template)
     S, N = len(found.templates), len(to.template)
     away = (found.templates - on.template).transpose(1, 2, 0).reshape(len(on.template), -1)
     P = found.posedirs

@@ -1,27 +1,183 @@
 """Checking the file of a body model: a card, and findings with what to do about each."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from workbench.bodies.checking.findings import FileFinding
-from workbench.bodies.checking.hands import about_hands
-from workbench.bodies.checking.model_arrays import ModelArrays, model_arrays
-from workbench.bodies.checking.model_card import facts_of, keys_of, left_out_of
-from workbench.bodies.checking.numbers import about_numbers
-from workbench.bodies.checking.pairs import about_pair
-from workbench.bodies.checking.places import about_places
-from workbench.bodies.checking.spaces import about_spaces
-from workbench.bodies.checking.trees import about_tree
-from workbench.bodies.files.contents import contents_of
-from workbench.bodies.files.entries import Contents
-from workbench.bodies.files.extras import REQUIRED
-from workbench.bodies.files.smpl_layout import INSTEAD, body_from
-from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
+from workbench.bodies.checking.arrays import about_numbers, about_spaces, about_tree, model_of
+from workbench.bodies.checking.model_arrays import (
+    FileFinding,
+    ModelArrays,
+    kind_of,
+    model_arrays,
+    used_keys,
+)
+from workbench.bodies.checking.places import (
+    DECIDED,
+    SIZES,
+    about_hands,
+    about_places,
+    axis_of,
+    directions,
+    hands_in_file,
+)
+from workbench.bodies.files.layouts import (
+    INSTEAD,
+    body_from,
+    is_triangle_body,
+    triangle_body_from,
+)
+from workbench.bodies.files.pickles import Contents
+from workbench.bodies.files.reading import (
+    CAPSULES,
+    MIRROR,
+    OURS,
+    REQUIRED,
+    SETS,
+    Entries,
+    contents_of,
+    is_npz,
+    sorted_out,
+)
+from workbench.bodies.shape_space import COUNTS, WITH_FACE
 from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, cut, some
+from workbench.reading.facts import parsed
+
+LICENCE = re.compile(r"licen[cs]e|copyright|terms", re.IGNORECASE)
+LONGEST = 2000  # characters of the text of a licence
+USED, OWN, KEPT = "computed with", "read as the workbench's own", "kept, and saved again"
+LEFT_OUT = "left out, for the reason below"
+
+
+def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
+    """Sizes and kinds by name, for a file of `size` bytes."""
+    N = 0 if model.template is None else len(model.template)
+    return {
+        "model": _model(model),
+        "file": f"{_kind(model.where)}, {size / 1e6:.1f} MB",
+        "vertices": f"{N:,}",
+        "faces": "0" if model.faces is None else f"{len(model.faces):,}",
+        "joints": f"{model.n_joints}: {some(model.names)}" if model.names else "none",
+        "betas": _betas(model),
+        "pose features": _features(model),
+        "size": _size(model),
+        **({"side": _side(model)} if model.family == "MANO" else {"axes": _axes(model)}),
+        **_texts(model.raw, "gender"),
+        **licence_of(model.raw),
+    }
+
+
+def _model(model: ModelArrays) -> str:
+    card, name = own_card(model.raw), model_of(model)
+    said = next((card[key] for key in ("model", "name") if isinstance(card.get(key), str)), "")
+    layout = f"in the layout of {name}" if name != "SMPL-like" else "of another tree than SMPL's"
+    return f"{cut(said, 60)}, {layout}" if said else layout
+
+
+def _kind(where: str) -> str:
+    path = Path(where)
+    if not path.is_file():
+        return "embedded"
+    return ".npz" if is_npz(path) else "pickle, of which no code was run"
+
+
+def _betas(model: ModelArrays) -> str:
+    if model.shapedirs is None:
+        return "unknown"
+    B = int(model.shapedirs.shape[2])
+    if model.family in WITH_FACE and B in COUNTS:
+        return f"{B}: {COUNTS[B][0]} of shape and {COUNTS[B][1]} of expression"
+    return f"{B} of shape"
+
+
+def _features(model: ModelArrays) -> str:
+    if model.posedirs is None:
+        return "unknown"
+    P, K = model.posedirs.shape[2], model.n_joints
+    kind = {
+        9 * (K - 1): "elements of rotation matrices, as in SMPL",
+        4 * (K - 1) + 1: "quaternions and beta 2, as in STAR",
+    }.get(P, "of an unknown kind")
+    return f"{P}, {kind}"
+
+
+def _size(model: ModelArrays) -> str:
+    if model.template is None or not np.isfinite(model.size):
+        return "unknown"
+    x, y, z = np.ptp(model.template, axis=0)
+    unit = "m" if model.family in SIZES else "m, if it is in metres"
+    return f"{x:.3f} wide, {y:.3f} high, {z:.3f} deep, in {unit}"
+
+
+def _axes(model: ModelArrays) -> str:
+    said = [f"{name} is {axis_of(way)}" for name, way in directions(model).items()]
+    return ", ".join(said) or "unknown: the joints have no names that say it"
+
+
+def _side(model: ModelArrays) -> str:
+    for hand in hands_in_file(model):
+        if abs(hand.chirality) > DECIDED:
+            return f"a {'left' if hand.chirality > 0 else 'right'} hand, by its mean pose"
+    return "unknown: there is no mean pose that closes the fingers"
+
+
+def _texts(raw: Contents, key: str) -> dict[str, str]:
+    text = Entries(raw, "").text(key, "")
+    return {key: cut(text, 60)} if text else {}
+
+
+def own_card(raw: Contents) -> dict[str, Any]:
+    """The card in a file that the workbench wrote; empty for other files."""
+    try:
+        card = parsed(Entries(raw, "").text("card", "null"))
+    except BadFile:
+        return {}
+    return card if isinstance(card, dict) else {}
+
+
+def licence_of(raw: Contents) -> dict[str, str]:
+    """The text of the licence, if the file has one, by the key that it has there."""
+    found = {}
+    for key, value in own_card(raw).items():
+        if LICENCE.search(key) and isinstance(value, str):
+            found["licence"] = cut(value, LONGEST)
+    for key in raw:
+        if LICENCE.search(key):
+            text = Entries(raw, "").text(key, "")
+            found[key] = cut(text, LONGEST) if text else f"there, but {kind_of(raw[key])}"
+    return found or {"licence": "the file has no text of one; ask where it is from"}
+
+
+def left_out_of(raw: Contents) -> dict[str, str]:
+    """The keys that `load_body` cannot keep, each with the reason: `is a dict, not an array`."""
+    _, left_out = sorted_out(raw, {*used_keys(raw), *OURS, *CAPSULES, MIRROR})
+    return {line.partition(", which ")[0]: line.partition(", which ")[2] for line in left_out}
+
+
+def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
+    """Each key, its shape and type, and what becomes of it when the file is loaded and saved."""
+    used = used_keys(raw)
+    own = {*used, *OURS, *CAPSULES, MIRROR}
+    kept, _ = sorted_out(raw, own)
+    reasons = left_out_of(raw)
+    rows = []
+    for key in sorted(raw, key=lambda name: (name not in used, name in kept, name)):
+        if key in used:
+            fate = USED
+        elif key in kept:
+            fate = KEPT
+        elif key in reasons:
+            fate = LEFT_OUT
+        else:
+            fate = OWN if key in own or key.startswith(SETS) else KEPT
+        rows.append((cut(key, 60), kind_of(raw[key]), fate))
+    return tuple(rows)
+
 
 CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)
 LEAST = 3  # arrays of SMPL's that a file must have to count as a body's
@@ -65,40 +221,26 @@ class FileCheck:
         ] or ["nothing was found to be wrong"]
 
 
-def check_body_file(path: str | Path, other_hand: str | Path | None = None) -> FileCheck:
+def check_body_file(path: str | Path) -> FileCheck:
     """A card of a model file, and findings about it: what is wrong, what follows, what to do.
 
     The file is an .npz or a pickle in SMPL's layout (SMPL, SMPL-H, SMPL-X, MANO, FLAME, STAR), or
     one that `save_body` wrote; nothing in it is run. The checks go on where `load_body` refuses a
-    file. Two hands of one mesh are compared if the other one's file is given. Raises BadFile if a
-    file cannot be read, or holds no body at all.
+    file. Raises BadFile if a file cannot be read, or holds no body at all.
     """
     file = expanded(path)
     raw = contents_of(file)
-    findings = []
-    if other_hand is not None:
-        other = expanded(other_hand)
-        both = (raw, str(file)), (contents_of(other), str(other))
-        findings = list(about_pair(*(model_arrays(_body_in(*one), one[1]) for one in both)))
-    return check_contents(raw, str(file), file.stat().st_size, findings)
+    return check_contents(raw, str(file), file.stat().st_size)
 
 
-def check_contents(
-    raw: Contents, where: str, size: int = 0, more: list[FileFinding] | None = None
-) -> FileCheck:
+def check_contents(raw: Contents, where: str, size: int = 0) -> FileCheck:
     """The same for entries that were read from a file, or are to be written to one."""
-    findings = list(more or [])
     if is_triangle_body(raw):
         refused = _refusal(raw, where)
         facts = {"model": "a TriangleBody", "loads": refused or "yes"}
-        findings += (
-            [FileFinding("file", f"The file is refused by load_body: {refused}.")]
-            if refused
-            else []
-        )
-        return FileCheck(where, facts, keys_of(raw), _sorted(findings))
+        return FileCheck(where, facts, keys_of(raw), (_refused(refused),) if refused else ())
     model = model_arrays(_body_in(raw, where), where)
-    findings += [*model.findings, *_checked(model)]
+    findings = [*model.findings, *_checked(model)]
     refused = _refusal(raw, where)
     if refused and not any(finding.warning for finding in findings):
         findings.append(_refused(refused))
@@ -128,10 +270,6 @@ def _body_in(raw: Contents, where: str) -> Contents:
         f"{where} holds no body: it has {some(sorted(have))}.{instead} A body has "
         f"{', '.join(REQUIRED)}"
     )
-
-
-def _left_out(key: str, reason: str) -> FileFinding:
-    return FileFinding(key, f"{key} is left out, because it {reason}.", warning=False)
 
 
 def _refused(why: str) -> FileFinding:

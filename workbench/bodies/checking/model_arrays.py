@@ -4,7 +4,7 @@ Each array is read by itself. What cannot be read, has another shape than the ot
 holds numbers that are not finite becomes a finding, and is None for the checks of others.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -14,11 +14,41 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.bodies.checking.findings import FileFinding, counted
-from workbench.bodies.files.entries import SPARSE_PARTS, Contents, Entries, Unread
-from workbench.bodies.files.extras import REQUIRED
 from workbench.bodies.files.joint_names import family, joint_names
+from workbench.bodies.files.pickles import Contents, Unread
+from workbench.bodies.files.reading import REQUIRED, SPARSE_PARTS, Entries
 from workbench.errors import BadFile, cut
+
+
+@dataclass(frozen=True)
+class FileFinding:
+    """A sentence about a model file: what is there, what follows from it, and what to do.
+
+    Attributes:
+        part: the key of the file, or what the finding is about.
+        text: the sentence.
+        warning: True if the model would compute something wrong, False if it is only worth knowing.
+    """
+
+    part: str
+    text: str
+    warning: bool = True
+
+
+def row_name(names: Sequence[str], k: int) -> str:
+    """A joint by its number and its name: `joint 4 (left_knee)`."""
+    return f"joint {k} ({names[k]})" if k < len(names) else f"joint {k}"
+
+
+def of_all(wrong: Mask, what: str) -> str:
+    """How many there are of all: `3 of 778 vertices`."""
+    return f"{np.count_nonzero(wrong):,} of {wrong.size:,} {what}"
+
+
+def counted(n: int, one: str, many: str) -> str:
+    """`1 face is`, `7 faces are`: a number and the words that go with it."""
+    return f"1 {one}" if n == 1 else f"{n:,} {many}"
+
 
 HUGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
 PURPOSE = {  # of each array without which there is no body

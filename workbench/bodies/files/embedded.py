@@ -1,6 +1,6 @@
 """Reading the bodies that come with the workbench, in the compact form that the builder wrote."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -14,7 +14,10 @@ from workbench.arrays import Array
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
+from workbench.bodies.sewn_hands import with_hands
+from workbench.bodies.sewn_mesh import Sewing
 from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadFile
 from workbench.reading.arrays import (
     AGAIN,
@@ -116,11 +119,17 @@ def read_embedded(path: Path) -> SkinnedBody:
 
 def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of SkinnedBody, from the arrays of a file."""
-    N, joint_names = len(arrays["template"]), _names(arrays["joint_names"])
+    N, joint_names = len(arrays["template"]), tuple(map(str, arrays["joint_names"]))
     weights = np.zeros((N, len(joint_names)))
     check_numbers("weight_joints", arrays["weight_joints"], len(joint_names))
     np.put_along_axis(weights, arrays["weight_joints"], arrays["weight_shares"], axis=1)
     posedirs = np.ascontiguousarray(arrays["posedirs"].T) * float(arrays["posedirs_step"])
+    # of a hand the tips of its fingers, and its pose space under the names that MANO's files use
+    hand = "hands_mean" in arrays
+    extras = ("hands_mean", "hands_components", "hands_deviations") if hand else ()
+    marks = "tips" if hand else "coco"
+    names = tuple(map(str, arrays[f"{marks}_names"]))
+    landmarks = Landmarks(names, _regressor(arrays, marks, (len(names), N)))
     return {
         "template": locked(arrays["template"]),
         "shapedirs": locked(arrays["shapedirs"] * float(arrays["shapedirs_step"])),
@@ -130,31 +139,11 @@ def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[
         "parents": tuple(int(parent) for parent in arrays["parents"]),
         "faces": arrays["faces"],
         "joint_names": joint_names,
-        **(_of_hand(arrays, N) if "hands_mean" in arrays else _of_body(arrays, N)),
-        "card": {"synthetic": HAND_SYNTHETIC if "hands_mean" in arrays else SYNTHETIC} | dict(card),
-    }
-
-
-def _of_body(arrays: dict[str, NDArray[Any]], N: int) -> dict[str, Any]:
-    return {"mirror": arrays["mirror"], "landmarks": {"coco": _landmarks(arrays, "coco", N)}}
-
-
-def _of_hand(arrays: dict[str, NDArray[Any]], N: int) -> dict[str, Any]:
-    """The tips of its fingers, and its pose space under the names that MANO's files use."""
-    extras = ("hands_mean", "hands_components", "hands_deviations")
-    return {
-        "landmarks": {"tips": _landmarks(arrays, "tips", N)},
+        "mirror": arrays.get("mirror"),
+        "landmarks": {marks: landmarks},
         "extras": {name: arrays[name] for name in extras},
+        "card": {"synthetic": HAND_SYNTHETIC if hand else SYNTHETIC} | dict(card),
     }
-
-
-def _landmarks(arrays: dict[str, NDArray[Any]], name: str, N: int) -> Landmarks:
-    names = _names(arrays[f"{name}_names"])
-    return Landmarks(names, _regressor(arrays, name, (len(names), N)))
-
-
-def _names(array: NDArray[Any]) -> tuple[str, ...]:
-    return tuple(str(name) for name in array)
 
 
 def _regressor(arrays: dict[str, NDArray[Any]], name: str, shape: tuple[int, int]) -> csr_array:
@@ -172,3 +161,76 @@ def _totals(name: str, shares: Array | csr_array) -> Array:
     if not (totals > 0).all():
         raise BadFile(f"{name} of row {int(np.argmin(totals))} are not above zero together")
     return totals[:, None]
+
+
+LEARNED = {
+    "near": wholes("F", "J"),
+    "posedirs": STEPS("F", 3, 3, "T"),
+    "posedirs_step": reals(),
+    "card": texts(),
+}
+UNTRAINED: dict[str, tuple[str, Callable[[SkinnedBody], TriangleBody]]] = {
+    "small-scape": ("small", scape),
+    "small-blend-scape": ("small", blend_scape),
+    "default-scape": ("default", scape),
+    "default-blend-scape": ("default", blend_scape),
+}  # the skinned body whose mesh, tree and shape space each has, and the model that it follows
+
+
+def embedded_triangles(name: str) -> TriangleBody:
+    """One of the bodies in `UNTRAINED`, with its learned posedirs.
+
+    Everything but posedirs is that of the skinned body, written as deformations of triangles.
+    """
+    with as_file(files("workbench") / "data" / "bodies" / f"{name}.npz") as packed:
+        return read_embedded_triangles(packed, *UNTRAINED[name])
+
+
+def read_embedded_triangles(
+    path: Path, mesh: str, model: Callable[[SkinnedBody], TriangleBody]
+) -> TriangleBody:
+    """A model of the embedded body `mesh` with the posedirs of a file, called like the file.
+
+    Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit the body.
+    """
+    skinned = embedded(mesh)
+    body = model(skinned)
+    with opened(path, "embedded body", REPAIR) as archive:
+        arrays = read_expected(archive, LEARNED)
+        card = facts_in(arrays["card"]).entries
+        check_numbers("near", arrays["near"], body.n_joints)
+    learned = np.asarray(arrays["posedirs"] * float(arrays["posedirs_step"]), dtype=np.float64)
+    return replace(
+        body,
+        posedirs=locked(learned),
+        near=arrays["near"],
+        name=path.stem,
+        card={**card, "skinned_body": dict(skinned.card)},
+    )
+
+
+PLACED = {"bodies": texts("G"), "vertices": wholes("H"), "held": reals("G", 16, 3)}
+SEWN = {"full-hands": "full", "full-hands-female": "full-female", "full-hands-male": "full-male"}
+
+
+def embedded_with_hands(name: str) -> SkinnedBody:
+    """One of the bodies in `SEWN`, sewn together when it is asked for.
+
+    Its own file says only where the hand is on the body, and how the body holds its fingers.
+    Raises BadFile if a file is missing or is not one, BadBody if they do not fit together.
+    """
+    body = embedded(SEWN[name])
+    return with_hands(body, embedded_hand(), sewing_of(body.name), name)
+
+
+def sewing_of(body: str) -> Sewing:
+    """Where the hand is on one of the bodies that `SEWN` names. Raises BadFile."""
+    with (
+        as_file(files("workbench") / "data" / "bodies" / "full-hands.npz") as packed,
+        opened(packed, "file of a hand's place", REPAIR) as archive,
+    ):
+        arrays = read_expected(archive, PLACED)
+    names = [str(name) for name in arrays["bodies"]]
+    if body not in names:
+        raise BadFile(f"full-hands.npz does not say how {body!r} holds its fingers; {REPAIR}")
+    return Sewing(arrays["vertices"], arrays["held"][names.index(body)])

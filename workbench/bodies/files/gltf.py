@@ -8,10 +8,16 @@ surface alone, as a glTF has no means to move joints with them. Those of betas t
 frames, and the joints with them: a joint at J that such betas take to J + d turns about there,
 so that v goes to R (v - J - d) + J + d = R (v - J) + J + (I - R) d. A node's place gets (I - R) d.
 
-A triangle body is written with bones that carry its parts (`blended_triangles`), and all that these
-lack of its surface in the poses of the file as correctives.
+Pose blend shapes are written as a few morph targets. A body adds P f(theta) to its rest surface,
+with F columns in P. Poses theta_1 .. theta_T use only the space of P f(theta_1) .. P f(theta_T),
+and most of it is in a few directions. The best C of them in the sum of squares are the singular
+vectors of that (3 N, T) matrix (Eckart and Young, 1936). With P = Q R they are Q times those of
+the small matrix R f. (Khronos Group, glTF 2.0 Specification, sections 3.6, buffers and accessors,
+and 4.4, the file.)
 """
 
+import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +26,124 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
-from workbench.bodies.files.blended_triangles import blended
-from workbench.bodies.files.correctives import (
-    Correctives,
-    correctives_of,
-    correctives_of_surfaces,
-)
+from workbench.blocks.checks import reals
+from workbench.bodies.forward.evaluation import arguments
 from workbench.bodies.skinned import SkinnedBody
-from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, BadBody
-from workbench.geometry.glb_writing import ATTRIBUTES, ELEMENTS, Chunk
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
 from workbench.writing import write_file
+
+CODES = {"float32": 5126, "uint32": 5125, "uint16": 5123, "uint8": 5121}  # glTF's component types
+KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+ATTRIBUTES, ELEMENTS = 34962, 34963  # what a buffer view is for
+
+
+class GltfBuffer:
+    """The numbers of a file, and where each array is in them."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(self, array: ArrayLike, kind: str, target: int | None = None) -> int:
+        """The number of the accessor of an array (n,) or (n, width), stored as `kind`."""
+        rows = np.ascontiguousarray(array, dtype=kind)
+        rows = rows.reshape(len(rows), -1)
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": rows.nbytes}
+        self.views.append(view | ({} if target is None else {"target": target}))
+        self.data += rows.astype(rows.dtype.newbyteorder("<")).tobytes()
+        self.data += bytes(-len(self.data) % 4)
+        self.accessors.append(
+            {
+                "bufferView": len(self.views) - 1,
+                "componentType": CODES[kind],
+                "count": len(rows),
+                "type": KINDS[rows.shape[1]],
+                "min": rows.min(axis=0).tolist(),
+                "max": rows.max(axis=0).tolist(),
+            }
+        )
+        return len(self.accessors) - 1
+
+    def file(self, document: dict[str, Any]) -> bytes:
+        """The file: a document without the arrays, and these arrays."""
+        whole = document | {
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.data)}],
+        }
+        text = json.dumps(whole, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        parts = [(b"JSON", text), (b"BIN\0", bytes(self.data))]
+        body = b"".join(len(p).to_bytes(4, "little") + kind + p for kind, p in parts)
+        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
+
+
+NOTHING = 1e-9  # m, summed over all vertices and poses: a smaller direction is rounding
+TOGETHER = 32  # poses whose surfaces are in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class Correctives:
+    """C morph targets that stand for a body's pose blend shapes in T poses.
+
+    Attributes:
+        shapes: (C, N, 3) m, added to the rest surface, as single precision holds them.
+        shares: (T, C) how much of each, at most one in size, as single precision holds them.
+        mean: how far vertices of the posed surface are off on average, in m.
+        largest: the same for the vertex and the pose where it is most, in m.
+    """
+
+    shapes: Array
+    shares: Array
+    mean: float
+    largest: float
+
+    def __str__(self) -> str:
+        return (
+            f"{len(self.shapes)} correctives: vertices are off by {1e3 * self.mean:.2g} mm on "
+            f"average and {1e3 * self.largest:.2g} mm at most"
+        )
+
+
+def correctives_of(
+    body: SkinnedBody, poses: Array, betas: Array, count: int | None = None
+) -> Correctives:
+    """The best `count` correctives of poses (T, K, 3) rad; None: as many as make them exact.
+
+    Raises BadArgument for a count below zero.
+    """
+    if count is not None and (type(count) is not int or count < 0):
+        raise BadArgument(
+            f"the number of correctives is a whole number from 0, or None for all, not {count!r}"
+        )
+    T, N = len(poses), body.n_vertices
+    people = np.tile(betas, (T, 1))
+    features = body.kinematics.motions(poses, people).features  # (T, F)
+    P = body.posedirs.reshape(3 * N, -1)
+    mixed, shares = np.zeros((T, 0)), np.zeros((T, 0))  # mixtures of poses that are the shapes
+    if P.shape[1] and count != 0:
+        _, sizes, turns = np.linalg.svd(np.linalg.qr(P, mode="r") @ features.T, full_matrices=False)
+        kept = int((sizes > NOTHING).sum())
+        used = turns[: kept if count is None else min(kept, count)].T  # columns of length one
+        largest = np.abs(used).max(axis=0, initial=1e-300)
+        mixed, shares = used * largest, used / largest
+    shapes, shares = (
+        a.astype(np.float32).astype(np.float64) for a in (P @ (features.T @ mixed), shares)
+    )
+    total, farthest = 0.0, 0.0
+    for first in range(0, T, TOGETHER):
+        some = slice(first, first + TOGETHER)
+        missing = (features[some] @ P.T - shares[some] @ shapes.T).reshape(-1, N, 3)
+        R = body.kinematics.motions(poses[some], people[some]).G[..., :3]
+        blended = (body.weights @ R.reshape(len(R), -1, 9)).reshape(-1, N, 3, 3)
+        off = np.linalg.norm(np.einsum("tnij,tnj->tni", blended, missing), axis=2)
+        total, farthest = total + float(off.sum()), max(farthest, float(off.max()))
+    targets = np.moveaxis(shapes.reshape(N, 3, -1), 2, 0)
+    return Correctives(targets, shares, total / (T * N), farthest)
+
 
 STILL = 1e-9  # m: a joint that betas move by less stays where it is
 SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
@@ -40,7 +151,7 @@ SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can 
 
 def write_gltf(
     path: str | Path,
-    body: SkinnedBody | TriangleBody,
+    body: SkinnedBody,
     poses: ArrayLike,
     betas: ArrayLike | None = None,
     *,
@@ -52,19 +163,19 @@ def write_gltf(
 ) -> Correctives:
     """Write one person in poses (P, K, 3) rad as a .glb with a skeleton, `seconds` from key to key.
 
-    `trans` (P, 3) m moves the root, and `moving` (P, B) is what each pose adds to the betas, such
-    as an expression, whose directions become morph targets. `correctives` is the number of morph
-    targets that stand for the pose blend shapes, or for what bones lack of a triangle body: None
-    for as many as the poses need, which is exact, 0 for none. The first `shapes` shape directions
-    are morph targets as well, of one standard deviation, which the file leaves at zero. What is
-    returned says how far the surface is off; the file's `extras` say it too, and the betas. Whole
-    or not at all.
+    `trans` (P, 3) or (3,) m moves the root, and `moving` (P, B) is what each pose adds to the
+    betas, such as an expression, whose directions become morph targets. `correctives` is the number
+    of morph targets that stand for the pose blend shapes: None for as many as the poses need, which
+    is exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
+    standard deviation, which the file leaves at zero. What is returned says how far the surface is
+    off; the file's `extras` say it too, and the betas. Whole or not at all.
 
-    Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, and
-    bodies drawn in another pose than zero; BadArgument for other numbers of morph targets.
+    Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, bodies
+    drawn in another pose than zero, and a TriangleBody; BadBody also for poses, betas or trans of
+    another shape; BadArgument for other numbers of morph targets, for no poses, for numbers that
+    are not finite, and for a time between keys that is not positive.
     """
-    path = Path(path)
-    if isinstance(body, SkinnedBody) and (not body.is_smpl or body.bind_pose.any()):
+    if not (isinstance(body, SkinnedBody) and body.is_smpl) or body.bind_pose.any():
         raise BadBody(
             f"body {body.name!r} is not skinned as a glTF is, linearly from a zero pose; write a "
             "mesh of every pose, with write_mesh"
@@ -74,25 +185,31 @@ def write_gltf(
             f"body {body.name!r} has {body.n_betas} shape directions; as morph targets, give 0 to "
             f"so many, not {shapes!r:.60}"
         )
-    theta = np.asarray(poses, dtype=float).reshape(-1, body.n_joints, 3)
-    beta = np.zeros(body.n_betas)
-    if betas is not None:
-        given = np.asarray(betas, dtype=float)
-        beta[: len(given)] = given
-    P = len(theta)
-    B = body.n_betas
-    added = np.zeros((P, B)) if moving is None else np.asarray(moving, dtype=float)
+    if betas is not None and np.ndim(betas) != 1:
+        raise BadBody(f"a glTF shows one person, whose betas are (B,), not {np.shape(betas)}")
+    _, theta, people, places = arguments(body, poses, betas, trans)
+    theta = theta.copy()  # broadcast, it cannot be written, which SciPy asks for
+    P, B = len(theta), body.n_betas
+    added = np.zeros((P, B)) if moving is None else reals("moving", moving)
+    if not P:
+        raise BadArgument("there are no poses to write; give at least one")
     if added.shape != (P, B):
         raise BadArgument(
             f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
         )
-    if isinstance(body, SkinnedBody):
-        skinned, found = body, correctives_of(body, theta, beta, correctives)
-    else:
-        skinned, surfaces = blended(body, theta), body.vertices(theta, np.tile(beta, (P, 1)))
-        found = correctives_of_surfaces(skinned, theta, beta, surfaces, correctives)
-    moved = None if trans is None else np.asarray(trans, dtype=float).reshape(-1, 3)
-    write_file(path, _glb(skinned, theta, beta, moved, added, seconds, found, shapes))
+    if not 0 < seconds < np.inf:
+        raise BadArgument(f"the seconds from key to key must be positive, not {seconds}")
+    for name, numbers in (
+        ("poses", theta),
+        ("betas", people),
+        ("trans", places),
+        ("moving", added),
+    ):
+        if not np.isfinite(numbers).all():
+            raise BadArgument(f"{name} must be finite; leave out the frames that are not")
+    found = correctives_of(body, theta, people[0], correctives)
+    moved = None if trans is None else places
+    write_file(path, _glb(body, theta, people[0], moved, added, seconds, found, shapes))
     return found
 
 
@@ -106,14 +223,14 @@ def _glb(
     correctives: Correctives,
     shapes: int,
 ) -> bytes:
-    chunk, K = Chunk(), body.n_joints
+    buffer, K = GltfBuffer(), body.n_joints
     rest = body.template + body.shapedirs @ betas
     J = body.numeric.skeleton.positions(betas)
     attributes = {
-        "POSITION": chunk.add(rest, "float32", ATTRIBUTES),
-        "NORMAL": chunk.add(_normals(rest, body.faces), "float32", ATTRIBUTES),
+        "POSITION": buffer.add(rest, "float32", ATTRIBUTES),
+        "NORMAL": buffer.add(_normals(rest, body.faces), "float32", ATTRIBUTES),
     }
-    attributes |= _influences(body.weights, chunk)
+    attributes |= _influences(body.weights, buffer)
     used = np.flatnonzero(added.any(axis=0)).tolist()  # betas that move
     directions = np.moveaxis(body.shapedirs, 2, 0)
     morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
@@ -121,14 +238,14 @@ def _glb(
     names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
     primitive: dict[str, Any] = {
         "attributes": attributes,
-        "indices": chunk.add(
+        "indices": buffer.add(
             body.faces.ravel(), "uint16" if body.n_vertices < SHORT else "uint32", ELEMENTS
         ),
     }
     mesh: dict[str, Any] = {"primitives": [primitive]}
     if morphs:
         primitive["targets"] = [
-            {"POSITION": chunk.add(moved, "float32", ATTRIBUTES)} for moved in morphs
+            {"POSITION": buffer.add(moved, "float32", ATTRIBUTES)} for moved in morphs
         ]
         mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
     inverse = np.tile(np.eye(4), (K, 1, 1))
@@ -172,12 +289,12 @@ def _glb(
             {
                 "joints": list(range(K)),
                 "skeleton": 0,
-                "inverseBindMatrices": chunk.add(inverse.reshape(K, 16), "float32"),
+                "inverseBindMatrices": buffer.add(inverse.reshape(K, 16), "float32"),
             }
         ],
-        "animations": [_animation(poses, places, weights, seconds, chunk)],
+        "animations": [_animation(poses, places, weights, seconds, buffer)],
     }
-    return chunk.file(document)
+    return buffer.file(document)
 
 
 def _normals(rest: Array, faces: Index) -> Array:
@@ -187,7 +304,7 @@ def _normals(rest: Array, faces: Index) -> Array:
     return found
 
 
-def _influences(weights: Array, chunk: Chunk) -> dict[str, int]:
+def _influences(weights: Array, buffer: GltfBuffer) -> dict[str, int]:
     """Joints and weights of every vertex, four at a time, the largest first."""
     order = np.argsort(-weights, axis=1, kind="stable")
     sets = -(-int((weights > 0).sum(axis=1).max()) // 4)
@@ -199,25 +316,25 @@ def _influences(weights: Array, chunk: Chunk) -> dict[str, int]:
         joints = np.where(shares > 0, joints, 0)
         filled = np.zeros((len(joints), 4 - joints.shape[1]))  # a body of three joints or less
         joints, shares = (np.hstack([a, filled]) for a in (joints, shares))
-        found[f"JOINTS_{s}"] = chunk.add(joints, kind, ATTRIBUTES)
-        found[f"WEIGHTS_{s}"] = chunk.add(shares, "float32", ATTRIBUTES)
+        found[f"JOINTS_{s}"] = buffer.add(joints, kind, ATTRIBUTES)
+        found[f"WEIGHTS_{s}"] = buffer.add(shares, "float32", ATTRIBUTES)
     return found
 
 
 def _animation(
-    poses: Array, places: dict[int, Array], weights: Array, seconds: float, chunk: Chunk
+    poses: Array, places: dict[int, Array], weights: Array, seconds: float, buffer: GltfBuffer
 ) -> dict[str, Any]:
     """The key frames of all joints, of morph targets (P, M), and of joints that move (P, 3) m."""
     P, K = poses.shape[:2]
     q = _on_one_side(Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4))
-    times = chunk.add(seconds * np.arange(P), "float32")
-    outputs = [chunk.add(q[:, k], "float32") for k in range(K)]
+    times = buffer.add(seconds * np.arange(P), "float32")
+    outputs = [buffer.add(q[:, k], "float32") for k in range(K)]
     where = [{"node": k, "path": "rotation"} for k in range(K)]
     if weights.size:
-        outputs.append(chunk.add(weights.ravel(), "float32"))
+        outputs.append(buffer.add(weights.ravel(), "float32"))
         where.append({"node": K, "path": "weights"})
     for k, place in places.items():
-        outputs.append(chunk.add(place, "float32"))
+        outputs.append(buffer.add(place, "float32"))
         where.append({"node": k, "path": "translation"})
     return {
         "samplers": [{"input": times, "output": out} for out in outputs],

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.bodies.files.entries import SPARSE_PARTS
 from workbench.bodies.files.joint_names import family
-from workbench.bodies.files.smplx_vertices import vertex_ids
-from workbench.bodies.files.triangle_layout import STYLE
+from workbench.bodies.files.layouts import STYLE
+from workbench.bodies.files.reading import SPARSE_PARTS
 from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.skinned import SkinnedBody
@@ -34,7 +34,7 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     bind pose, joints at rest where they are given, capsules, card and `extras`; `load_body`
     returns the same numbers. A pickle holds numpy arrays only. The features are SMPL's or, in
     .npz alone, STAR's, which are told by the number of columns of posedirs. A TriangleBody is
-    saved as .npz, with the keys that `triangles/layout.py` lists.
+    saved as .npz, with the keys that `layouts.py` lists.
 
     The package smplx opens the .pkl of a body of 24 joints (SMPL), 52 (SMPL-H) and 16 (MANO), and
     the .npz of one of 55 (SMPL-X) that has SMPL-X's landmarks among its extras. It asks for a pose
@@ -121,7 +121,7 @@ def _pose_spaces(n_joints: int) -> dict[str, NDArray[Any]]:
 
 
 def _of_triangles(body: TriangleBody) -> dict[str, NDArray[Any]]:
-    """The body by the keys of `triangles/layout.py`."""
+    """The body by the keys of `layouts.py`."""
     own = {"shapedirs": body.shapedirs, "posedirs": body.posedirs, "near": body.near}
     own |= _sparse("weights", body.weights) | _sparse("J_regressor", body.J_regressor)
     return dict(body.extras) | own | _of_every_kind(body, STYLE)
@@ -187,3 +187,83 @@ def _card(body: SkinnedBody | TriangleBody) -> str:
         raise BadFile(
             f"the card of body {body.name!r} must hold texts, numbers, lists and dicts: {error}"
         ) from error
+
+
+@dataclass(frozen=True)
+class SmplxVertex:
+    """A point on the skin: a landmark, or else the skin of some joints farthest in a direction.
+
+    Attributes:
+        landmark: the name of the landmark; that of a finger may end in `_tip`.
+        joints: the names of the joints.
+        direction: for the body's left side; on the right, x has the other sign.
+    """
+
+    landmark: str
+    joints: tuple[str, ...]
+    direction: tuple[float, float, float]
+
+
+HEAD, FOOT, HAND = ("head",), ("ankle", "foot"), ("wrist", "hand")
+
+
+def _finger(name: str) -> tuple[str, ...]:
+    """The joints whose skin has the tip of a finger: its own, or the hand's if it has none."""
+    return (*HAND, *(f"{name}{i}" for i in (1, 2, 3)))
+
+
+# The name in smplx with the letter of its side, and what it is on the left. Directions are those in
+# a T-pose, palms down; they matter only for bodies without such landmarks.
+SIDED = (
+    ("{0}eye", SmplxVertex("eye", HEAD, (0.5, 0.5, 1.0))),
+    ("{0}ear", SmplxVertex("ear", HEAD, (1.0, 0.0, 0.0))),
+    ("{1}BigToe", SmplxVertex("big_toe", FOOT, (-0.3, 0.0, 1.0))),
+    ("{1}SmallToe", SmplxVertex("small_toe", FOOT, (0.7, 0.0, 1.0))),
+    ("{1}Heel", SmplxVertex("heel", FOOT, (0.0, -0.3, -1.0))),
+    ("{0}thumb", SmplxVertex("thumb", _finger("thumb"), (0.5, 0.0, 1.0))),
+    ("{0}index", SmplxVertex("index", _finger("index"), (1.0, 0.0, 0.4))),
+    ("{0}middle", SmplxVertex("middle", _finger("middle"), (1.0, 0.0, 0.1))),
+    ("{0}ring", SmplxVertex("ring", _finger("ring"), (1.0, 0.0, -0.2))),
+    ("{0}pinky", SmplxVertex("pinky", _finger("pinky"), (1.0, 0.0, -0.6))),
+)
+SIDES = (("l", "left", 1.0), ("r", "right", -1.0))
+
+
+def extras() -> dict[str, SmplxVertex]:
+    """The 21 names that smplx asks for, each with what it is on a body."""
+    found = {"nose": SmplxVertex("nose", HEAD, (0.0, 0.0, 1.0))}
+    for letter, side, sign in SIDES:
+        for name, left in SIDED:
+            joints = HEAD if left.joints == HEAD else tuple(f"{side}_{j}" for j in left.joints)
+            x, y, z = left.direction
+            extra = SmplxVertex(f"{side}_{left.landmark}", joints, (sign * x, y, z))
+            found[name.format(letter, letter.upper())] = extra
+    return found
+
+
+def vertex_ids(body: SkinnedBody) -> dict[str, int]:
+    """The number of a vertex for each of smplx's 21 names: nose, leye, LBigToe, lthumb, ...
+
+    The vertex nearest to the body's landmark of that name in the template, or, where it has
+    none, a guess from the template's geometry.
+    """
+    points = {
+        name: point
+        for landmarks in body.landmarks.values()
+        for name, point in zip(landmarks.names, landmarks.regressor @ body.template, strict=True)
+    }
+    numbers = {}
+    for name, extra in extras().items():
+        point = points.get(extra.landmark, points.get(f"{extra.landmark}_tip"))
+        if point is None:
+            numbers[name] = _farthest(body, extra)
+        else:
+            numbers[name] = int(np.argmin(np.linalg.norm(body.template - point, axis=1)))
+    return numbers
+
+
+def _farthest(body: SkinnedBody, extra: SmplxVertex) -> int:
+    """Among the vertices that move mostly with the joints; among all, if there are none."""
+    mine = np.isin(np.array(body.joint_names)[body.weights.argmax(axis=1)], extra.joints)
+    along = body.template @ np.array(extra.direction)
+    return int(np.argmax(np.where(mine, along, -np.inf) if mine.any() else along))

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.errors import BadArgument
-from workbench.geometry.rotation import half_turns, rodrigues
+from workbench.geometry.rotation import quaternions_of_vectors, rodrigues
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def quaternion_elements(at: Posture) -> cs.MX:
     Bounded; after one full turn they have the opposite quaternion, and are the same again only
     after two. `star_features` have beta_2 as well.
     """
-    w, x, y, z = cs.vertsplit(half_turns(at.pose) - half_turns(at.bind), 1)
+    w, x, y, z = cs.vertsplit(quaternions_of_vectors(at.pose) - quaternions_of_vectors(at.bind), 1)
     return cs.vec(cs.vertcat(x, y, z, w)[:, 1:])
 
 

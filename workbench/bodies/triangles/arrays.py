@@ -6,7 +6,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.body import Body
-from workbench.geometry.stitching import Stitching
+from workbench.geometry.triangles import Stitching
 
 
 class TriangleArrays(Body, Protocol):

@@ -24,7 +24,7 @@ from workbench.bodies.triangles.sources import mean_points, surface_points
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
 from workbench.errors import NotSupported, UnknownName
-from workbench.geometry.stitching import Stitching
+from workbench.geometry.triangles import Stitching
 
 FREEABLE = {"template": "m", "shapedirs": "1", "posedirs": "1/rad"}  # and their units
 

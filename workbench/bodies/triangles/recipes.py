@@ -9,7 +9,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
 from workbench.errors import BadBody
-from workbench.geometry.triangles import gradient_slopes
+from workbench.geometry.triangles import gradient_derivatives
 
 
 def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
@@ -41,7 +41,7 @@ def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
     return TriangleBody(
         template=body.template,
         faces=body.faces,
-        shapedirs=gradient_slopes(body.template, body.shapedirs, body.faces),
+        shapedirs=gradient_derivatives(body.template, body.shapedirs, body.faces),
         posedirs=np.zeros((len(body.faces), 3, 3, 3 * near.shape[1])),
         near=near,
         weights=csr_array(weights),

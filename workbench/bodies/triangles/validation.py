@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from workbench.bodies.files.extras import TRIANGLES, clashes
+from workbench.bodies.files.reading import TRIANGLES, clashes
 from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.validation import (
     check_finite,

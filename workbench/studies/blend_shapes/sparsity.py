@@ -13,8 +13,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
-from workbench.geometry.mesh_graph import along_edges
-from workbench.geometry.solids import mesh_edges
+from workbench.geometry.solids import along_edges, mesh_edges
 from workbench.training.ridge import Sums, solve_ridge
 
 STEPS = 400  # of the accelerated proximal gradient method, at most

@@ -17,7 +17,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies.catalogue import load_skinned
 from workbench.environment import expanded
 from workbench.errors import BadFile, listed, some
-from workbench.geometry.meshes import REGISTERED, read_registered
+from workbench.geometry.meshes import WITH_VERTEX_ORDER, read_registered
 from workbench.reading.arrays import (
     any_reals,
     mapped_array,
@@ -117,7 +117,7 @@ def _numbered(path: Path) -> list[tuple[int, str]]:
 
 def _at_rest(rest: str | Path) -> tuple[Array, Index]:
     path = expanded(rest)
-    if path.suffix.lower() in REGISTERED:
+    if path.suffix.lower() in WITH_VERTEX_ORDER:
         mesh = read_registered(path)
         return mesh.vertices, mesh.faces
     body = load_skinned(rest)

@@ -8,8 +8,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges
+from workbench.geometry.triangles import Stitching, edges
 from workbench.training.triangles.stitched_fit import (
     LSQR,
     ClosedEdges,

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
-from workbench.geometry.stitching import Stitching
-from workbench.geometry.triangles import edges, gradient_slopes
+from workbench.geometry.triangles import Stitching, edges, gradient_derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +40,7 @@ def learn_shapes(people: ArrayLike, faces: Index, n_betas: int) -> TriangleShape
     if not 0 <= n_betas < P:
         raise BadArgument(f"{P} people tell up to {P - 1} shape directions apart, not {n_betas}")
     template = v.mean(axis=0)
-    slopes = gradient_slopes(template, np.moveaxis(v - template, 0, 2), faces)  # (F, 3, 3, P)
+    slopes = gradient_derivatives(template, np.moveaxis(v - template, 0, 2), faces)  # (F, 3, 3, P)
     flat = slopes.reshape(-1, P)
     variances, coordinates = scipy.linalg.eigh(flat.T @ flat)
     order = np.argsort(-variances)[:n_betas]

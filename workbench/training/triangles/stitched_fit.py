@@ -22,7 +22,7 @@ from scipy.sparse.linalg import LinearOperator, lsqr
 
 from workbench.arrays import Array, Index
 from workbench.errors import WorkbenchError
-from workbench.geometry.stitching import Stitching
+from workbench.geometry.triangles import Stitching
 
 
 class NotConverged(WorkbenchError):

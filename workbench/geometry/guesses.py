@@ -4,7 +4,8 @@ import numpy as np
 
 from workbench.arrays import Array
 
-TURNS: dict[str, Array] = {  # rotations that take the axis to y; what faces -y when z is up faces z
+# rotations that take the axis to y; what faces -y when z is up faces z
+UP_TO_Y: dict[str, Array] = {
     "y": np.eye(3),
     "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
     "x": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),

@@ -1,19 +1,21 @@
-"""PCD, the format of the Point Cloud Library: ascii, binary or compressed; positions and normals.
+"""Point clouds in files: PCD of the Point Cloud Library, and text with a point in each line.
 
-The header says how many points there are and what each holds. It is believed only as far as the
-file has bytes for it. (Point Cloud Library, The PCD file format, version 0.7; the compression is
-LZF, by Marc Lehmann.)
+The header of a .pcd says how many points there are and what each holds. It is believed only as far
+as the file has bytes for it. (Point Cloud Library, The PCD file format, version 0.7; the
+compression is LZF, by Marc Lehmann.)
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
 from workbench.errors import cut, shown
-from workbench.geometry.polygons import text_lines
+from workbench.geometry.meshes import text_lines
 
 LONGEST_HEADER = 2**16
 TYPES = {f"{kind}{size}": f"<{kind.lower()}{size}" for kind in "IU" for size in (1, 2, 4, 8)} | {
@@ -118,17 +120,9 @@ def _in_rows(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
     there = len(content) - header.start
     if header.bytes > there:
         raise ValueError(_short(header, there))
-    offsets = np.cumsum([0, *(field.bytes for field in header.fields)])
-    rows = np.frombuffer(content, np.uint8, header.bytes, header.start)
-    rows = rows.reshape(header.n_points, int(offsets[-1]))
-    return np.column_stack(
-        [
-            _numbers(
-                np.ascontiguousarray(rows[:, int(offsets[k]) : int(offsets[k + 1])]), header, k
-            )
-            for k in (_at(header, name) for name in names)
-        ]
-    )
+    fields = [(str(k), f.dtype, (f.count,)) for k, f in enumerate(header.fields)]
+    rows = np.frombuffer(content, fields, header.n_points, header.start)
+    return _columns([rows[str(_at(header, name))][:, 0] for name in names])
 
 
 def _in_columns(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
@@ -139,20 +133,20 @@ def _in_columns(content: bytes, header: _Header, names: tuple[str, ...]) -> Arra
         raise ValueError("its compressed points are cut off")
     if header.bytes != sizes[1] or header.bytes > min(LARGEST_RATIO * sizes[0], MOST_BYTES):
         raise ValueError(_short(header, int(sizes[1])))
-    unpacked = np.frombuffer(unpacked_lzf(packed[: int(sizes[0])], header.bytes), np.uint8)
-    ends = np.cumsum([0, *(header.n_points * field.bytes for field in header.fields)])
-    return np.column_stack(
+    unpacked = unpacked_lzf(packed[: int(sizes[0])], header.bytes)
+    starts = np.cumsum([0, *(header.n_points * field.bytes for field in header.fields)])
+    places = [_at(header, name) for name in names]
+    return _columns(
         [
-            _numbers(unpacked[int(ends[k]) : int(ends[k + 1])], header, k)
-            for k in (_at(header, name) for name in names)
+            np.frombuffer(unpacked, header.fields[k].dtype, header.n_points, int(starts[k]))
+            for k in places
         ]
     )
 
 
-def _numbers(data: NDArray[np.uint8], header: _Header, k: int) -> Array:
-    """The numbers (N,) of field k, out of its bytes for all points."""
+def _columns(numbers: list[NDArray[Any]]) -> Array:
     with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
-        return data.reshape(-1).view(header.fields[k].dtype).astype(np.float64)
+        return np.column_stack(numbers).astype(np.float64)
 
 
 def _at(header: _Header, name: str) -> int:
@@ -266,3 +260,61 @@ def _viewpoint(words: list[str]) -> Array | None:
     except ValueError:
         raise ValueError(f"its header has the viewpoint {cut(' '.join(words), 60)}") from None
     return place if len(place) == 3 and place.any() else None
+
+
+MOST_HEAD = 20  # lines before the first point: titles of columns, or how many points there are
+MOST_COLUMNS = 6  # that are read; what follows, colours and intensities, is left in the file
+COMMENTS = ("#", "//")
+SEPARATORS = (",", ";")  # otherwise blanks
+
+
+def parse_xyz(content: bytes) -> tuple[Array, int]:
+    """The first columns (N, 3) to (N, 6) of all lines, and how many columns the first line has.
+
+    Lines before the first point that hold no three numbers are passed over, at most 20. Raises
+    ValueError with what is wrong.
+    """
+    lines = (line for line in text_lines(content) if line.strip())
+    head = list(islice(lines, MOST_HEAD + 1))
+    start = next((i for i, line in enumerate(head) if len(_leading_numbers(line)) >= 3), None)
+    if start is None:
+        first = shown(head[0].strip()) if head else "nothing"
+        raise ValueError(f"its first lines hold no x, y and z; the first is {first}")
+    columns = len(_leading_numbers(head[start]))
+    separator = _separator(head[start])
+    total = len(_words(head[start]))
+    try:
+        numbers = np.loadtxt(
+            _rows(chain(head[start:], lines)),
+            delimiter=separator,
+            usecols=range(min(columns, MOST_COLUMNS)),
+            ndmin=2,
+            comments=None,
+        )
+    except ValueError as error:
+        raise ValueError(f"after line {start + 1}: {cut(error)}") from error
+    return np.asarray(numbers, dtype=np.float64), total
+
+
+def _rows(lines: Iterator[str]) -> Iterator[str]:
+    return (line for line in lines if not line.lstrip().startswith(COMMENTS))
+
+
+def _separator(line: str) -> str | None:
+    return next((one for one in SEPARATORS if one in line), None)
+
+
+def _words(line: str) -> list[str]:
+    words = line.split(_separator(line))
+    return words if words and words[-1].strip() else words[:-1]
+
+
+def _leading_numbers(line: str) -> list[float]:
+    """The numbers with which a line begins; nothing if it is a comment."""
+    found: list[float] = []
+    for word in _words(line):
+        try:
+            found.append(float(word))
+        except ValueError:
+            break
+    return found

@@ -1,0 +1,403 @@
+"""glTF 2.0 read: the JSON and buffers of a .glb or .gltf, and the triangles its scene shows.
+
+A file of a few bytes can claim billions of numbers that no bytes stand for, show one mesh a million
+times, or hang its nodes on each other in a circle. So numbers are views of the file's own bytes,
+each node is visited once, and what is shown again is paid for. A buffer is the binary part of a
+.glb, text in base64, or another file, which is opened only if the caller names the folder of the
+text, and only in this folder or below it: a file must not make a reader open whatever is on the
+machine or on the web. (Khronos Group, glTF 2.0 Specification.)
+"""
+
+import base64
+import binascii
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array, Index
+from workbench.errors import shown
+from workbench.reading.facts import bounded, parsed
+
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+MOST_ZEROS = 25_000_000  # numbers of an accessor that has no bytes
+
+
+@dataclass(frozen=True)
+class GlbDocument:
+    """The JSON of a file, and the bytes of its buffers."""
+
+    json: dict[str, Any]
+    buffers: list[bytes]
+
+    def entry(self, key: str, index: Any) -> dict[str, Any]:
+        """`key[index]`, an object. Raises ValueError if there is none."""
+        several = self.json.get(key)
+        there = isinstance(several, list) and type(index) is int and 0 <= index < len(several)
+        if not there or not isinstance(several, list) or not isinstance(several[index], dict):
+            raise ValueError(f"there is no {key}[{shown(index)}]")
+        found: dict[str, Any] = several[index]
+        return found
+
+    def numbers(self, index: Any, kind: str, columns: int) -> NDArray[Any]:
+        """The numbers (count, columns) of an accessor, as a view of the file's bytes."""
+        accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise ValueError(
+                f"{name} is sparse, or compressed by an extension such as Draco's, which is not "
+                "read; export the mesh without compression"
+            )
+        dtype = _dtype(accessor, kind, name)
+        return self._view(accessor, dtype, whole(accessor, "count"), columns, kind, name)
+
+    def values(self, index: Any, kind: str, columns: int) -> Array:
+        """The numbers (count, columns) of an accessor, sparse or not, normalized if it says so.
+
+        Raises ValueError for more numbers without bytes than a motion has.
+        """
+        accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
+        dtype, count = _dtype(accessor, kind, name), whole(accessor, "count")
+        if "bufferView" in accessor:
+            found = self._view(accessor, dtype, count, columns, kind, name)
+        elif count * columns <= MOST_ZEROS:
+            found = np.zeros((count, columns), dtype)
+        else:
+            raise ValueError(f"{name} says it holds {count:,} {kind}, all of them zero")
+        if "sparse" in accessor:
+            found = self._replaced(accessor["sparse"], found.copy(), kind, name)
+        with np.errstate(invalid="ignore"):
+            numbers = found.astype(np.float64)
+        if accessor.get("normalized") is True and dtype.kind in "iu":
+            numbers = np.maximum(numbers / np.iinfo(dtype).max, -1.0)
+        return numbers
+
+    def _replaced(self, sparse: Any, found: NDArray[Any], kind: str, name: str) -> NDArray[Any]:
+        """The numbers with some rows of their own, as a sparse accessor lists them."""
+        if not isinstance(sparse, dict) or not isinstance(sparse.get("indices"), dict):
+            raise ValueError(f"{name} is sparse and does not say where")
+        if not isinstance(sparse.get("values"), dict):
+            raise ValueError(f"{name} is sparse and does not say what")
+        many, places = whole(sparse, "count"), sparse["indices"]
+        unsigned = _dtype(places | {"type": "SCALAR"}, "SCALAR", name)
+        at = self._view(places, unsigned, many, 1, "SCALAR", name).astype(np.int64).ravel()
+        if many and not (at.min() >= 0 and at.max() < len(found)):
+            raise ValueError(f"{name} is sparse and names rows that it does not have")
+        columns = found.shape[1]
+        found[at] = self._view(sparse["values"], found.dtype, many, columns, kind, name)
+        return found
+
+    def _view(
+        self,
+        holder: dict[str, Any],
+        dtype: np.dtype[Any],
+        count: int,
+        columns: int,
+        kind: str,
+        name: str,
+    ) -> NDArray[Any]:
+        """Numbers (count, columns) where `holder` says that they are."""
+        view = self.entry("bufferViews", holder.get("bufferView"))
+        buffer, row = self.buffer(view.get("buffer")), dtype.itemsize * columns
+        stride = whole(view, "byteStride", row)
+        start, length = whole(view, "byteOffset", 0), whole(view, "byteLength")
+        offset = whole(holder, "byteOffset", 0)
+        end = offset + (count - 1) * stride + row if count else offset
+        if stride < row or end > length or start + length > len(buffer):
+            raise ValueError(f"{name} says it holds {count:,} {kind}, but its bytes are fewer")
+        return np.ndarray((count, columns), dtype, buffer, start + offset, (stride, dtype.itemsize))
+
+    def buffer(self, index: Any) -> bytes:
+        """The bytes of a buffer. Raises ValueError if the file has none for it."""
+        self.entry("buffers", index)
+        if index >= len(self.buffers):
+            raise ValueError(f"buffers[{index}] has no bytes in this file")
+        number: int = index
+        return self.buffers[number]
+
+
+def _dtype(accessor: dict[str, Any], kind: str, name: str) -> np.dtype[Any]:
+    code = accessor.get("componentType")
+    if accessor.get("type") != kind or type(code) is not int or code not in COMPONENTS:
+        raise ValueError(f"{name} holds {shown(accessor.get('type'))}, but must hold {kind}")
+    return np.dtype(COMPONENTS[code])
+
+
+LOCAL = ("matrix", "translation", "rotation", "scale")
+
+
+def local_motion(node: dict[str, Any]) -> Array:
+    """The motion (4, 4) of a node within its parent: a matrix, or T R S."""
+    if "matrix" in node:
+        return node_reals(node["matrix"], 16).reshape(4, 4).T
+    motion = np.eye(4)
+    quaternion = node_reals(node.get("rotation", (0, 0, 0, 1)), 4)
+    if not quaternion.any():
+        raise ValueError("the rotation of a node is zero, and not a unit quaternion")
+    with np.errstate(all="ignore"):
+        motion[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+        motion[:3, :3] *= node_reals(node.get("scale", (1, 1, 1)), 3)
+    motion[:3, 3] = node_reals(node.get("translation", (0, 0, 0)), 3)
+    return motion
+
+
+def several(holder: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    """The objects of a list, which may be missing."""
+    found = holder.get(key, [])
+    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+        raise ValueError(f"its {key} are no list of objects")
+    return found
+
+
+def children(holder: dict[str, Any], key: str) -> list[Any]:
+    """The numbers of nodes in `holder[key]`, the last one first; empty if there is no such list."""
+    found = holder.get(key, [])
+    if not isinstance(found, list):
+        raise ValueError(f"its {key} are no list of numbers")
+    return found[::-1]  # the last that waits comes first
+
+
+def whole(holder: dict[str, Any], key: str, otherwise: int | None = None) -> int:
+    """A whole number from 0 on. Raises ValueError."""
+    found = holder.get(key, otherwise)
+    if type(found) is not int or not 0 <= found < 2**53:
+        raise ValueError(f"its {key} is {shown(found)}, but must be a whole number from 0")
+    return found
+
+
+def node_reals(given: Any, count: int) -> Array:
+    """The numbers (count,) of a node's place. Raises ValueError."""
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        found = np.zeros(0)
+    if found.shape != (count,):
+        raise ValueError(f"a node's place is {shown(given)}, but must be {count} numbers")
+    return found
+
+
+MAGIC, JSON, BINARY = b"glTF", b"JSON", b"BIN\0"
+MOST_BYTES = 2**30  # of all files beside a .gltf together
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
+    """The document of a .glb or of a .gltf. Raises ValueError (BadFile of its JSON), OSError.
+
+    `folder` is where the file is: buffers in other files are read from there. Without it there are
+    none, and the content must be that of a .glb.
+    """
+    text = content.removeprefix(BYTE_ORDER_MARK).lstrip()
+    if content[:4] == MAGIC and content[4:8] == b"\2\0\0\0":
+        chunks = _chunks(content)
+    elif folder is not None and text[:1] == b"{":
+        chunks = {JSON: text}
+    else:
+        raise ValueError("it does not begin as glTF 2.0 does")
+    json = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
+    if not isinstance(json, dict):
+        raise ValueError("its JSON is no object")
+    if content[:4] != MAGIC:
+        _check_version(json)
+    beside = _Beside(folder)
+    buffers = several(json, "buffers")
+    return GlbDocument(json, [_bytes(b, k, chunks, beside) for k, b in enumerate(buffers)])
+
+
+def _check_version(json: dict[str, Any]) -> None:
+    """Raises ValueError for text of another version, whose lists are objects."""
+    asset = json.get("asset")
+    version = asset.get("version") if isinstance(asset, dict) else None
+    if not isinstance(version, str) or not version.startswith("2."):
+        raise ValueError(f"its asset says version {shown(version)}, and glTF 2.0 is read")
+
+
+def _chunks(content: bytes) -> dict[bytes, bytes]:
+    """The parts of a .glb by their kind."""
+    chunks: dict[bytes, bytes] = {}
+    at = 12
+    while at + 8 <= len(content):
+        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
+        if at + 8 + length > len(content):
+            raise ValueError(f"a part of {length:,} bytes is cut off")
+        if kind in (JSON, BINARY):  # others are to be passed over
+            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
+        at += 8 + length
+    return chunks
+
+
+def _bytes(
+    buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes], beside: "_Beside"
+) -> bytes:
+    """What a buffer holds."""
+    uri, name = buffer.get("uri"), f"buffers[{number}]"
+    if uri is None:
+        return chunks.get(BINARY, b"") if number == 0 else b""
+    head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
+    if not head.startswith("data:"):
+        return beside.read(uri, name, whole(buffer, "byteLength", 0))
+    try:
+        return base64.b64decode(text)
+    except binascii.Error as error:
+        raise ValueError(f"{name} is no base64 ({error})") from error
+
+
+class _Beside:
+    """The files of a folder that buffers name: each is read once; all have one limit together."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder, self.known, self.room = folder, dict[Path, bytes](), MOST_BYTES
+
+    def read(self, uri: Any, name: str, length: int) -> bytes:
+        """The bytes of the file that a URI names."""
+        if self.folder is None:
+            raise ValueError(
+                f"{name} is in another file, {shown(uri)}, which is not opened; export the "
+                "mesh as one .glb"
+            )
+        path = self._path(uri, name)
+        if path not in self.known:
+            try:
+                content = bounded(path, self.room)
+            except OSError as error:
+                raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
+            self.room -= len(content)
+            self.known[path] = content
+        if length > len(self.known[path]):
+            raise ValueError(
+                f"{name} has {length:,} bytes, and its file {shown(uri)} {len(self.known[path]):,}"
+            )
+        return self.known[path]
+
+    def _path(self, uri: Any, name: str) -> Path:
+        """The file in the folder or below it."""
+        assert self.folder is not None
+        inside = unquote(uri) if isinstance(uri, str) else ""
+        parts = PurePosixPath(inside).parts
+        strange = set(":\\\0") & set(inside)
+        if not parts or inside.startswith("/") or ".." in parts or strange or len(inside) > 1000:
+            raise ValueError(
+                f"{name} is said to be in {shown(uri)}, and only files in the folder of the .gltf, "
+                "or below it, are opened; put the file there"
+            )
+        home = self.folder.resolve()
+        path = home.joinpath(*parts).resolve()
+        if not path.is_relative_to(home):  # a link that leads elsewhere
+            raise ValueError(f"{name} is in {shown(uri)}, which leads out of the file's folder")
+        if not path.is_file():
+            raise ValueError(
+                f"{name} is in the file {shown(uri)}, which is not in the folder; keep both "
+                "together"
+            )
+        return path
+
+
+POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines
+FREE_BYTES = 2**28  # that all parts together may take, however small the file is
+PER_BYTE = 16  # further bytes that they may take for each byte of the file
+LEAST = 2**14  # bytes that a part counts as at least, for placing one takes time
+
+
+def parse_glb(content: bytes) -> tuple[Array, Index]:
+    """Vertices (N, 3) in m and triangles (F, 3) of all parts, one after the other.
+
+    Raises ValueError (BadFile of its JSON) with what is wrong.
+    """
+    document = document_of(content)
+    places = _places(document)
+    vertices, faces = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
+    count, room = 0, FREE_BYTES + PER_BYTE * len(content)
+    for number, mesh in enumerate(several(document.json, "meshes")):
+        motions = places.get(number, [])
+        for primitive in several(mesh, "primitives") if motions else []:
+            positions, triangles = _part(document, primitive)
+            room -= len(motions) * max(positions.nbytes + triangles.nbytes, LEAST)
+            if room < 0:
+                raise ValueError(
+                    "its scene shows the same parts again and again, so that all of them take more "
+                    f"than {PER_BYTE} times the file's {len(content):,} bytes"
+                )
+            for motion in motions:
+                vertices.append(_moved(positions, motion))
+                faces.append(triangles + count)
+                count += len(positions)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _places(document: GlbDocument) -> dict[int, list[Array]]:
+    """The motions (4, 4) to where the scene shows each mesh, in the order of the nodes' names."""
+    json = document.json
+    scene = document.entry("scenes", json.get("scene", 0)) if "scenes" in json else {}
+    waiting = [(child, np.eye(4)) for child in children(scene, "nodes")]
+    seen: set[int] = set()
+    found: dict[int, list[tuple[str, int, Array]]] = {}
+    while waiting:
+        number, motion = waiting.pop()
+        node = document.entry("nodes", number)
+        if number in seen:
+            raise ValueError(f"nodes[{number}] hangs on two others, or on itself")
+        seen.add(number)
+        if not node.keys().isdisjoint(LOCAL):
+            with np.errstate(all="ignore"):  # what is not finite then is refused as a vertex
+                motion = motion @ local_motion(node)
+        waiting += [(child, motion) for child in children(node, "children")]
+        if "mesh" in node:
+            document.entry("meshes", node["mesh"])
+            key = (str(node.get("name", number))[:100], number)
+            found.setdefault(node["mesh"], []).append((*key, motion))
+    return {
+        mesh: [motion for *_, motion in sorted(shown_at, key=lambda place: place[:2])]
+        for mesh, shown_at in found.items()
+    }
+
+
+def _part(document: GlbDocument, primitive: dict[str, Any]) -> tuple[Array, Index]:
+    """Vertices and triangles of one primitive; lines are left out, and points have no triangles."""
+    mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes")
+    none = np.zeros((0, 3), dtype=np.int64)
+    if mode not in (POINTS, TRIANGLES, STRIP, FAN) or not isinstance(attributes, dict):
+        return np.zeros((0, 3)), none
+    stored = document.numbers(attributes.get("POSITION"), "VEC3", 3)
+    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+        positions = stored.astype(np.float64)
+    if stored.dtype.kind in "iu" and _accessor_is_normalized(document, attributes):
+        positions = np.maximum(positions / np.iinfo(stored.dtype).max, -1)
+    if mode == POINTS:
+        return positions, none
+    if "indices" in primitive:
+        order = document.numbers(primitive["indices"], "SCALAR", 1).astype(np.int64).ravel()
+    else:
+        order = np.arange(len(positions))
+    return positions, _triangles(order, mode)
+
+
+def _accessor_is_normalized(document: GlbDocument, attributes: dict[str, Any]) -> bool:
+    return document.entry("accessors", attributes["POSITION"]).get("normalized") is True
+
+
+def _triangles(order: Index, mode: int) -> Index:
+    """Triangles (F, 3) of the vertices in this order."""
+    if mode == TRIANGLES:
+        if len(order) % 3:
+            raise ValueError(f"{len(order):,} corners are no triangles of three")
+        return order.reshape(-1, 3)
+    if len(order) < 3:
+        return np.zeros((0, 3), dtype=np.int64)
+    if mode == FAN:
+        first = np.full(len(order) - 2, order[0])
+        return np.column_stack([first, order[1:-1], order[2:]])
+    strip: Index = np.column_stack([order[:-2], order[1:-1], order[2:]])
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    a, b, c = strip.T
+    area: Index = strip[(a != b) & (b != c) & (a != c)]  # the others lead from strip to strip
+    return area
+
+
+def _moved(positions: Array, motion: Array) -> Array:
+    if np.array_equal(motion, np.eye(4)):
+        return positions
+    with np.errstate(all="ignore"):
+        return np.asarray(positions @ motion[:3, :3].T + motion[:3, 3])
