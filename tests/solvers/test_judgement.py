@@ -48,7 +48,7 @@ def test_a_far_start_does_not_lower_what_converged_means(name: str) -> None:
     if solution.converged:
         assert abs(float(solution.values["x"])) < 1e-6
     elif name == "ipopt-lbfgs":  # which leaps to where exp(x) is zero, to all digits
-        assert solution.status is Status.INSENSITIVE
+        assert solution.status in (Status.INSENSITIVE, Status.NO_FINITE_MINIMUM)
     else:
         assert solution.status in (Status.MAX_EVALUATIONS, Status.STALLED)
 

@@ -50,6 +50,8 @@ MAY_DIVERGE = (
 NAMED = 6  # unknowns in a message; there may be thousands
 NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
 NUDGED = 20  # unknowns at most that are tried one by one
+PROBE = 1e-3  # of the size of an unknown: how far the second gradient is taken
+HARMLESS = 1e-6  # of the cost, which is 1/2 for one sigma: a fall by less changes no answer
 WEAK = 1e-3  # of the residual: what an unknown of its size changes, if it is perhaps insensitive
 BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two vectors, and no reason to change
 MOST = 300  # unknowns: with more, singular values take too long
@@ -149,17 +151,23 @@ def end_point(run: "Run", here: Linearization) -> EndPoint:
 
 
 def _is_level(end: EndPoint) -> bool:
-    """Whether the cost at a stalled end changes by less than the tolerance, along each unknown.
+    """Whether the cost at a stalled end could fall by no more than the tolerance, and by no sigma.
 
     Near the minimum of a cost in a single row the row itself is level, and any cosine with its
-    short columns is 1. So a column counts here as long as one that changes the residual by its
-    length as x_i moves by its size.
+    short columns is 1. So the fall is estimated by the slope g'd and the curvature d'Hd along the
+    steepest descent d, as (g'd)^2 / (2 d'Hd), H from a second gradient.
     """
     here, size = end.here, float(np.linalg.norm(end.here.residual))
+    if here.constraints is not None:
+        return False
     D = np.maximum(here.column_norms, size / end.size)
-    lower, upper = (D * (bound - end.x) for bound in (end.problem.lower, end.problem.upper))
-    way = np.clip(-here.gradient / D, lower, upper)
-    return here.constraints is None and bool((np.abs(way) <= end.tolerance * size).all())
+    d = np.clip(-here.gradient / D**2, end.problem.lower - end.x, end.problem.upper - end.x)
+    if not d.any():
+        return True
+    d *= PROBE / float(np.max(np.abs(d) / end.size))
+    curvature = float((end.gradient(end.x + d) - here.gradient) @ d)
+    slope = float(here.gradient @ d)
+    return curvature > 0 and slope**2 <= 2 * curvature * min(end.worth, HARMLESS)
 
 
 def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
