@@ -37,7 +37,7 @@ NATURAL = {  # how many of the unit make one scale, and its name
     "deg": (180 / np.pi, "a radian"),
     "sd": (1.0, "a standard deviation of shape"),
 }
-NO_LENGTH = 1e-9  # metres: smaller lengths are zeros that were computed
+NO_LENGTH = 1e-12  # metres, less than any atom: such lengths are zeros that were computed
 LIKE_PEOPLE = (0.1, 10.0)  # metres: sizes of problems in which lengths are compared with a metre
 
 
