@@ -51,9 +51,10 @@ def test_motion_writes_glb(tmp_path: Path, workbench: Run) -> None:
     assert code == 0
     assert "motion: walk.glb" in out
     assert (tmp_path / "walk.glb").read_bytes().startswith(b"glTF")
-    code, out, _ = workbench("motion", "motion.npz", "--out", "a.glb", "--body", "small-scape")
-    assert code == 0
-    assert (tmp_path / "a.glb").read_bytes().startswith(b"glTF")
+    code, _, wrong = workbench("motion", "motion.npz", "--out", "a.glb", "--body", "small-scape")
+    assert code == 2
+    assert "is made of a SkinnedBody" in wrong
+    assert not (tmp_path / "a.glb").exists()
 
 
 def test_motion_takes_the_rate_that_a_file_lacks(tmp_path: Path, workbench: Run) -> None:

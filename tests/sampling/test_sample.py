@@ -264,7 +264,7 @@ def test_far_modes_are_not_mixing() -> None:
     posterior = sample(two_modes(12.0), {"x": [12.0, 0.0]}, steps=2000, seed=4, moves=stretch())
     assert posterior.mixing.verdict is Usability.NOT_MIXING, posterior.verdict
     assert "NOT CONVERGED" in str(posterior)
-    assert "95 %" not in str(posterior)  # no interval without a verdict that carries it
+    assert "95 % interval" not in str(posterior)  # none without a verdict that carries it
 
 
 @pytest.mark.thorough

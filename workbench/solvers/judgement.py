@@ -167,7 +167,7 @@ def _is_level(end: EndPoint) -> bool:
     d *= PROBE / float(np.max(np.abs(d) / end.size))
     curvature = float((end.gradient(end.x + d) - here.gradient) @ d)
     slope = float(here.gradient @ d)
-    return curvature > 0 and slope**2 <= 2 * curvature * min(end.worth, HARMLESS)
+    return curvature > 0 and slope * slope <= 2 * curvature * min(end.worth, HARMLESS)
 
 
 def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
