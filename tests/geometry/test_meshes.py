@@ -126,11 +126,20 @@ def test_polygons_are_fans_of_triangles(tmp_path: Path, suffix: str, sizes: int)
         np.testing.assert_array_equal(mesh.faces, fans)
 
 
-def test_binary_ply_of_different_polygons_is_refused(tmp_path: Path) -> None:
+def test_binary_ply_of_different_polygons_is_read(tmp_path: Path) -> None:
+    """In the file's order, as Blender writes quads and triangles; cut off it is refused."""
     rows = b"".join(struct.pack(f"<B{len(p)}i", len(p), *p) for p in POLYGONS)
-    (tmp_path / "a.ply").write_bytes(ply(claims(8, 5), bytes(96) + rows, LITTLE))
-    with pytest.raises(BadFile, match=r"different numbers of corners.*export triangles"):
-        read_mesh(tmp_path / "a.ply")
+    head = claims(8, 5).replace("float", "double")
+    content = ply(head, VERTICES.astype("<f8").tobytes() + rows, LITTLE)
+    (tmp_path / "a.ply").write_bytes(content)
+    mesh = read_mesh(tmp_path / "a.ply")
+    fans = [[p[0], p[k], p[k + 1]] for p in POLYGONS for k in range(1, len(p) - 1)]
+    np.testing.assert_array_equal(mesh.vertices, VERTICES)
+    np.testing.assert_array_equal(mesh.faces, fans)
+    for end in range(0, len(content), 5):
+        (tmp_path / "a.ply").write_bytes(content[:end])
+        with pytest.raises(BadFile):
+            read_mesh(tmp_path / "a.ply")
 
 
 @pytest.mark.parametrize("suffix", [".off", ".ply", ".stl"])

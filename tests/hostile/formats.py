@@ -381,7 +381,7 @@ def _mesh(suffix: str) -> Format:
 
 
 def _polygons(folder: Path) -> None:
-    """Quads in both orders of bytes, and a flag for each."""
+    """Polygons of three to five corners in both orders of bytes, and a flag for each."""
     V = load_body("small").template[:30].astype(np.float32)
     for order, kind in (("<", "binary_little_endian"), (">", "binary_big_endian")):
         head = f"ply\nformat {kind} 1.0\nelement vertex {len(V)}\nproperty float x\n"
@@ -389,7 +389,7 @@ def _polygons(folder: Path) -> None:
         head += "property list uchar int vertex_indices\nend_header\n"
         faces = b""
         for i in range(20):
-            corners = np.arange(i, i + 4).astype(f"{order}i4")
+            corners = np.arange(i, i + 3 + i % 3).astype(f"{order}i4")
             faces += bytes([i, len(corners)]) + corners.tobytes()
         content = head.encode() + V.astype(f"{order}f4").tobytes() + faces
         (folder / f"{kind}.ply").write_bytes(content)

@@ -28,6 +28,20 @@ if TYPE_CHECKING:
 LONGEST_LINE = 10**6  # characters; a line is split into its words before these are looked at
 LONGEST_HEADER = 2**16  # bytes
 COMMENTS = ("comment", "obj_info")  # in the header of a .ply
+PLY_TYPES = {
+    name: np.dtype(kind)
+    for kind, names in {
+        "i1": "char int8",
+        "u1": "uchar uint8",
+        "i2": "short int16",
+        "u2": "ushort uint16",
+        "i4": "int int32",
+        "u4": "uint uint32",
+        "f4": "float float32",
+        "f8": "double float64",
+    }.items()
+    for name in names.split()
+}
 MOST_SOLIDS = 10_000  # in an .stl of text
 OFF = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
 
@@ -287,9 +301,9 @@ def text_lines(content: bytes) -> Iterator[str]:
 def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     """Vertices (N, 3), triangles (F, 3), and the normals (N, 3) of vertices, of any length, if any.
 
-    A polygon is a fan around its first corner. If all have as many corners, the order of the faces
-    is the file's; otherwise triangles come first, which only text says. Raises ValueError with what
-    is wrong. (Greg Turk, The PLY Polygon File Format, 1994.)
+    A polygon is a fan around its first corner. In a text whose polygons have different numbers of
+    corners, triangles come first. Raises ValueError with what is wrong. (Greg Turk, The PLY Polygon
+    File Format, 1994.)
     """
     from trimesh.exchange.ply import load_ply
 
@@ -299,10 +313,9 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     except ValueError as error:
         if "unexpected length" not in str(error):
             raise
-        raise ValueError(
-            "it is cut off, or its polygons have different numbers of corners, which is read in "
-            "text alone; export triangles, or text"
-        ) from error
+        content, triangles = _triangulated(content, sizes)
+        found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
+        found["faces"], sizes["face"] = triangles, len(triangles)
     with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
         vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
         normals = found.get("vertex_normals")
@@ -316,6 +329,44 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     faces = faces[:, corners].reshape(-1, 3).astype(np.int64)
     _check_counts(vertices, len(faces), sizes.get("vertex", 0), sizes.get("face", 0))
     return vertices, faces, normals
+
+
+def _triangulated(content: bytes, sizes: dict[str, int]) -> tuple[bytes, Index]:
+    """A binary .ply without its faces, and its polygons of different numbers of corners as fans.
+
+    trimesh reads lists of one length alone. Faces come last, after elements without lists, as all
+    programs write them. Raises ValueError.
+    """
+    head, _, body = content.partition(b"end_header\n")
+    order = "<" if b"binary_little" in head else ">"
+    properties: dict[str, list[list[str]]] = {}
+    for words in (line.split() for line in head.decode("ascii").splitlines()):
+        if words[0] == "element":
+            properties[words[1]] = []
+        elif words[0] == "property":
+            properties[list(properties)[-1]].append(words[1:])
+    *before, last = properties
+    faces = properties.get("face", [])
+    lists = [k for k, one in enumerate(faces) if one[0] == "list"]
+    others = [one for name in before for one in properties[name]]
+    if last != "face" or len(lists) != 1 or any(one[0] == "list" for one in others):
+        raise ValueError("it is cut off, or has lists beside the corners of its faces")
+    at = sum(sizes[n] * sum(PLY_TYPES[one[0]].itemsize for one in properties[n]) for n in before)
+    first = sum(PLY_TYPES[one[0]].itemsize for one in faces[: lists[0]])
+    rest = sum(PLY_TYPES[one[0]].itemsize for one in faces[lists[0] + 1 :])
+    counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in faces[lists[0]][1:3])
+    triangles, start = array("q"), at
+    for _ in range(sizes["face"]):
+        start += first
+        k = int(np.frombuffer(body, counts, 1, start)[0])
+        polygon = np.frombuffer(body, corners, k, start + counts.itemsize).tolist()
+        start += counts.itemsize + k * corners.itemsize + rest
+        if k < 3:
+            raise ValueError("a face has at least 3 corners")
+        for second, third in pairwise(polygon[1:]):
+            triangles.extend((polygon[0], second, third))
+    without = head[: head.rindex(b"element face")] + b"end_header\n" + body[:at]
+    return without, np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
 def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
