@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from io import BytesIO, TextIOWrapper
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -338,7 +338,7 @@ def _triangulated(content: bytes, sizes: dict[str, int]) -> tuple[bytes, Index]:
     programs write them. Raises ValueError.
     """
     head, _, body = content.partition(b"end_header\n")
-    order = "<" if b"binary_little" in head else ">"
+    order: Literal["<", ">"] = "<" if b"binary_little" in head else ">"
     properties: dict[str, list[list[str]]] = {}
     for words in (line.split() for line in head.decode("ascii").splitlines()):
         if words[0] == "element":
