@@ -123,9 +123,9 @@ def simulated(chosen: Sequence[int], seed: int = 0) -> Iterator[Case]:
         ),
     ]
     blocks = setup.problem.fixed.blocks
-    problem = wb.Problem(
-        [*setup.problem.residuals, *added], setup.problem.free.names, blocks=blocks
-    )
+    # truths are drawn from the priors, and knees and elbows that bend backwards are no draws
+    kept = [one for one in setup.problem.residuals if one.name != "bending"]
+    problem = wb.Problem([*kept, *added], setup.problem.free.names, blocks=blocks)
     prior = shipped_gaussian()
     view = next(view for view in setup.views if not view.held_out)
     for frame in chosen:

@@ -418,7 +418,8 @@ Picture(
 # %%
 FRAMES, CAMERAS = range(55, 100), ("cam01", "cam02", "cam03", "cam04")
 F = len(FRAMES)
-ALONE = {"shared": (), "smoothness": Smoothness(pose=None, place=None), "worth": float(F)}
+LOSS = {"sigma": 4.0, "kernel": scaled(geman_mcclure, 25.0)}  # px; outliers from 100 px on
+ALONE = {"shared": (), "smoothness": Smoothness(pose=None, place=None), "worth": float(F), **LOSS}
 names = body.landmark_names("coco")
 limbs = [names.index(f"{side}_{part}") for side in SIDES for part in LIMBS]
 hips = [names.index(f"{side}_hip") for side in SIDES]
@@ -452,7 +453,7 @@ def from_reference(setup, found):
 
 clip = balance_clip(FRAMES, ("cam03",))
 alone = video_fit(clip, body, "What is the motion?", **ALONE)
-whole = video_fit(clip, body, "What is the motion?", worth=float(F))
+whole = video_fit(clip, body, "What is the motion?", worth=float(F), **LOSS)
 real = {"frame by frame": (alone, solved(alone)), "every frame counts": (whole, solved(whole))}
 real_table = {name: from_reference(*pair) for name, pair in real.items()}
 for name, (off, change, high) in real_table.items():
@@ -714,7 +715,7 @@ lens_3 = replace(clip.films[0], pixels=innocent, confidence=view.confidence)
 exchanged = replace(clip, names=names, films=(lens_3,))
 films = {
     "the detector's errors": whole,
-    "independent errors": video_fit(exchanged, body, "What is the motion?", worth=float(F)),
+    "independent errors": video_fit(exchanged, body, "What is the motion?", worth=float(F), **LOSS),
 }
 KEYPOINTS = (*whole.moving.data, "smooth pose", "smooth place")
 TERMS = {

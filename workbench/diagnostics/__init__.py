@@ -40,6 +40,7 @@ from workbench.diagnostics.identifiability import (
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
 from workbench.diagnostics.point import Neighbourhood
+from workbench.diagnostics.rank_law import JointTurn
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
@@ -58,6 +59,7 @@ __all__ = [
     "Finding",
     "Gauge",
     "Identifiability",
+    "JointTurn",
     "MeasurementDesign",
     "Neighbourhood",
     "NullDirections",
