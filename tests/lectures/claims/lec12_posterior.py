@@ -57,7 +57,7 @@ SAYS = {
     "it asks for $1.3 \\cdot 50\\, \\tau$ steps, because a short chain makes $\\tau$ look short, and for as many "
     "again, because half of this chain was left out": lambda run: (
         (MARGIN, TIMES) == (1.3, 50),
-        abs(2 * MARGIN * TIMES * run["short"].mixing.times.max() / run.line("100 steps: ")[-1] - 1)
+        abs(2 * MARGIN * TIMES * run["short"].mixing.times.max() / run.line("100 steps: ")[6] - 1)
         < 0.03,
     ),
     "A forearm of the length $l = 0.25$ m hangs on an elbow whose place is known, $D = 5$ m in front of a camera "
