@@ -313,7 +313,7 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     except ValueError as error:
         if "unexpected length" not in str(error):
             raise
-        content, triangles = _triangulated(content, sizes)
+        content, triangles = _triangulated(content)
         found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
         found["faces"], sizes["face"] = triangles, len(triangles)
     with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
@@ -331,7 +331,7 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     return vertices, faces, normals
 
 
-def _triangulated(content: bytes, sizes: dict[str, int]) -> tuple[bytes, Index]:
+def _triangulated(content: bytes) -> tuple[bytes, Index]:
     """A binary .ply without its faces, and its polygons of different numbers of corners as fans.
 
     trimesh reads lists of one length alone. Faces come last, after elements without lists, as all
@@ -340,9 +340,10 @@ def _triangulated(content: bytes, sizes: dict[str, int]) -> tuple[bytes, Index]:
     head, _, body = content.partition(b"end_header\n")
     order: Literal["<", ">"] = "<" if b"binary_little" in head else ">"
     properties: dict[str, list[list[str]]] = {}
+    rows: dict[str, int] = {}
     for words in (line.split() for line in head.decode("ascii").splitlines()):
         if words[0] == "element":
-            properties[words[1]] = []
+            properties[words[1]], rows[words[1]] = [], int(words[2])
         elif words[0] == "property":
             properties[list(properties)[-1]].append(words[1:])
     *before, last = properties
@@ -351,12 +352,15 @@ def _triangulated(content: bytes, sizes: dict[str, int]) -> tuple[bytes, Index]:
     others = [one for name in before for one in properties[name]]
     if last != "face" or len(lists) != 1 or any(one[0] == "list" for one in others):
         raise ValueError("it is cut off, or has lists beside the corners of its faces")
-    at = sum(sizes[n] * sum(PLY_TYPES[one[0]].itemsize for one in properties[n]) for n in before)
+    kinds = [one[0] for one in (*others, *faces) if one[0] != "list"] + faces[lists[0]][1:3]
+    if unknown := [kind for kind in kinds if kind not in PLY_TYPES]:
+        raise ValueError(f"its header names the type {shown(unknown[0])}")
+    at = sum(rows[n] * sum(PLY_TYPES[one[0]].itemsize for one in properties[n]) for n in before)
     first = sum(PLY_TYPES[one[0]].itemsize for one in faces[: lists[0]])
     rest = sum(PLY_TYPES[one[0]].itemsize for one in faces[lists[0] + 1 :])
     counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in faces[lists[0]][1:3])
     triangles, start = array("q"), at
-    for _ in range(sizes["face"]):
+    for _ in range(rows["face"]):
         start += first
         k = int(np.frombuffer(body, counts, 1, start)[0])
         polygon = np.frombuffer(body, corners, k, start + counts.itemsize).tolist()
