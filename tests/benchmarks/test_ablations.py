@@ -47,17 +47,6 @@ def results() -> dict[str, Ablated]:
     return {result.name: result for result in found}
 
 
-def test_templates_are_less_even_without_e_y(results: dict[str, Ablated]) -> None:
-    assert results["no E_Y"].asymmetry > 1.2 * results["all terms"].asymmetry
-
-
-def test_blend_shapes_fit_noise_without_e_p(results: dict[str, Ablated]) -> None:
-    whole, without = results["all terms"], results["no E_P"]
-    assert without.posedirs_rms > 2 * whole.posedirs_rms
-    assert without.training_rms < whole.training_rms
-    assert without.held_out_rms > whole.held_out_rms
-
-
 def test_shape_is_pose_without_pose_normalisation(results: dict[str, Ablated]) -> None:
     raw, normal = results["not pose-normalised"], results["all terms"]
     assert raw.pose_in_shape[0] > 0.5

@@ -1,6 +1,5 @@
 """The benchmarks run at tiny sizes and agree; how fast they are is not asked here."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
@@ -21,7 +20,7 @@ from benchmarks import (
     targets,
     vertices,
 )
-from benchmarks.__main__ import PARTS, main
+from benchmarks.__main__ import main
 from benchmarks.bodies_made_up import case_of, random_body
 from benchmarks.candidates import Disagreement, check
 from benchmarks.derivatives import KINDS
@@ -41,36 +40,6 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(overhead, "OFTEN", {})  # no times are asserted here
         main(options)
     return out
-
-
-def read(out: Path, part: str) -> dict:
-    return json.loads((out / "results" / f"{part}.json").read_text())
-
-
-def test_every_part_is_written_with_its_keys(written: Path) -> None:
-    for part in PARTS:
-        found = read(written, part)
-        assert set(found) == {"machine", "options", "found"}
-        assert {"processor", "cores", "versions", "date", "load"} <= set(found["machine"])
-        assert found["options"] == {"bodies": [TINY], "rounds": 1, "peers": False}
-    body = read(written, "derivatives")["found"][TINY]
-    assert set(body) == {"vertices", "unknowns", "apart", "remarks", "seconds"}
-    assert body["unknowns"] == 85
-    for kind in KINDS:
-        assert {ours.NUMPY, FLOOR} <= set(body["seconds"][kind])
-        assert all(t > 0 for timings in body["seconds"][kind].values() for t in timings)
-    fit = read(written, "fits")["found"][TINY]
-    assert set(fit["seconds"]) == set(fit["evaluations"])
-    assert f"{ours.NUMPY}: {fits.LM}" in fit["seconds"]
-    found = read(written, "overhead")["found"]
-    pairs = overhead.pairs(found["seconds"])
-    for solver, ways in overhead.BY_HAND.items():
-        assert {how for label, how in pairs if solver in label} == set(ways)
-    assert len({label for label, _ in pairs}) + len(pairs) == len(found["seconds"])
-    found = read(written, "scaling")["found"]
-    assert found["sizes"] == [int(TINY)]
-    memory = found["bytes"][ours.NUMPY][TINY]
-    assert 0 < memory["before"] <= memory["body"] <= memory["forward"] <= memory["peak"]
 
 
 def test_page_is_written_between_its_marks(written: Path) -> None:

@@ -149,25 +149,3 @@ def test_sample_refuses_unknown_names(workbench: Run) -> None:
         code, _, err = workbench("sample", "line.py", *arguments)
         assert code == 2
         assert said in err
-
-
-SHORT = ("--set", "frames=2", "--set", "missing=0.2")
-
-
-@pytest.mark.thorough
-def test_sequence_is_solved_diagnosed_sampled_and_compared(workbench: Run) -> None:
-    code, said, _ = workbench("run", "body-video", *SHORT, "--no-compare")
-    assert code == 0
-    assert "joint to synthetic truth, rms" in said
-    assert Path("runs/body-video/index.html").is_file()
-    code, said, _ = workbench("diagnose", "body-video", *SHORT)
-    assert code == 0
-    assert "pose[1, " in said
-    options = ("--block", "betas[0:2]", "--steps", "60", "--walkers", "16")
-    code, said, _ = workbench("sample", "body-video", *SHORT, *options)
-    assert code in (0, 1)  # so few draws need not be usable
-    assert "betas[0]" in said
-    solvers = ("--solver", "levenberg-marquardt", "--solver", "gauss-newton")
-    code, said, _ = workbench("compare", "body-video", *solvers)
-    assert code == 0
-    assert "1/1" in said

@@ -11,7 +11,6 @@ from tests.cli.conftest import Run
 from workbench.bodies.triangles import scape
 from workbench.experiments.balance import NAMES, observations, published
 from workbench.fitting.detector_layouts import OPENPOSE, OPENPOSE_25
-from workbench.fitting.marker_sets import default_markers
 from workbench.geometry.meshes import write_mesh
 from workbench.motions import read_motion
 
@@ -52,23 +51,6 @@ def test_fit_takes_openpose_files_and_a_calibration(workbench: Run) -> None:
     one = ("--size", "1088x1920", "--no-compare", "--out", "one")
     code, _, err = workbench("fit", files[0], *one)
     assert code == 0, err  # its focal length is estimated, too
-
-
-def test_fit_doubts_markers_with_exchanged_labels(workbench: Run) -> None:
-    body = wb.load_body("small")
-    worn = default_markers(body)
-    places = worn.on(body).landmark("markers", np.zeros((3, 24, 3)), offsets=worn.nominal)
-    labels = list(worn.names)
-    a, b = labels.index("LELB"), labels.index("LKNE")
-    labels[a], labels[b] = labels[b], labels[a]
-    np.savez("markers.npz", markers=places, labels=np.array(labels), fps=np.array(60.0))
-    code, out, err = workbench("fit", "markers.npz", "--body", "small")
-    assert code == 0, err
-    (folder,) = Path("runs").iterdir()
-    found = json.loads((folder / "summary.json").read_text())["warnings"]
-    assert any("LELB and LKNE seem to be exchanged" in doubt for doubt in found), found
-    assert all(f"warning: {doubt}" in out for doubt in found)
-    assert "ending good" not in (folder / "index.html").read_text()
 
 
 def test_fit_takes_a_mesh_of_the_bodys_topology(workbench: Run) -> None:

@@ -127,31 +127,6 @@ def test_unreadable_file_does_not_end_the_others(tmp_path: Path) -> None:
     assert "frame0" in page
 
 
-def test_one_image_has_a_page_with_its_mean(tmp_path: Path) -> None:
-    (file,) = written(tmp_path, 1)
-    out = tmp_path / "runs"
-    likeliest = ("--height", "1.7", "--hypotheses", "3", "--mean")
-    arguments = (str(file), *OPTIONS, *likeliest, "--out", str(out))
-    told = fit(*arguments)
-    assert told.exit_code == 0
-    page = (out / "frame0" / "index.html").read_text()
-    assert "stature" in page
-    with np.load(out / "frame0" / "mean.npz") as mean:
-        assert mean["pose"].shape == (24, 3)
-        found = BODY.landmark("coco", mean["pose"], mean["betas"], mean["trans"])
-        np.testing.assert_allclose(found, mean["landmarks"], atol=1e-12)
-        assert mean["names"].tolist() == list(BODY.landmark_names("coco"))
-        known = np.sqrt(np.mean(mean["sd"] ** 2))
-        assert "1.6 times as far from the truth" in str(mean["sd_is"])
-    assert 0.01 < known < 0.2
-    said = " ".join(told.output.split())
-    assert f"have a standard deviation of {1e3 * known:.0f} mm, which is too small" in said
-    assert fit(*(one for one in arguments if one != "--mean")).exit_code == 0
-    assert not (out / "frame0" / "mean.npz").exists()  # which was that of another fit
-    summary = json.loads((out / "frame0" / "summary.json").read_text())
-    assert summary["solver"].startswith("3 starts of")
-
-
 def test_interrupted_mean_leaves_the_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -77,13 +77,6 @@ def test_lost_run_keeps_what_was_seen(bad: Comparison) -> None:
         assert len(record.observed.trace) == 1
 
 
-@pytest.mark.thorough
-def test_budget_is_exceeded_by_three_evaluations_at_most(
-    bad: Comparison,
-) -> None:
-    assert bad.records[bad.instances[0].name, "spendthrift"].evaluations.residual == 303
-
-
 @pytest.fixture(scope="module")
 def twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[Comparison, Comparison, Path]:
     """The same comparison with one worker and, stored, with two."""

@@ -13,7 +13,7 @@ from workbench.experiments.correspondences import known_correspondences
 from workbench.fitting.setup import Setup
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 
-SEEDS = range(4)
+SEEDS = range(2)
 
 
 @pytest.fixture(scope="module")

@@ -2,14 +2,12 @@
 
 import pickle
 
-import numpy as np
 import pytest
 
 from tests.tiers import few
 from workbench import LevenbergMarquardt, solve
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import Setup, find
-from workbench.experiments.small_trainings import GUESSES
 
 KEPT: dict[str, Setup] = {}
 REFINED = [
@@ -59,21 +57,6 @@ def test_linear_trainings_are_solved_in_one_step() -> None:
 
 
 @pytest.mark.thorough
-def test_trained_weights_are_on_their_simplex() -> None:
-    setup = standard("training")
-    assert setup.known is not None
-    assert setup.known.values is not None
-    weights = setup.known.values["weights"]
-    assert weights.min() >= -1e-8
-    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
-    assert setup.problem.constraints
-    held = standard("training-weights-held").problem
-    assert "weights" not in held.free.names
-    assert not held.constraints
-    assert not held.bounded
-
-
-@pytest.mark.thorough
 def test_data_do_not_depend_on_the_start() -> None:
     first, second = standard("training-weights-held"), find("training-weights-held", {"start": 2})
     other = pickle.loads(pickle.dumps(second)).setup()
@@ -83,30 +66,6 @@ def test_data_do_not_depend_on_the_start() -> None:
     assert first.known is not None
     assert other.known is not None
     assert other.known.cost == first.known.cost
-
-
-@pytest.mark.thorough
-def test_e_y_makes_templates_symmetric() -> None:
-    """The arms of those who were registered differ, and E_Y makes templates that hardly do."""
-    setup = standard("training-two-sides")
-    rows = [name for name in setup.problem.rows if name.startswith("E_Y")]
-    assert rows == [f"E_Y subject {s}/{what}" for s in (0, 1) for what in ("template", "joints")]
-    assert "E_Y" in setup.question
-    assert "E_Y" not in standard("training-weights-held").question
-    others = {"terms": "E_D E_J E_P E_W E_T"}
-    without = find("training-two-sides", others).setup()
-    assert not any(name.startswith("E_Y") for name in without.problem.rows)
-    mirror = GUESSES["arms"]().mirror()
-    assert mirror is not None
-    assert mirror.joints.tolist() == [0, 2, 1]
-    uneven = []
-    for one in (setup, without):
-        assert one.known is not None
-        assert one.known.values is not None
-        answer = one.start | one.known.values
-        templates = np.stack([answer[f"subject {s}/template"] for s in (0, 1)])
-        uneven.append(np.sqrt(np.mean((templates - mirror.points(templates)) ** 2)))
-    assert uneven[0] < 0.005 < 0.015 < uneven[1]  # m
 
 
 @pytest.mark.thorough

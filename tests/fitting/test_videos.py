@@ -170,22 +170,6 @@ def test_video_mean_differs_smoothly_from_the_mode() -> None:
     np.testing.assert_allclose(again["pose"], mean["pose"], atol=1e-12)
 
 
-@pytest.mark.thorough
-def test_video_mean_skips_frames_of_few_keypoints() -> None:
-    """With a single keypoint, nothing says where a body is if the other frames do not."""
-    clip = balance_clip(range(40, 44), ["cam01"], 12)
-    films = []
-    for film in clip.films:
-        sure = film.confidence.copy()
-        sure[0, np.argsort(sure[0])[:-1]] = 0
-        films.append(replace(film, confidence=sure))
-    setup = video_fit(replace(clip, films=tuple(films)), BODY, "?")
-    asked: list[tuple[int, int]] = []
-    mean = video_mean(setup, setup.start, told=lambda *count: asked.append(count))
-    assert asked[-1] == (3, 3)
-    assert np.isfinite(mean["pose"]).all()
-
-
 def correlated(rho: float, frames: int, series: int, seed: int = 0) -> np.ndarray:
     """AR(1) noise of unit variance, (frames, series)."""
     rng = np.random.default_rng(seed)
