@@ -7,14 +7,11 @@ import pytest
 
 import workbench as wb
 from workbench.bodies.forward.features import (
-    rotation_elements,
     rotation_vectors,
 )
 from workbench.bodies.forward.kernel_features import (
     Examples,
     GaussianKernels,
-    NormalisedKernels,
-    as_posedirs,
 )
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
@@ -31,11 +28,9 @@ from workbench.studies.blend_shapes.training_data import (
     TrainingData,
     correctives,
     feature_matrix,
-    rms_error,
     with_blend_shapes,
 )
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
-from workbench.training.ridge import Sums, solve_ridge
 
 pytestmark = pytest.mark.thorough
 
@@ -55,11 +50,6 @@ def data() -> TrainingData:
 @pytest.fixture(scope="module")
 def wanted(data: TrainingData) -> Correctives:
     return data.correctives(LBS)
-
-
-def ridge(A: np.ndarray, D: np.ndarray, value: float) -> np.ndarray:
-    """Ridge regression with all features at all vertices."""
-    return solve_ridge(Sums.of([(A, D)]), np.ones((D.shape[1], A.shape[1]), bool), value)
 
 
 # The training data.
@@ -128,37 +118,6 @@ def test_exact_interpolation_returns_examples(
     np.testing.assert_allclose(posed, data.training.vertices[:5], rtol=0, atol=1e-11)
 
 
-def test_normalised_kernels_are_a_partition_of_unity(
-    data: TrainingData,
-) -> None:
-    poses = data.training.poses[:30]
-    for width in (0.01, 0.5, 5.0):
-        shares = feature_matrix(
-            LBS, NormalisedKernels(examples(data, 30, width)), data.validation.poses
-        )
-        np.testing.assert_allclose(shares.sum(axis=1), 1, atol=1e-12)
-        assert (shares >= 0).all()
-    off = [
-        np.abs(
-            feature_matrix(LBS, NormalisedKernels(examples(data, 30, w)), poses) - np.eye(30)
-        ).max()
-        for w in (2.0, 1.0, 0.5, 0.1)
-    ]
-    assert (np.diff(off) < 0).all()
-    assert off[-1] < 1e-12
-
-
-def test_kernels_far_from_all_examples(data: TrainingData, wanted: Correctives) -> None:
-    known = examples(data, 30, 1.5)
-    directions = as_posedirs(wanted.training[:30])
-    far = 1000 * data.validation.poses[:1]
-    nothing = feature_matrix(LBS, GaussianKernels(known), far) @ directions.reshape(-1, 30).T
-    assert not nothing.any()
-    nearest = np.linalg.norm(known.places - far[0, 1:].ravel(), axis=1).argmin()
-    found = feature_matrix(LBS, NormalisedKernels(known), far) @ directions.reshape(-1, 30).T
-    np.testing.assert_array_equal(found.reshape(-1, 3), wanted.training[nearest])
-
-
 def test_predictors_are_fitted_like_smpl(data: TrainingData, wanted: Correctives) -> None:
     kernels = GaussianKernels(examples(data, 12, 3.0))
     body = with_blend_shapes(LBS, kernels, kernels.interpolating(wanted.training[:12]))
@@ -179,13 +138,6 @@ def test_predictors_are_fitted_like_smpl(data: TrainingData, wanted: Correctives
 # Functions of theta.
 
 
-def test_training_error_grows_with_the_ridge(data: TrainingData, wanted: Correctives) -> None:
-    A = data.features(rotation_elements)[0]
-    fits = [ridge(A, wanted.training, value) for value in (1e-4, 1e-3, 1e-2, 1e-1, 1)]
-    assert (np.diff([rms_error(A, wanted.training, P) for P in fits]) > 0).all()
-    assert (np.diff([np.linalg.norm(P) for P in fits]) < 0).all()
-
-
 # Near, and few.
 
 
@@ -196,12 +148,6 @@ def test_locality_and_error_follow_the_penalty(data: TrainingData, wanted: Corre
     assert (np.diff([row.share for row in rows]) < 0).all()
     assert (np.diff([row.training_rms for row in rows]) > 0).all()
     assert rows[0].share > 4 * rows[-1].share
-
-
-def test_error_grows_as_groups_cost_more(data: TrainingData, wanted: Correctives) -> None:
-    rows = questions.by_group_penalty(data, wanted, data.validation, lambda text: None)
-    assert (np.diff([row.share for row in rows]) < 0).all()
-    assert (np.diff([row.training_rms for row in rows]) > 0).all()
 
 
 # The table.

@@ -5,10 +5,7 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from workbench.cli.app import app
-from workbench.errors import BadArgument
 from workbench.studies.fitting_loop.page import in_short, of_rounds, of_starts, write_loop
 from workbench.studies.fitting_loop.study import (
     REST,
@@ -59,20 +56,6 @@ def test_page_tells_the_numbers(found: LoopStudy, tmp_path: Path) -> None:
     assert f"{found.others[SHIPPED].mean:.0f} mm if the shipped regressor begins them" in told
     assert [row[3] for row in of_rounds(found).rows] == [str(one.replaced) for one in found.rounds]
     assert of_starts(found).rows[0][1].startswith(f"{found.others[REST].mean:.1f} (")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["--images", "0"], "images is a number from 1 on, not 0"),
-        (["--rounds", "0"], "rounds is a number from 1 on, not 0"),
-        (["--noise", "-1"], "noise is a number of px from 0 on, not -1"),
-    ],
-)
-def test_bad_options_are_refused(arguments: list[str], told: str, tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["loop", *arguments, "--out", str(tmp_path)])
-    assert isinstance(result.exception, BadArgument)
-    assert told in str(result.exception)
 
 
 def test_table_of_readme_is_the_results() -> None:

@@ -10,17 +10,14 @@ from typer.testing import CliRunner
 
 import workbench as wb
 from tests.training.test_triangles import many_people
-from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.cli.app import app
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.triangles import gradients
 from workbench.studies.triangles import study as module
 from workbench.studies.triangles.measures import (
     HeldOutFits,
     Timing,
-    n_seams,
-    seam_jump,
 )
 from workbench.studies.triangles.models import TrainingOptions, near
 from workbench.studies.triangles.page import lecture_table, triangles_text, write_triangles
@@ -100,24 +97,6 @@ def test_bodies_fit_meshes_of_their_own(body: wb.SkinnedBody | TriangleBody) -> 
     assert fits.only([1]).errors.rms == pytest.approx(rms)
 
 
-def test_seam_jumps_are_between_parts() -> None:
-    body, part = SMALL, scape(SMALL).weights.toarray().argmax(axis=1)
-    turned = body.template @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-    assert seam_jump(body.template, body.faces, part, turned[None]) < 1e-12
-    bent = body.vertices(np.random.default_rng(4).normal(scale=0.3, size=(2, 24, 3)))
-    X = gradients(body.template, bent, body.faces)
-    sides: dict[frozenset[int], list[int]] = {}
-    for f, corners in enumerate(body.faces.tolist()):
-        for a, b in ((0, 1), (1, 2), (2, 0)):
-            sides.setdefault(frozenset((corners[a], corners[b])), []).append(f)
-    seams = [(f, g) for f, g in sides.values() if part[f] != part[g]]
-    jumps = [np.sum((X[i, f] - X[i, g]) ** 2) for i in range(2) for f, g in seams]
-    np.testing.assert_allclose(
-        seam_jump(body.template, body.faces, part, bent) ** 2, np.mean(jumps)
-    )
-    assert n_seams(body.faces, part) == len(seams)
-
-
 def test_difficult_poses_turn_most_and_differ() -> None:
     rng = np.random.default_rng(5)
     poses = rng.normal(size=(20, 24, 3)) * np.linspace(0.1, 1, 20)[:, None, None]
@@ -152,12 +131,6 @@ WRONG: list[tuple[dict[str, int], str]] = [
     ({"subjects": 1}, "2 subjects"),
     ({"test": 4}, "5 test meshes"),
 ]
-
-
-def test_impossible_plans_are_refused() -> None:
-    for wrong, text in WRONG:
-        with pytest.raises(BadArgument, match=text):
-            TrianglePlan(**wrong)  # type: ignore[arg-type]
 
 
 def test_command_refuses_before_working(tmp_path: Path) -> None:
