@@ -13,7 +13,6 @@ from tests.tiers import few
 from workbench import Block, Problem, Values, diagnose, load_body, residuals, sequence
 from workbench.diagnostics import Diagnosis, Gauge, SequenceDiagnosis, Undiagnosed
 from workbench.diagnostics.active_set import linearized
-from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.errors import BadArgument, NotFinite
 from workbench.problem import frames as frame_chains
 from workbench.problem import storage
@@ -285,7 +284,7 @@ def test_a_frame_by_itself_is_diagnosed_as_its_problem_is() -> None:
     own = {"pose": at["pose"][2], "trans": at["trans"][2], "betas": at["betas"]}
     here = linearized(frame, own)
     assert isinstance(found, Diagnosis)
-    assert found.rank == diagnosis_of(frame, own, here).rank
+    assert found.rank == Diagnosis(frame, own, here).rank
     assert found.free.names == ("pose", "trans", "betas")
     with pytest.raises(BadArgument, match="there is no frame 3"):
         long(video, at).frame(3)

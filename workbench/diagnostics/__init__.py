@@ -29,7 +29,7 @@ from workbench.diagnostics.design import (
     with_candidates,
 )
 from workbench.diagnostics.diagnose import diagnose, diagnose_whole
-from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
 from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
@@ -42,10 +42,10 @@ from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagno
 from workbench.diagnostics.point import Neighbourhood
 from workbench.diagnostics.rank_law import JointTurn
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
+from workbench.diagnostics.report import Finding
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
 from workbench.diagnostics.structure import Structure, Submatrix, TermBlock
-from workbench.diagnostics.wording import Finding, Undiagnosed
 
 __all__ = [
     "Candidate",

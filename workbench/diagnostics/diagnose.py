@@ -8,7 +8,6 @@ from workbench.blocks import Values
 from workbench.blocks.checks import several, texts
 from workbench.diagnostics.active_set import linearized
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.diagnosis_of import diagnosis_of
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.scales import checked
 from workbench.diagnostics.sequences import SequenceDiagnosis
@@ -82,7 +81,7 @@ def _whole(
     gauges: tuple[Gauge, ...],
     scales: Values,
 ) -> Diagnosis:
-    found = diagnosis_of(problem, problem.read(at), here, priors, gauges, scales)
+    found = Diagnosis(problem, problem.read(at), here, priors, gauges, scales)
     if here.by_frames:
         check_wide(here.jacobian)
     if here.finite and here.estimated:

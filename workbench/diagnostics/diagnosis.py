@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
-from workbench.diagnostics import conditioning, null_space, structure
+from workbench.diagnostics import conditioning, data, null_space, remedies, report, structure
 from workbench.diagnostics.active_set import not_finite
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
 from workbench.diagnostics.gauges import Gauge, exchanges
@@ -23,10 +23,15 @@ from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
+from workbench.diagnostics.report import Finding
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
-from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
+from workbench.errors import WorkbenchError
 from workbench.problem import Linearization, Problem
+
+
+class Undiagnosed(WorkbenchError, AssertionError):
+    """An assertion about a diagnosis that does not hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +48,6 @@ class Diagnosis:
         problem: the problem.
         values: the values of all blocks that it reads.
         here: its linearization at these values, without columns of rounding errors.
-        wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
         scales: by block, the characteristic scales that were said.
@@ -52,7 +56,6 @@ class Diagnosis:
     problem: Problem = field(repr=False)
     values: Values = field(repr=False)
     here: Linearization = field(repr=False)
-    wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
     gauges: tuple[Gauge, ...] = field(default=(), repr=False)
     scales: Values = field(default_factory=dict, repr=False)
@@ -272,12 +275,12 @@ class Diagnosis:
     @cached_property
     def suggestions(self) -> tuple[Suggestion, ...]:
         """What to do; each suggestion was tried out."""
-        return self.wording.suggestions(self)
+        return remedies.advise(self)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """All findings, warnings first."""
-        return self.wording.findings(self)
+        return report.findings(self)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -298,12 +301,12 @@ class Diagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return self.wording.summary(self)
+        return report.summary(self)
 
     def report(self) -> str:
         """Everything in words, section by section."""
-        return self.wording.report(self)
+        return report.report(self)
 
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
-        return self.wording.data(self)
+        return data.as_data(self)

@@ -1,7 +1,7 @@
 """A diagnosis in words: what it found, a summary, and the whole report section by section."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,6 @@ from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.wording import Finding
 from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
 from workbench.errors import joined, some_of
 
@@ -48,6 +47,21 @@ MEANS = (
 
 
 # What it found.
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One sentence about a problem.
+
+    Attributes:
+        part: the section of the report that says more.
+        text: the sentence.
+        warning: whether it is a warning, or else a note.
+    """
+
+    part: str
+    text: str
+    warning: bool = True
 
 
 def findings(d: "Diagnosis") -> tuple[Finding, ...]:

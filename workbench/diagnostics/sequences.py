@@ -12,17 +12,15 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
 from workbench.diagnostics.data import plain
-from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.diagnosis_of import diagnosis_of
+from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
 from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.null_space import WEAK
-from workbench.diagnostics.report import listed
+from workbench.diagnostics.report import Finding, listed
 from workbench.diagnostics.scales import Scales, scales
 from workbench.diagnostics.sequence_names import NullDirections, named
 from workbench.diagnostics.sparse_bases import FRESH
-from workbench.diagnostics.wording import Finding, Undiagnosed
 from workbench.diagnostics.words import counted, sections, table
 from workbench.errors import BadArgument, some_of
 from workbench.problem import Linearization, Problem
@@ -219,7 +217,7 @@ class SequenceDiagnosis:
         """
         problem, values = self.frames.alone(t)
         priors = tuple(name for name in self.priors if name in problem.rows)
-        return diagnosis_of(problem, values, linearized(problem, values), priors)
+        return Diagnosis(problem, values, linearized(problem, values), priors)
 
     @cached_property
     def not_finite(self) -> tuple[tuple[int, int], ...]:
