@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.gym.arithmetic import DIGITS, IN_DIGITS, Arithmetic, arithmetic_of
 from workbench.arrays import Array
 from workbench.problem import Linearization, Problem
-from workbench.problem.optimality import explained_by_rounding
+from workbench.problem.optimality import rounding_part
 from workbench.problem.rounding import Rounding
 from workbench.problem.storage import dense
 from workbench.solvers.no_minimum import WORTH
@@ -142,7 +142,7 @@ class _Judged:
             ]
         )
         here = self.problem.linearize_at(self.x, self.fixed)
-        explained = explained_by_rounding(self.x, here, self.problem.support, self.rounding)
+        explained = rounding_part(self.x, here, self.problem.support, self.rounding)
         explained = explained + self.problem.support.norms(here.residual - r)  # as it is
         lengths = np.where(self.lengths > 0, self.lengths, 1.0)
         explained = explained + np.linalg.norm(r) * self.error / lengths
@@ -175,7 +175,7 @@ class _Judged:
         """Whether the cost rises to both sides of x_i, by more than its rounding error."""
         unit = np.zeros(self.x.size)
         unit[i] = self.size[i]
-        noise = self.rounding.of_fall(self.r.astype(float), self.problem.support.rows(unit > 0))
+        noise = self.rounding.of_decrease(self.r.astype(float), self.problem.support.rows(unit > 0))
         for side in (-1.0, 1.0):
             falls = self._fall(unit, side * np.array(NUDGES))
             seen = falls[np.abs(falls) > noise]

@@ -113,7 +113,7 @@ def _spread(body: SkinnedBody, problem: Problem, values: Values, kept: list[str]
     into = {name: np.zeros((part.free[name].size, 3 * body.n_vertices)) for name in kept}
     numeric = body.points(*(block.symbol for block in body.blocks())).source.numeric
     assert numeric is not None  # of every body
-    numeric.evaluate(values).tangent(into, None)
+    numeric.evaluate(values).write_jacobian(into, None)
     V = np.concatenate([into[block.name] for block in part.free.blocks])
     squares = np.sum(V * np.linalg.solve(normal, V), axis=0)
     return np.asarray(MM * np.sqrt(squares.reshape(-1, 3).sum(axis=1)))

@@ -1,8 +1,8 @@
 """Emcee's ensembles beside NUTS on the same posteriors.
 
 NUTS (Hoffman and Gelman 2014, as in nutpie) shares nothing with the ensembles but the problem: it
-takes the cost and gradient of `Problem.slopes`, in coordinates whitened by Laplace's approximation
-at the mode. Its own numbers (R-hat, divergences, effective
+takes the cost and gradient of `Problem.cost_gradients`, in coordinates whitened by Laplace's
+approximation at the mode. Its own numbers (R-hat, divergences, effective
 draws) stand beside the comparison, for it is a reference only as far as they are good.
 
 An arm needs small steps: the ridge on which its joints trade with each other is bent, and narrower
@@ -119,7 +119,7 @@ def nuts(
     import nutpie
     from nutpie.compiled_pyfunc import from_pyfunc
 
-    k, slope = len(places), problem.slopes(x, given, places)
+    k, slope = len(places), problem.cost_gradients(x, given, places)
 
     def make_log_density() -> Callable[[Array], tuple[float, Array]]:
         def log_density(u: Array) -> tuple[float, Array]:

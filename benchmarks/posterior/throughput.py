@@ -12,7 +12,7 @@ import workbench as wb
 from benchmarks.bodies_made_up import random_body
 from workbench.arrays import Array
 from workbench.experiments import find
-from workbench.problem.costs import Evaluation, compiled, interpreted
+from workbench.problem.costs import CostMethod, compiled, interpreted
 from workbench.threads import limited_threads
 
 WALKERS = 192
@@ -25,7 +25,7 @@ def measured(seconds: float = 1.5, rounds: int = 4) -> dict[str, Any]:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     for name, (problem, start) in posteriors().items():
         x, given = problem.split(start)
-        ways: tuple[Evaluation, ...] = (interpreted, compiled)
+        ways: tuple[CostMethod, ...] = (interpreted, compiled)
         densities = {ALONE: lambda z: np.zeros(len(z))} | {
             way.__name__: _density(problem.costs(x, given, None, way)) for way in ways
         }

@@ -128,15 +128,15 @@ def test_framed_points_and_derivatives_are_those_of_frames(
     np.testing.assert_allclose(here.points, points, atol=1e-13)
     scale = RNG.uniform(1, 2, 3 * len(points))
     into = {name: np.full((J.shape[1], J.shape[0]), np.nan) for name, J in slopes.items()}
-    here.tangent(into, None)
+    here.write_jacobian(into, None)
     for name, J in slopes.items():
         np.testing.assert_allclose(into[name].T, J, atol=1e-12)
-    here.tangent(into, scale)
+    here.write_jacobian(into, scale)
     for name, J in slopes.items():
         np.testing.assert_allclose(into[name], J.T * scale, atol=1e-12)
-    pull = RNG.standard_normal(3 * len(points))
-    for name, g in here.adjoint(pull).items():
-        np.testing.assert_allclose(g, pull @ slopes[name], atol=1e-12)
+    cotangent = RNG.standard_normal(3 * len(points))
+    for name, g in here.vjp(cotangent).items():
+        np.testing.assert_allclose(g, cotangent @ slopes[name], atol=1e-12)
     for name, J in slopes.items():
         if name in shared:
             continue

@@ -195,11 +195,11 @@ def test_affine_maps_are_offset_and_matrices() -> None:
         np.testing.assert_allclose(found.value(values), expected, rtol=0, atol=1e-13)
         many = found.value_batch({n: np.array([v, v]) for n, v in values.items()})
         np.testing.assert_allclose(many, [expected, expected], rtol=0, atol=1e-13)
-        pull = RNG.normal(size=expected.size)
+        cotangent = RNG.normal(size=expected.size)
         for block, matrix in found.terms.items():
             assert (matrix.data != 0).all()
-            pulled = matrix.toarray().T @ pull
-            np.testing.assert_allclose(found.pulled(pull)[block], pulled, atol=1e-12)
+            pulled = matrix.toarray().T @ cotangent
+            np.testing.assert_allclose(found.vjp(cotangent)[block], pulled, atol=1e-12)
 
 
 def test_one_block_moves_two_bodies() -> None:

@@ -105,15 +105,15 @@ def assert_right(body: SkinnedBody, where: str = "anywhere", way: str = "C") -> 
     scale = rng.standard_normal(3 * N)
     for here in (first, asked_last):
         into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
-        here.tangent(slopes, into, scale)
+        here.write_jacobian(slopes, into, scale)
         for name, expected in zip(NAMES, by, strict=True):
             largest = np.abs(expected).max(initial=0.0)
             wanted = (expected * scale[:, None]).T
             np.testing.assert_allclose(into[name], wanted, rtol=1e-11, atol=1e-11 * largest)
     np.testing.assert_allclose(asked_last.points, points.reshape(-1, 3), rtol=0, atol=1e-12)
-    pull = rng.standard_normal((N, 3))
+    cotangent = rng.standard_normal((N, 3))
     in_numpy = ChunkedArithmetic(chunks_of(body, slice(None)), body.parents).evaluate(motion, betas)
-    for got, expected in zip(first.adjoint(pull), in_numpy.adjoint(pull), strict=True):
+    for got, expected in zip(first.vjp(cotangent), in_numpy.vjp(cotangent), strict=True):
         np.testing.assert_allclose(got, expected, atol=1e-12 * np.abs(expected).max(initial=1.0))
 
 
@@ -224,7 +224,7 @@ def test_threads_share_vertices_and_change_no_bit(monkeypatch: pytest.MonkeyPatc
         assert isinstance(made, CompiledArithmetic)
         here = made.evaluate(motion, betas)
         into = {n: np.full((r, 3 * 61), np.nan) for n, r in zip(NAMES, (72, 10, 3), strict=True)}
-        here.tangent(slopes, into, np.linspace(1, 2, 3 * 61))
+        here.write_jacobian(slopes, into, np.linspace(1, 2, 3 * 61))
         found.append(np.concatenate([*into.values(), here.points.reshape(1, -1)]))
     assert np.isfinite(found[0]).all()
     np.testing.assert_array_equal(found[1], found[0])
@@ -247,7 +247,7 @@ def test_derivatives_go_into_memory_of_any_layout() -> None:
     motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
     made = arithmetic_of(body, surface.ALL).evaluate(motion, betas)
     plain = {"pose": np.zeros((12, 39)), "trans": np.zeros((3, 39))}
-    made.tangent(slopes, plain, None)
+    made.write_jacobian(slopes, plain, None)
     whole = np.full((20, 50), 7.0)
     rooms = {
         "columns": np.full((39, 12), 7.0).T,
@@ -256,7 +256,7 @@ def test_derivatives_go_into_memory_of_any_layout() -> None:
         "every other": np.full((12, 78), 7.0)[:, ::2],
     }
     for layout, room in rooms.items():
-        made.tangent(slopes, {"pose": room}, np.broadcast_to(2.0, 39))
+        made.write_jacobian(slopes, {"pose": room}, np.broadcast_to(2.0, 39))
         tolerance = 1e-6 if room.dtype == np.float32 else 0
         np.testing.assert_allclose(room, 2 * plain["pose"], rtol=tolerance, err_msg=layout)
     outside = np.ones(whole.shape, dtype=bool)

@@ -219,7 +219,7 @@ def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:
         lambda: problem.adjoint(X, NOTHING),
         lambda: problem.hessian(X, NOTHING),
         lambda: problem.costs(X, NOTHING)(X[None]),
-        lambda: problem.slopes(X, NOTHING)(X[None]),
+        lambda: problem.cost_gradients(X, NOTHING)(X[None]),
     ):
         with pytest.raises(Stop):
             ask()

@@ -9,7 +9,7 @@ from tests.compilers import NEEDS_A_COMPILER
 from tests.tiers import THOROUGH
 from workbench.blocks.functions import Mapped
 from workbench.blocks.simd import simd_function
-from workbench.problem.costs import Evaluation, compiled, interpreted
+from workbench.problem.costs import CostMethod, compiled, interpreted
 from workbench.residuals import geman_mcclure, huber
 
 
@@ -73,7 +73,7 @@ def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
         pytest.param("vertices", None, interpreted, marks=THOROUGH),
     ],
 )
-def test_costs_of_many_points_match_each(name: str, only: str | None, way: Evaluation) -> None:
+def test_costs_of_many_points_match_each(name: str, only: str | None, way: CostMethod) -> None:
     problem, start = problems()[name]
     x, fixed = problem.split(start)
     at = problem.free.slices[only] if only else slice(None)
@@ -97,7 +97,7 @@ def test_gradients_of_many_points_match_each(name: str, only: str | None) -> Non
     places = np.arange(problem.free.size)[problem.free.slices[only] if only else slice(None)]
     X = np.repeat(x[None], 5, axis=0)
     X[:, places] += 0.1 * np.random.default_rng(0).standard_normal((5, places.size))
-    costs, gradients = problem.slopes(x, fixed, places)(X[:, places])
+    costs, gradients = problem.cost_gradients(x, fixed, places)(X[:, places])
     for row, cost, gradient in zip(X, costs, gradients, strict=True):
         right, slope = problem.cost_and_gradient(row, fixed)
         assert cost == pytest.approx(right, rel=1e-10)

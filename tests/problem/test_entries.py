@@ -174,7 +174,7 @@ def test_costs_and_gradients_of_many_points(free: tuple[str, ...]) -> None:
     z = x + np.random.default_rng(1).normal(scale=0.1, size=(3, x.size))
     expected = [part.linearize_at(one, fixed).cost for one in z]
     np.testing.assert_allclose(part.costs(x, fixed)(z), expected, rtol=1e-10)
-    costs, slopes = part.slopes(x, fixed)(z)
+    costs, slopes = part.cost_gradients(x, fixed)(z)
     np.testing.assert_allclose(costs, expected, rtol=1e-10)
     gradient = part.cost_and_gradient(z[1], fixed)[1]
     np.testing.assert_allclose(slopes[1], gradient, rtol=0, atol=1e-9 * np.abs(gradient).max())

@@ -10,9 +10,9 @@ from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
 from workbench.problem import storage
-from workbench.problem.graph import SUMS, size_of_terms
+from workbench.problem.graph import SUMS, term_sizes
 from workbench.problem.optimality import LinearLimits, projected, projected_dense, projected_sparse
-from workbench.problem.rounding import Rounding, fall
+from workbench.problem.rounding import Rounding, decrease
 
 EPS = np.finfo(float).eps
 
@@ -45,7 +45,7 @@ def test_sizes_of_terms_are_those_that_cancel() -> None:
     J = cs.Function("J", [x, h], [cs.jacobian(rows, x), cs.jacobian(rows, h)])
     parts = zip(J(at, fixed), (at, fixed), strict=True)
     sizes = np.sqrt(sum(((np.array(by) * numbers) ** 2).sum(axis=1) for by, numbers in parts))
-    found = problem._chain.made_of(at, problem.split({"x": at, "h": fixed})[1])
+    found = problem._chain.term_sizes(at, problem.split({"x": at, "h": fixed})[1])
     assert found[2] == sizes[2] == 0.0
     ratios = np.delete(found, 2) / np.delete(sizes, 2)
     assert (ratios > 0.3).all()
@@ -55,7 +55,7 @@ def test_sizes_of_terms_are_those_that_cancel() -> None:
 def test_sizes_of_terms_neither_overflow_nor_vanish() -> None:
     for factor, at in ((1e155, 1.0), (1e-200, 1e200), (1e200, 0.0)):
         x = Block("x").symbol
-        size = cs.Function("size", [x], [size_of_terms(factor * x, [x])])(at)
+        size = cs.Function("size", [x], [term_sizes(factor * x, [x])])(at)
         weights = np.random.default_rng(0).standard_normal(SUMS)
         mean = abs(weights).sum() / np.sqrt(SUMS)
         assert float(size) == pytest.approx(factor * at * mean)
@@ -145,11 +145,11 @@ def test_support_covers_the_jacobian() -> None:
 def test_decrease_keeps_its_digits_beside_a_constant() -> None:
     r, s = np.array([1e8, 1e-3]), np.array([1e8, 0.5e-3])
     exact = 0.5 * (1e-6 - 0.25e-6)
-    assert fall(r, s) == pytest.approx(exact, rel=1e-12)
+    assert decrease(r, s) == pytest.approx(exact, rel=1e-12)
     assert 0.5 * (r @ r) - 0.5 * (s @ s) != pytest.approx(exact, rel=0.1)  # as a difference
     explained = Rounding(1e-15 * np.abs(r))
     moved = r != s
-    assert explained.of_fall(r, moved) < 1e-20 < explained.of_cost(r)
+    assert explained.of_decrease(r, moved) < 1e-20 < explained.of_cost(r)
 
 
 def test_violated_constraint_is_never_optimal() -> None:

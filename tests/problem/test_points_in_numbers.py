@@ -90,9 +90,9 @@ def test_derivatives_of_landmarks_match_differences(body: SkinnedBody, kind: str
     assert numeric is not None
     here = numeric.evaluate(at)
     slopes = {name: np.empty((at[name].size, here.points.size)) for name in numeric.reads}
-    here.tangent(slopes, None)
-    pull = np.random.default_rng(2).standard_normal(here.points.size)
-    felt = here.adjoint(pull)
+    here.write_jacobian(slopes, None)
+    cotangent = np.random.default_rng(2).standard_normal(here.points.size)
+    felt = here.vjp(cotangent)
     for name, value in at.items():
         for i in range(value.size):
             step = np.zeros(value.size)
@@ -104,7 +104,7 @@ def test_derivatives_of_landmarks_match_differences(body: SkinnedBody, kind: str
             difference = ((beyond - before) / (2 * h)).ravel()
             # a central difference loses 1e-16 / h of metres to rounding, and h^2 to curvature
             np.testing.assert_allclose(slopes[name][i], difference, atol=1e-8)
-            np.testing.assert_allclose(felt[name][i], pull @ slopes[name][i], atol=1e-11)
+            np.testing.assert_allclose(felt[name][i], cotangent @ slopes[name][i], atol=1e-11)
 
 
 def landmarks_of_several(
@@ -140,12 +140,12 @@ def test_derivatives_of_many_match_each(body: SkinnedBody, kind: str) -> None:
             {name: np.full((*shape, values[name][0].size), np.nan) for name in numeric.reads}
             for _ in range(2)
         )
-        many.tangents(some, found)
-        one_by_one.tangents(some, expected)
+        many.write_jacobians(some, found)
+        one_by_one.write_jacobians(some, expected)
         for name in numeric.reads:
             np.testing.assert_allclose(found[name], expected[name], atol=1e-12)
-    pulls = np.random.default_rng(2).standard_normal((5, many.points[0].size))
-    felt, expected = many.adjoints(pulls), one_by_one.adjoints(pulls)
+    cotangents = np.random.default_rng(2).standard_normal((5, many.points[0].size))
+    felt, expected = many.vjps(cotangents), one_by_one.vjps(cotangents)
     for name in numeric.reads:
         np.testing.assert_allclose(felt[name], expected[name], atol=1e-12)
 

@@ -92,13 +92,13 @@ class WebAt(PointsAt):
         assert found.nnz < self.of.A.nnz
         return found
 
-    def tangent(self, into: wb.Values, scale: np.ndarray | None) -> None:
+    def write_jacobian(self, into: wb.Values, scale: np.ndarray | None) -> None:
         assert self.of.a.name not in into  # that has a pattern
         into[self.of.b.name][...] = self.of.B.T * (1.0 if scale is None else scale)
 
-    def adjoint(self, pull: np.ndarray) -> wb.Values:
-        back = self.jacobian(self.of.a.name).T @ pull
-        return {self.of.a.name: back, self.of.b.name: self.of.B.T @ pull}
+    def vjp(self, cotangent: np.ndarray) -> wb.Values:
+        back = self.jacobian(self.of.a.name).T @ cotangent
+        return {self.of.a.name: back, self.of.b.name: self.of.B.T @ cotangent}
 
 
 def web(seed: int, a: Block, b: Block, count: int = 9) -> wb.Points:

@@ -10,7 +10,7 @@ from tests.tiers import few
 from workbench import Linearization, residuals
 from workbench.problem import steps, storage
 from workbench.problem.conjugate_gradients import ConjugateGradients
-from workbench.problem.sparsity import Assembly, Part, Pattern, merged
+from workbench.problem.sparsity import DenseTerm, Pattern, SparseSum, merged
 from workbench.problem.steps import cholesky, factorized
 from workbench.solvers.trust_region import box_step
 
@@ -45,9 +45,9 @@ def test_sum_of_sparse_parts_is_the_dense_sum() -> None:
             rows = np.sort(rng.permutation(m)[: int(rng.integers(1, m))])
             entries = rng.standard_normal((columns.stop - columns.start, len(rows)))
             expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
-            parts.append(Part(rows, columns))
+            parts.append(DenseTerm(rows, columns))
             numbers.append(entries)
-        assembly = Assembly(pattern, parts)
+        assembly = SparseSum(pattern, parts)
         found = assembly.zeros()
         for k, entries in enumerate(numbers):
             assembly.add_part(k, entries, found)

@@ -118,7 +118,7 @@ class Affine:
             found += (matrix @ values[name].reshape(M, -1).T).T
         return found.reshape(M, *self.shape)
 
-    def pulled(self, gradient: Array) -> dict[str, Array]:
+    def vjp(self, gradient: Array) -> dict[str, Array]:
         """The gradients by the blocks, from the gradient by this array; all of them flat."""
         if self.plain is not None:
             return {self.plain: gradient}

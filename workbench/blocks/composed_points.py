@@ -215,7 +215,7 @@ class JoinedAt(PointsAt):
         """The points, (N, d) m."""
         return np.concatenate([part.points for part in self.parts])[self.order]
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the derivative by each block of `into`, (size, d N)."""
         columns = self._columns
         width = sum(part.points.size for part in self.parts)
@@ -224,22 +224,22 @@ class JoinedAt(PointsAt):
         for part, reads in zip(self.parts, self.reads, strict=True):
             last = first + part.points.size
             own = {n: np.zeros((len(t), last - first)) for n, t in whole.items() if n in reads}
-            part.tangent(own, None)
+            part.write_jacobian(own, None)
             for name, some in own.items():
                 whole[name][:, first:last] = some
             first = last
         for name, target in into.items():
             target[:] = whole[name][:, columns] * (1.0 if scale is None else scale)
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradient of sum(pull * points) by each block; flat."""
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradient of sum(cotangent * points) by each block; flat."""
         back = np.zeros(sum(part.points.size for part in self.parts))
-        back[self._columns] = pull
+        back[self._columns] = cotangent
         found: dict[str, Array] = {}
         first = 0
         for part in self.parts:
             last = first + part.points.size
-            for name, some in part.adjoint(back[first:last]).items():
+            for name, some in part.vjp(back[first:last]).items():
                 found[name] = found[name] + some if name in found else some
             first = last
         return found
@@ -429,10 +429,10 @@ class FramesAt(PointsAt):
         """The derivative of one frame's points by its own part of a block, (d N, size)."""
         block = self.of.blocks[name]
         into = np.empty((block.size // block.shape[0], here.points.size))
-        here.tangent({name: into}, None)
+        here.write_jacobian({name: into}, None)
         return csc_array(into.T)
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """The derivative, transposed and with all its zeros, into[block] (size, d N len(some))."""
         width = self.frames[0].points.size
         for i, (t, here) in enumerate(zip(self.of.some, self.frames, strict=True)):
@@ -444,14 +444,14 @@ class FramesAt(PointsAt):
                     size = len(array) // self.of.blocks[name].shape[0]
                     array = array[t * size : (t + 1) * size]
                 rooms[name] = array[:, at]
-            here.tangent(rooms, None if scale is None else scale[at])
+            here.write_jacobian(rooms, None if scale is None else scale[at])
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
         """The gradient by every block that is read, flat."""
         found = {name: np.zeros(block.size) for name, block in self.of.blocks.items()}
-        pulls = pull.reshape(len(self.frames), -1)
-        for t, here, own in zip(self.of.some, self.frames, pulls, strict=True):
-            for name, part in here.adjoint(own).items():
+        cotangents = cotangent.reshape(len(self.frames), -1)
+        for t, here, own in zip(self.of.some, self.frames, cotangents, strict=True):
+            for name, part in here.vjp(own).items():
                 if self.of.framed[name]:
                     found[name][t * part.size : (t + 1) * part.size] += part
                 else:

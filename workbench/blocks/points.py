@@ -38,15 +38,15 @@ class PointsAt(ABC):
         """The points, (N, 3), in metres."""
 
     @abstractmethod
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
 
         Each column is multiplied by `scale` (3 N,), where there is one.
         """
 
-    def tangent_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.tangent(into, scale)
+        self.write_jacobian(into, scale)
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative by a block with a `pattern` or a number of `nonzeros`, (3 N, size).
@@ -57,8 +57,8 @@ class PointsAt(ABC):
         raise NotImplementedError(f"the derivative by {name} is dense")
 
     @abstractmethod
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradient of sum(pull * points), pull (3 N,), by each block that is read; flat."""
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradient of cotangent (3 N,) . points by each block that is read; flat."""
 
 
 class NumericPoints(ABC):
@@ -89,7 +89,7 @@ class NumericPoints(ABC):
 
         The numbers that are stored in it have no meaning; each entry is stored once. None for a
         block by which the derivative is dense. By a block that has a pattern, the points at one set
-        of values are asked for `jacobian`, and never for `tangent`.
+        of values are asked for `jacobian`, and never for `write_jacobian`.
         """
         return None
 
@@ -418,15 +418,15 @@ class ExpressedPointsAt(PointsAt):
         (entries,) = function(*self.arguments)
         return csc_array((entries, places.indices, places.indptr), shape=places.shape)
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the derivative, transposed, with all its zeros, into[block] (size, 3 N)."""
         for name, target in into.items():
             found = self.jacobian(name).toarray().T
             target[...] = found if scale is None else found * scale
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradient of sum(pull * points), pull (3 N,), by each block; flat."""
-        return {name: np.asarray(self.jacobian(name).T @ pull) for name in self.of.reads}
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradient of cotangent (3 N,) . points by each block; flat."""
+        return {name: np.asarray(self.jacobian(name).T @ cotangent) for name in self.of.reads}
 
 
 class PointsOfEach(Protocol):
@@ -436,11 +436,11 @@ class PointsOfEach(Protocol):
     def points(self) -> Array:
         """The points, (M, N, 3), in metres."""
 
-    def tangents(self, some: slice, into: Mapping[str, Array]) -> None:
+    def write_jacobians(self, some: slice, into: Mapping[str, Array]) -> None:
         """Write the derivatives by blocks at some of the values, into[name] (some, 3 N, size)."""
 
-    def adjoints(self, pulls: Array) -> dict[str, Array]:
-        """The gradients (M, size) of each sum(pull * points), pulls (M, 3 N), by each block."""
+    def vjps(self, cotangents: Array) -> dict[str, Array]:
+        """The gradients (M, size) of cotangent (M, 3 N) . points by each block."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,14 +454,14 @@ class LoopedPoints:
         """The points, (M, N, 3), in metres."""
         return np.array([here.points for here in self.places])
 
-    def tangents(self, some: slice, into: Mapping[str, Array]) -> None:
+    def write_jacobians(self, some: slice, into: Mapping[str, Array]) -> None:
         """Write the derivatives at some of the values, (some, 3 N, size)."""
         for i, here in enumerate(self.places[some]):
-            here.tangent({name: room[i].T for name, room in into.items()}, None)
+            here.write_jacobian({name: room[i].T for name, room in into.items()}, None)
 
-    def adjoints(self, pulls: Array) -> dict[str, Array]:
+    def vjps(self, cotangents: Array) -> dict[str, Array]:
         """The gradients (M, size) by each block that is read."""
-        return stacked([here.adjoint(own) for here, own in zip(self.places, pulls, strict=True)])
+        return stacked([here.vjp(own) for here, own in zip(self.places, cotangents, strict=True)])
 
 
 def stacked(found: list[dict[str, Array]]) -> dict[str, Array]:

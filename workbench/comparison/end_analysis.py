@@ -14,7 +14,7 @@ from workbench.comparison.record import Stored
 from workbench.errors import BadFile, listed
 from workbench.fitting.setup import Setup
 from workbench.problem import Linearization, Problem
-from workbench.problem.optimality import hidden as undetermined
+from workbench.problem.optimality import undetermined_by_rounding
 from workbench.reading.facts import Facts, number, whole
 
 NOTHING = np.zeros(0)
@@ -115,7 +115,7 @@ def _look(problem: Problem, end: Array, fixed: Array, best: Basin) -> tuple[int,
     if not here.finite or here.cost <= ABOVE * best.cost:
         return 0, 0
     rounding = problem.rounding(end, fixed, here.residual)
-    unknowns = undetermined(end, here, problem.support, rounding) > 0
+    unknowns = undetermined_by_rounding(end, here, problem.support, rounding) > 0
     return _lost_rank(here, problem.linearize_at(best.x, fixed)), int(np.count_nonzero(unknowns))
 
 

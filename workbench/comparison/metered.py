@@ -13,7 +13,7 @@ from workbench.comparison.graphs import MeteredFunction
 from workbench.comparison.log import KINDS, Log
 from workbench.problem import Problem
 from workbench.problem.constraints import ConstraintSet
-from workbench.problem.costs import Costs, Evaluation, Places, Slopes, interpreted
+from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, interpreted
 from workbench.problem.rounding import half_squared
 from workbench.problem.storage import Matrix
 from workbench.solvers.limits import Meter, limited
@@ -100,15 +100,15 @@ class Metered:
             )
 
         def costs(
-            x: Array, fixed: Array, entries: Places | None = None, by: Evaluation = interpreted
+            x: Array, fixed: Array, entries: Places | None = None, by: CostMethod = interpreted
         ) -> Costs:
             with self._meter.paused():
                 found = problem.costs(x, fixed, entries, by)
             return together("residual", found, lambda costs: costs, _placed(x, fixed, entries))
 
-        def slopes(x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
+        def slopes(x: Array, fixed: Array, entries: Places | None = None) -> CostGradients:
             with self._meter.paused():
-                found = problem.slopes(x, fixed, entries)
+                found = problem.cost_gradients(x, fixed, entries)
             return together("gradient", found, lambda both: both[0], _placed(x, fixed, entries))
 
         def graph(

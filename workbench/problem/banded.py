@@ -333,7 +333,7 @@ class BlockMatrix:
         """The transposed matrix, for products with vectors."""
         return Transposed(self)
 
-    def pulled(self, r: Array) -> Array:
+    def vjp(self, r: Array) -> Array:
         """The matrix, transposed, times a vector (m,): (n,)."""
         found = np.asarray(r @ self.rest)
         for block, at in zip(self.blocks, self.places, strict=True):
@@ -405,7 +405,7 @@ class Transposed:
 
     def __matmul__(self, r: Array) -> Array:
         """The product with a vector (m,): (n,)."""
-        return self.of.pulled(r)
+        return self.of.vjp(r)
 
 
 def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "SparsePlaces":

@@ -26,14 +26,14 @@ from workbench.blocks.layout import Values
 from workbench.blocks.points import (
     distinct,
 )
-from workbench.problem.graph import FORWARD, Graph, size_of_terms, split
-from workbench.problem.rounding import Support, half_squared
+from workbench.problem.graph import FORWARD, Graph, split, term_sizes
+from workbench.problem.rounding import RowSupport, half_squared
 from workbench.problem.sparsity import (
-    Assembly,
-    Moving,
-    Part,
+    ChangingTerm,
+    DenseTerm,
     Pattern,
-    Scattered,
+    SparseSum,
+    SparseTerm,
     columns_of_nonzeros,
     gaps,
     merged,
@@ -41,7 +41,7 @@ from workbench.problem.sparsity import (
 from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
 
-_NOTHING = Part(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
+_NOTHING = DenseTerm(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
 
 
 class Chain:
@@ -76,9 +76,9 @@ class Chain:
             else None
             for i, pattern in enumerate(self.by_points)
         ]
-        self.to_size = Buffered(cs.Function("made_of", arguments, [size_of_terms(r, arguments)]))
-        self._visited = Visited(self.sources, free, fixed)
-        self._rooms = Rooms()
+        self.to_size = Buffered(cs.Function("term_sizes", arguments, [term_sizes(r, arguments)]))
+        self._cache = PointCache(self.sources, free, fixed)
+        self._buffers = BufferPool()
 
     @staticmethod
     def of(residuals: Sequence[Residual], free: Layout, fixed: Layout) -> "Chain":
@@ -95,7 +95,7 @@ class Chain:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
         if not self.sparse:
             check_fits(*self.by_x.shape)
-        places = self._visited.at(x, fixed)
+        places = self._cache.at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
             return r, self._jacobian(places, direct, by_points)
@@ -117,10 +117,12 @@ class Chain:
         Where a source has no pattern, each of its points reads all numbers of its blocks.
         """
         parts = [part for _, _, part in self._parts]
-        return merged(self.by_x, [p.everywhere if isinstance(p, Moving) else p for p in parts])
+        return merged(
+            self.by_x, [p.everywhere if isinstance(p, ChangingTerm) else p for p in parts]
+        )
 
     @cached_property
-    def _parts(self) -> list[tuple[int, str, Part | Scattered | Moving]]:
+    def _parts(self) -> list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]:
         """For every source and every block that it reads: their numbers, and the part of J.
 
         The part holds every entry of the rows that read the source; or, where the source has a
@@ -134,16 +136,18 @@ class Chain:
         ]
 
     @cached_property
-    def _assembly(self) -> Assembly:
+    def _sparse_sum(self) -> SparseSum:
         parts = [part for _, _, part in self._parts]
-        return Assembly(self.by_x, [p if not isinstance(p, Moving) else _NOTHING for p in parts])
+        return SparseSum(
+            self.by_x, [p if not isinstance(p, ChangingTerm) else _NOTHING for p in parts]
+        )
 
     def _jacobian(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
     ) -> Stored:
         if self.sparse:
             return self._sparse(places, direct, by_points)
-        columns, found = self._rooms.array(self.free.size, self.by_x.shape[0])
+        columns, found = self._buffers.array(self.free.size, self.by_x.shape[0])
         for at, rows in self._left_alone:
             columns[at, rows] = 0.0
         own = self.by_x.columns, self.by_x.rows
@@ -158,17 +162,17 @@ class Chain:
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
     ) -> csc_array:
         """The Jacobian by its nonzeros; each part of the sum is written to its places."""
-        assembly = self._assembly
+        assembly = self._sparse_sum
         found, moved = assembly.zeros(), []
         for i, (here, pattern, own, entries) in enumerate(
             zip(places, self.by_points, self._own_rows, by_points, strict=True)
         ):
             into: dict[str, Array] = {}
-            dense: list[tuple[int, str, Part]] = []
+            dense: list[tuple[int, str, DenseTerm]] = []
             for number, name, part in self._parts_of[i]:
-                if not isinstance(part, Part):
+                if not isinstance(part, DenseTerm):
                     product = pattern.times(entries, here.jacobian(name))
-                    if isinstance(part, Moving):
+                    if isinstance(part, ChangingTerm):
                         moved.append(part.within(product, assembly.shape[1]))
                     else:
                         assembly.add_scattered(number, product, found)
@@ -179,7 +183,7 @@ class Chain:
                 dense.append((number, name, part))
             if not dense:
                 continue
-            here.tangent(into, None if own is None else entries)
+            here.write_jacobian(into, None if own is None else entries)
             reduced = None if own is not None else pattern.matrix(entries).tocsr()
             for number, name, part in dense:
                 if reduced is not None:
@@ -191,9 +195,11 @@ class Chain:
         return sum(moved, assembly.matrix(found))
 
     @cached_property
-    def _parts_of(self) -> list[list[tuple[int, str, Part | Scattered | Moving]]]:
+    def _parts_of(self) -> list[list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]]:
         """The parts of each source: where they stand among all, the block's name, and the part."""
-        found: list[list[tuple[int, str, Part | Scattered | Moving]]] = [[] for _ in self.sources]
+        found: list[list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]] = [
+            [] for _ in self.sources
+        ]
         for number, (i, name, part) in enumerate(self._parts):
             found[i].append((number, name, part))
         return found
@@ -205,7 +211,7 @@ class Chain:
         ):
             dense: dict[str, slice] = {}
             for _, name, part in self._parts_of[i]:
-                if isinstance(part, Part):
+                if isinstance(part, DenseTerm):
                     dense[name] = part.columns
                     continue
                 product = pattern.times(entries, here.jacobian(name)).tocoo()
@@ -214,17 +220,17 @@ class Chain:
                 continue
             if rows is not None:
                 own = {name: columns[at, rows] for name, at in dense.items()}
-                here.tangent_over_zeros(own, entries)
+                here.write_jacobian_over_zeros(own, entries)
                 continue
             parts = {n: np.empty((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
-            here.tangent(parts, None)
+            here.write_jacobian(parts, None)
             for name, at in dense.items():
                 columns[at] += (pattern.matrix(entries) @ parts[name].T).T
 
     @cached_property
     def _left_alone(self) -> list[tuple[slice, slice]]:
         """Columns and rows of J that no source writes whole; they must be zero before."""
-        own = [(n, self._own_rows[i]) for i, n, part in self._parts if isinstance(part, Part)]
+        own = [(n, self._own_rows[i]) for i, n, part in self._parts if isinstance(part, DenseTerm)]
         return [
             (at, rows)
             for name, at in self.free.slices.items()
@@ -233,31 +239,31 @@ class Chain:
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
-        places = self._visited.at(x, fixed)
+        places = self._cache.at(x, fixed)
         points = [here.points for here in places]
         if self._constant:
             (r,), (direct, *by_points) = self.to_residual(x, fixed, *points), self._constant
         else:
             r, direct, *by_points = self.to_derivative(x, fixed, *points)
-        g = self.by_x.pulled(direct, r)
+        g = self.by_x.vjp(direct, r)
         for here, pattern, entries in zip(places, self.by_points, by_points, strict=True):
-            for name, part in here.adjoint(pattern.pulled(entries, r)).items():
+            for name, part in here.vjp(pattern.vjp(entries, r)).items():
                 if name in self.free.slices:
                     g[self.free.slices[name]] += part
         return half_squared(r), g
 
-    def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of each row's terms (m,), estimated: see `size_of_terms`."""
+    def term_sizes(self, x: Array, fixed: Array) -> Array:
+        """The size of each row's terms (m,), estimated: see `term_sizes`."""
         return self.to_size(x, fixed, *self._points(x, fixed))[0]
 
     @cached_property
-    def support(self) -> Support:
+    def support(self) -> RowSupport:
         """Which rows each free number can change: directly, and through the points."""
         n, m = self.free.size, self.by_x.shape[0]
         through = np.zeros((n, len(self.sources)), dtype=bool)
-        scattered = [part for _, _, part in self._parts if isinstance(part, Scattered)]
+        scattered = [part for _, _, part in self._parts if isinstance(part, SparseTerm)]
         for i, _, part in self._parts:
-            if not isinstance(part, Scattered):
+            if not isinstance(part, SparseTerm):
                 through[part.columns, i] = True
         kinds, group_of = np.unique(through, axis=0, return_inverse=True)
         groups = np.zeros((len(kinds), m), dtype=bool)
@@ -271,29 +277,29 @@ class Chain:
         alone = ~groups[group_of[columns], rows]  # not counted twice
         ones = np.ones(int(alone.sum()))
         own = csr_array((ones, (columns[alone], rows[alone])), shape=(n, m))
-        return Support(groups, group_of, own)
+        return RowSupport(groups, group_of, own)
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
-        return self._visited.points(x, fixed)
+        return self._cache.points(x, fixed)
 
 
 def _part(
     pattern: Pattern, source: NumericPoints, name: str, columns: slice
-) -> Part | Scattered | Moving:
+) -> DenseTerm | SparseTerm | ChangingTerm:
     """The part of J in the columns of a block, through the points of a source."""
     rows, nonzeros = np.unique(pattern.rows), source.nonzeros(name)
     if nonzeros is not None:
-        return Moving(rows, columns, nonzeros)
+        return ChangingTerm(rows, columns, nonzeros)
     of_points = source.pattern(name)
     if of_points is None:
-        return Part(rows, columns)
-    return Scattered(pattern.reached(of_points), columns)
+        return DenseTerm(rows, columns)
+    return SparseTerm(pattern.reached(of_points), columns)
 
 
 Key = tuple[bytes, bytes]  # of a place: its free numbers and the fixed ones
 
 
-class Visited:
+class PointCache:
     """The points of several sources, kept for whoever asks again at one of the last two places.
 
     A solver evaluates a trial, and then asks how large rounding errors are where it came from: the
@@ -344,8 +350,8 @@ LINE = 64  # bytes of a cache line
 
 
 @dataclass(frozen=True, eq=False)
-class Rooms:
-    """Rooms for arrays of one size after the other.
+class BufferPool:
+    """BufferPool for arrays of one size after the other.
 
     An operating system clears new memory page by page, which for a large Jacobian takes as long as
     computing it. An array's room is free when the array and all views of it are gone. Whoever gets

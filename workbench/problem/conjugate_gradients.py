@@ -85,13 +85,13 @@ class ConjugateGradients:
         for _ in range(self.products):
             if not square > enough:
                 break
-            bent_by = product(direction)
-            bent = float(direction @ bent_by)
-            if not bent > 0:
+            curved = product(direction)
+            curvature = float(direction @ curved)
+            if not curvature > 0:
                 break
-            length = square / bent
+            length = square / curvature
             x += length * direction
-            residual -= length * bent_by
+            residual -= length * curved
             preconditioned = inverse(residual)
             square, before = float(residual @ preconditioned), square
             direction = preconditioned + (square / before) * direction

@@ -162,7 +162,7 @@ class ConstraintSet:
     @cached_property
     def hessian_pattern(self) -> csc_array:
         """Where the Hessian of multipliers' c can be nonzero, (n, n), by the whole graph."""
-        places = Pattern(self._bend.sparsity())
+        places = Pattern(self._curvature.sparsity())
         return places.matrix(np.ones(len(places.rows)))
 
     def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Stored:
@@ -215,12 +215,12 @@ class ConstraintSet:
         return cs.MX.sym("multipliers", self.size)
 
     @cached_property
-    def _bend(self) -> cs.MX:
+    def _curvature(self) -> cs.MX:
         return cs.hessian(cs.dot(self._multipliers, self._graph.residual), self._graph.x)[0]
 
     @cached_property
     def _hessian(self) -> Buffered:
-        g, H, (n, _) = self._graph, self._bend, self._bend.shape
+        g, H, (n, _) = self._graph, self._curvature, self._curvature.shape
         H = H if is_sparse(n, n, H.nnz()) else cs.densify(H)
         return Buffered(cs.Function("H", [g.x, g.fixed, self._multipliers], [H]))
 
@@ -246,16 +246,19 @@ class ConstraintHessian:
         H, g = cs.hessian(cs.dot(y, c), whole)
         self._places = Pattern(H.sparsity())
         self._second = Buffered(cs.Function("second", [whole, graph.fixed, y], [H, cs.densify(g)]))
-        pulls = [cs.MX.sym(f"pull{i}", *p.shape) for i, p in enumerate(graph.points)]
+        cotangents = [cs.MX.sym(f"cotangent{i}", *p.shape) for i, p in enumerate(graph.points)]
         numeric = [p for p in points if p.source.numeric is not None]
         sums = [
-            cs.dot(cs.vec(pull), cs.vec(in_blocks(p.symbol, [p])))
-            for pull, p in zip(pulls, numeric, strict=True)
+            cs.dot(cs.vec(cotangent), cs.vec(in_blocks(p.symbol, [p])))
+            for cotangent, p in zip(cotangents, numeric, strict=True)
         ]
-        of_points = Graph.of(sum(sums[1:], sums[0]), free, fixed, pulls)
-        bend = cs.densify(cs.hessian(of_points.residual, of_points.x)[0])
-        self._bend = Buffered(
-            without_calls(cs.Function("bend", [of_points.x, of_points.fixed, *pulls], [bend]), 0)
+        of_points = Graph.of(sum(sums[1:], sums[0]), free, fixed, cotangents)
+        curvature = cs.densify(cs.hessian(of_points.residual, of_points.x)[0])
+        self._curvature = Buffered(
+            without_calls(
+                cs.Function("curvature", [of_points.x, of_points.fixed, *cotangents], [curvature]),
+                0,
+            )
         )
 
     def at(self, x: Array, fixed: Array, multipliers: Array) -> Array:
@@ -268,18 +271,18 @@ class ConstraintHessian:
             into = {
                 name: slope[at] for name, at in self._free.slices.items() if name in source.reads
             }
-            one.tangent(into, None)
+            one.write_jacobian(into, None)
             slopes.append(slope.T)
         T = np.vstack(slopes)
         places = np.concatenate([x, *(one.points.ravel() for one in here)])
         entries, gradient = self._second(places, fixed, multipliers)
         found = T.T @ (self._places.matrix(entries) @ T)
-        pulls, first = [], n
+        cotangents, first = [], n
         for one in here:
-            pulls.append(gradient[first : first + one.points.size])
+            cotangents.append(gradient[first : first + one.points.size])
             first += one.points.size
-        bend = self._bend(x, fixed, *pulls)[0].reshape(n, n)
-        return np.asarray(found + bend)
+        curvature = self._curvature(x, fixed, *cotangents)[0].reshape(n, n)
+        return np.asarray(found + curvature)
 
 
 def has_arithmetic(points: Sequence[Points]) -> bool:

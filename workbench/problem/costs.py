@@ -30,8 +30,8 @@ from workbench.residuals import Residual
 T = TypeVar("T")
 Places = Index
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
-Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
-Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
+CostGradient = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
+CostGradients = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: of more, points from matrix products are faster
 EXPANDED_UP_TO = 100_000  # of the whole graph
@@ -112,7 +112,7 @@ def _weighed(residual: Residual, numbers: cs.MX) -> cs.MX:
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class CostGraph:
     """A residual as one graph, and as a graph of points that come from arithmetic.
 
     Attributes:
@@ -141,13 +141,13 @@ class Batch:
         fixed: Layout,
         graph: Graph | None,
         domain: Domain | None,
-    ) -> "Batch":
+    ) -> "CostGraph":
         """The batch of whitened residuals, of which `graph` is the graph if there is one."""
         if domain is None:
-            return Batch(graph, *split(whitened, points, free, fixed), free, fixed)
+            return CostGraph(graph, *split(whitened, points, free, fixed), free, fixed)
         limited = domain.beside(whitened)
         whole = None if graph is None else Graph.of(in_blocks(limited, points), free, fixed)
-        return Batch(whole, *split(limited, points, free, fixed), free, fixed, limited=True)
+        return CostGraph(whole, *split(limited, points, free, fixed), free, fixed, limited=True)
 
     def once(self, what: str, places: Places, make: Callable[[], T]) -> T:
         """The result of `make`, which is called once for these places and is kept in `made`."""
@@ -158,7 +158,7 @@ class Batch:
         return found
 
 
-Evaluation = Callable[[Batch, Array, Array, Places], Costs]
+CostMethod = Callable[[CostGraph, Array, Array, Places], Costs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ class FoldedCost:
         return int(self.cost.n_instructions() + more)
 
 
-def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
+def interpreted(batch: CostGraph, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that CasADi and NumPy evaluate, without a compiler.
 
     Points come from arithmetic for all rows at once, where there is some and the whole graph is
@@ -211,7 +211,7 @@ def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     return costs
 
 
-def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
+def compiled(batch: CostGraph, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that is compiled, where that is possible and worth it."""
     graph = batch.once("products", places, lambda: _folded(batch, places, products=True))
     if graph is None or graph.instructions > COMPILED_UP_TO:
@@ -227,7 +227,9 @@ def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     return _called(run, graph, x, fixed)
 
 
-def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slope) -> Slopes:
+def cost_gradients(
+    batch: CostGraph, x: Array, fixed: Array, places: Places, one_by_one: CostGradient
+) -> CostGradients:
     """Costs and their gradients by z, compiled where that works.
 
     Where the graph is too long, `one_by_one` is asked for the cost and its gradient (n,) at each x.
@@ -245,7 +247,7 @@ def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slo
             return cost, np.array([g[places] for _, g in found])
 
         return each
-    run = batch.once("slopes", places, lambda: _derived(graph.cost))
+    run = batch.once("cost_gradients", places, lambda: _derived(graph.cost))
     numbers = graph.numbers(x, fixed)
 
     def together(z: Array) -> tuple[Array, Array]:
@@ -270,7 +272,7 @@ def _called(run: Batched, graph: FoldedCost, x: Array, fixed: Array) -> Costs:
     return lambda z: run(z, numbers)[0][:, 0]
 
 
-def _folded(batch: Batch, places: Places, products: bool = False) -> "FoldedCost | None":
+def _folded(batch: CostGraph, places: Places, products: bool = False) -> "FoldedCost | None":
     """The cost by what varies; None if there are too many instructions, or no such graph."""
     return None if batch.whole is None else folded_cost(batch.whole, places, products)
 
@@ -282,7 +284,7 @@ def _filled(x: Array, places: Places, z: Array) -> Array:
     return X
 
 
-def _values(batch: Batch, X: Array, fixed: Array) -> Mapping[str, Array]:
+def _values(batch: CostGraph, X: Array, fixed: Array) -> Mapping[str, Array]:
     same, M = batch.fixed.unpack(fixed), len(X)
     values = {name: np.broadcast_to(value, (M, *value.shape)) for name, value in same.items()}
     for block in batch.free.blocks:

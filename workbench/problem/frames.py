@@ -24,7 +24,7 @@ from workbench.problem.banded import (
 from workbench.problem.chain import Chain
 from workbench.problem.graph import split
 from workbench.problem.naming import blocks_behind, rows_of
-from workbench.problem.rounding import Support, half_squared
+from workbench.problem.rounding import RowSupport, half_squared
 from workbench.problem.sparsity import columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.storage import Matrix, is_sparse
 from workbench.residuals import Residual
@@ -155,8 +155,8 @@ class FrameGroup:
         """The residuals of the frames, (F, m)."""
         return self._of_all(self.chain.to_residual, *self._arguments(x, fixed, places))[0]
 
-    def made_of(self, x: Array, fixed: Array, places: Places) -> Array:
-        """The sizes of the terms that rows are made of, (F, m); see `Chain.made_of`."""
+    def term_sizes(self, x: Array, fixed: Array, places: Places) -> Array:
+        """The sizes of the terms that rows are made of, (F, m); see `Chain.term_sizes`."""
         return self._of_all(self.chain.to_size, *self._arguments(x, fixed, places))[0]
 
     def places(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> Places:
@@ -176,10 +176,10 @@ class FrameGroup:
         r, direct, by_points = self._derived(x, fixed, places)
         chain, g = self.chain, np.zeros(self.columns.shape)
         for own, entries, residual in zip(g, direct, r, strict=True):
-            own += chain.by_x.pulled(entries, residual)
+            own += chain.by_x.vjp(entries, residual)
         for there, pattern, entries in zip(places, chain.by_points, by_points, strict=True):
-            pulls = [pattern.pulled(own, one) for own, one in zip(entries, r, strict=True)]
-            for name, part in there.adjoints(np.array(pulls)).items():
+            cotangents = [pattern.vjp(own, one) for own, one in zip(entries, r, strict=True)]
+            for name, part in there.vjps(np.array(cotangents)).items():
                 if name in chain.free.slices:
                     g[:, chain.free.slices[name]] += part
         return r, g
@@ -232,10 +232,11 @@ class FrameGroup:
         return r, block, direct[:, ~inside]
 
     @cached_property
-    def _products(self) -> list["Product"]:
+    def _products(self) -> list["RowProduct"]:
         _, place = self._into
         return [
-            Product(self.chain, i, place, len(self.frames)) for i in range(len(self.chain.sources))
+            RowProduct(self.chain, i, place, len(self.frames))
+            for i in range(len(self.chain.sources))
         ]
 
     def _derived(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, list[Array]]:
@@ -247,7 +248,7 @@ class FrameGroup:
         return [x[self.columns], fixed[self.given], *(there.points for there in places)]
 
 
-class Product:
+class RowProduct:
     """dr/dp dp/dx of one source, for several frames in one product of a sparse matrix."""
 
     def __init__(self, chain: Chain, source: int, place: Index, count: int) -> None:
@@ -284,7 +285,9 @@ class Product:
             some = slice(first, min(first + AT_ONCE, len(entries)))
             size = some.stop - some.start
             points = np.empty((size, self._wide, k))
-            there.tangents(some, {name: points[:, :, at] for name, at in self._rooms.items()})
+            there.write_jacobians(
+                some, {name: points[:, :, at] for name, at in self._rooms.items()}
+            )
             data = entries[some][:, self._taken].ravel()
             shape = size * self._height, size * self._wide
             starts = self._starts[: shape[0] + 1]
@@ -322,9 +325,9 @@ class FrameChain:
         """The whitened residual, (m,)."""
         return self._gathered(x, fixed, FrameGroup.residual, Chain.residual)
 
-    def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of the terms that each row is made of, (m,); see `Chain.made_of`."""
-        return self._gathered(x, fixed, FrameGroup.made_of, Chain.made_of)
+    def term_sizes(self, x: Array, fixed: Array) -> Array:
+        """The size of the terms that each row is made of, (m,); see `Chain.term_sizes`."""
+        return self._gathered(x, fixed, FrameGroup.term_sizes, Chain.term_sizes)
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian is formed."""
@@ -380,15 +383,15 @@ class FrameChain:
         return csc_array((np.ones(len(at[0]), dtype=bool), at), shape=(self._size, self._free.size))
 
     @cached_property
-    def support(self) -> Support:
+    def support(self) -> RowSupport:
         """Which rows each free number can change, in frames and in the other residuals."""
         parts = [(g.chain.support, g.rows, g.columns) for g in self._groups]
         shape = self._free.size, self._size
         if self._rest is None:
-            return Support.of_frames(parts, csr_array(shape))
+            return RowSupport.of_frames(parts, csr_array(shape))
         one = self._rest.support.explicit.tocoo()
         rest = csr_array((one.data, (one.row, self._rest_rows[one.col])), shape=shape)
-        return Support.of_frames(parts, rest)
+        return RowSupport.of_frames(parts, rest)
 
     def _gathered(
         self,

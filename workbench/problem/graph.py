@@ -113,7 +113,7 @@ def split(
     return graph, tuple(numeric)
 
 
-def size_of_terms(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
+def term_sizes(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
     Among the a_i are the constants that are added in r. Terms that cancel each other in the
@@ -222,7 +222,7 @@ class RestrictedPointsAt(PointsAt):
         """The points, (N, 3) m."""
         return self.here.points
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """The derivatives, transposed, written to into[block] (wanted entries, 3 N).
 
         All rows are computed, and the wanted ones are kept.
@@ -233,7 +233,7 @@ class RestrictedPointsAt(PointsAt):
             else array
             for name, array in into.items()
         }
-        self.here.tangent(rooms, scale)
+        self.here.write_jacobian(rooms, scale)
         for name, array in into.items():
             if name in self.wanted:
                 array[...] = rooms[name][self.wanted[name]]
@@ -242,9 +242,9 @@ class RestrictedPointsAt(PointsAt):
         """The derivative by the wanted entries of a block, (3 N, wanted entries)."""
         return _columns(self.here.jacobian(name), self.wanted.get(name))
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
         """The gradient by the wanted entries of each block, flat."""
-        found = self.here.adjoint(pull)
+        found = self.here.vjp(cotangent)
         return {n: g[self.wanted[n]] if n in self.wanted else g for n, g in found.items()}
 
 

@@ -319,10 +319,10 @@ class Linearization:
     def predicted_decrease(self, p: Array) -> float:
         """By how much the linear model predicts that the step p (n,) lowers the cost."""
         if "normal" in self.__dict__:  # it is known already and small: J need not be read again
-            bend = float(p @ self.normal @ p)
+            curvature = float(p @ self.normal @ p)
         else:
-            bend = float(np.sum(self.along(p) ** 2))
-        return -float(self.gradient @ p) - 0.5 * bend
+            curvature = float(np.sum(self.along(p) ** 2))
+        return -float(self.gradient @ p) - 0.5 * curvature
 
     def predicted_cost(self, step: Array) -> float:
         """The cost that the linear model predicts after a step p (n,): 1/2 |r + J p|^2."""

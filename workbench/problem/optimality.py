@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.arrays import Array
 from workbench.problem import storage
 from workbench.problem.linearization import Linearization
-from workbench.problem.rounding import Rounding, Support
+from workbench.problem.rounding import Rounding, RowSupport
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
 Index = NDArray[np.signedinteger]
@@ -182,7 +182,7 @@ IMMATERIAL = 1e-6  # of an unknown's own size: the same
 def optimality(
     x: Array,
     here: Linearization,
-    support: Support,
+    support: RowSupport,
     box: Box | None = None,
     rounding: Rounding | None = None,
 ) -> float:
@@ -221,7 +221,7 @@ def optimality(
         )
     way = np.abs(d)
     if rounding is not None:
-        way = np.maximum(way - explained_by_rounding(x, here, support, rounding), 0.0)
+        way = np.maximum(way - rounding_part(x, here, support, rounding), 0.0)
     sizes = np.maximum(support.norms(r), min(sqrt(r @ r), 1.0))
     lengths = _or_one(sizes)
     if lengths is not sizes and ((way > 0) & (sizes == 0)).any():
@@ -229,17 +229,15 @@ def optimality(
     return float((way / lengths).max(initial=0.0))
 
 
-def explained_by_rounding(
-    x: Array, here: Linearization, support: Support, rounding: Rounding
-) -> Array:
+def rounding_part(x: Array, here: Linearization, support: RowSupport, rounding: Rounding) -> Array:
     """The part of each d_i, (n,), that rounding errors of the rows that x_i can change may explain.
 
-    It explains nothing where rounding hides an unknown (see `hidden`): there it is the reason why
-    no better point is found, which does not mean that this is the minimum. The same holds for
+    It explains nothing where an unknown is `undetermined_by_rounding`: there rounding is the reason
+    why no better point is found, which does not mean that this is the minimum. The same holds for
     unknowns that change the same rows as a hidden one.
     """
     error = _errors(here, support, rounding)
-    harmful = hidden(x, here, support, rounding) > 0
+    harmful = undetermined_by_rounding(x, here, support, rounding) > 0
     if not harmful.any():
         return error
     if here.constraints is not None:
@@ -247,7 +245,9 @@ def explained_by_rounding(
     return np.where(support.norms(support.rows(harmful).astype(float)) > 0, 0.0, error)
 
 
-def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
+def undetermined_by_rounding(
+    x: Array, here: Linearization, support: RowSupport, rounding: Rounding
+) -> Array:
     """By how much rounding leaves each x_i undetermined, (n,), in its unit; 0 if harmless.
 
     It is harmless up to a thousandth of a sigma, or a millionth of x_i itself.
@@ -262,7 +262,7 @@ def _or_one(lengths: Array) -> Array:
     return lengths if lengths.min(initial=1.0) > 0 else np.where(lengths > 0, lengths, 1.0)
 
 
-def _errors(here: Linearization, support: Support, rounding: Rounding) -> Array:
+def _errors(here: Linearization, support: RowSupport, rounding: Rounding) -> Array:
     if here.constraints is not None:  # they carry the error of one number to another
         return np.full(len(here.column_norms), rounding.norm)
     return support.norms(rounding.rows)

@@ -20,21 +20,21 @@ from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import (
-    Batch,
+    CostGradients,
+    CostGraph,
+    CostMethod,
     Costs,
     Domain,
-    Evaluation,
     Places,
-    Slopes,
+    cost_gradients,
     interpreted,
-    slopes,
 )
 from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
 from workbench.problem.optimality import optimality
-from workbench.problem.rounding import Rounding, Support
+from workbench.problem.rounding import Rounding, RowSupport
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
@@ -214,19 +214,21 @@ class Problem(Symbolic):
         return self._chain.residual(x, fixed)
 
     def costs(
-        self, x: Array, fixed: Array, entries: Places | None = None, by: Evaluation = interpreted
+        self, x: Array, fixed: Array, entries: Places | None = None, by: CostMethod = interpreted
     ) -> Costs:
         """A function of z (M, k) to the costs (M,) at M points that differ from x in z only.
 
         z are the numbers at the places `entries` of x (all, if None). Outside of the `domain` costs
         are infinite. `by` is `interpreted`, or `compiled`: many times as fast, after some seconds.
         """
-        return by(self._batch, x, fixed, self._places(entries))
+        return by(self._cost_graph, x, fixed, self._places(entries))
 
-    def slopes(self, x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
+    def cost_gradients(
+        self, x: Array, fixed: Array, entries: Places | None = None
+    ) -> CostGradients:
         """A function of z (M, k) to the costs (M,) and their gradients (M, k); see `costs`."""
         one = partial(self.cost_and_gradient, fixed=fixed)
-        return slopes(self._batch, x, fixed, self._places(entries), one)
+        return cost_gradients(self._cost_graph, x, fixed, self._places(entries), one)
 
     def _places(self, entries: Places | None) -> Places:
         return np.arange(self.free.size) if entries is None else entries.astype(np.int64)
@@ -265,10 +267,10 @@ class Problem(Symbolic):
         It is estimated from the size of the terms that make up the row at x: derivatives times
         free numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
         """
-        return Rounding.of(residual, self._chain.made_of(x, fixed), floor)
+        return Rounding.of(residual, self._chain.term_sizes(x, fixed), floor)
 
     @property
-    def support(self) -> Support:
+    def support(self) -> RowSupport:
         """Which rows each free number can change, by structure."""
         return self._chain.support
 
@@ -304,9 +306,9 @@ class Problem(Symbolic):
         return (FrameChain if by_frames else Chain.of)(self.residuals, *self._layouts)
 
     @cached_property
-    def _batch(self) -> Batch:
+    def _cost_graph(self) -> CostGraph:
         graph = self._graph if self.has_graph else None
-        return Batch.of(self._whitened, self.points, *self._layouts, graph, self.domain)
+        return CostGraph.of(self._whitened, self.points, *self._layouts, graph, self.domain)
 
 
 Stage = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights

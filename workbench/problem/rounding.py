@@ -26,12 +26,12 @@ class Rounding:
     rows: Array
 
     @staticmethod
-    def of(residual: Array, made_of: Array, floor: float = 1.0) -> "Rounding":
+    def of(residual: Array, term_sizes: Array, floor: float = 1.0) -> "Rounding":
         """10 eps times the size of the terms of each row, which is at least `floor` sigmas.
 
-        These are its own value, and the terms that `made_of` (m,) measures.
+        These are its own value, and the terms that `term_sizes` (m,) measures.
         """
-        return Rounding(FACTOR * EPS * (floor + np.abs(residual) + made_of))
+        return Rounding(FACTOR * EPS * (floor + np.abs(residual) + term_sizes))
 
     @cached_property
     def norm(self) -> float:
@@ -42,7 +42,7 @@ class Rounding:
         """How far rounding may have changed 1/2 |r|^2: |r|' e + 1/2 |e|^2, e the rows' errors."""
         return float(np.abs(residual) @ self.rows) + 0.5 * self.norm**2
 
-    def of_fall(self, residual: Array, moved: Mask) -> float:
+    def of_decrease(self, residual: Array, moved: Mask) -> float:
         """How far rounding may have changed a difference of costs by the rows that `moved` (m,)."""
         return Rounding(self.rows[moved]).of_cost(residual[moved])
 
@@ -57,7 +57,7 @@ def all_finite(r: Array) -> bool:
     return isfinite(half_squared(r)) or bool(np.isfinite(r).all())
 
 
-def fall(residual: Array, to: Array) -> float:
+def decrease(residual: Array, to: Array) -> float:
     """1/2 |r|^2 - 1/2 |s|^2 of two residuals (m,), as 1/2 (r - s)'(r + s).
 
     Large rows that do not change cancel exactly. In the difference of two costs they would take
@@ -66,7 +66,7 @@ def fall(residual: Array, to: Array) -> float:
     return 0.5 * float((residual - to) @ (residual + to))
 
 
-class Support:
+class RowSupport:
     """Which rows of the residual each free number can change, by the structure of the graph.
 
     Number i can change the rows of its group, `groups[group_of[i]]` (m,), and those that are marked
@@ -84,7 +84,9 @@ class Support:
         self._alike = own.nnz == 0  # whether all rows are those of groups
 
     @staticmethod
-    def of_frames(parts: Sequence[tuple["Support", Index, Index]], rest: csr_array) -> "Support":
+    def of_frames(
+        parts: Sequence[tuple["RowSupport", Index, Index]], rest: csr_array
+    ) -> "RowSupport":
         """The support of a sequence.
 
         `parts` are groups of F similar frames: the support of one frame, and the rows (F, m) and
@@ -124,7 +126,7 @@ class Support:
             group_of[number] = together[tuple(which)]
         none = np.zeros(0, dtype=np.int64)
         at = np.concatenate([none, *groups_of]), np.concatenate([none, *rows_of])
-        return Support(_marked(*at, (first, m)), group_of, csr_array(sum(own[1:], own[0])))
+        return RowSupport(_marked(*at, (first, m)), group_of, csr_array(sum(own[1:], own[0])))
 
     @property
     def explicit(self) -> csr_array:

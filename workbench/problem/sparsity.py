@@ -74,7 +74,7 @@ class Pattern:
         in_order = once and np.array_equal(self.rows, first + np.arange(n))
         return slice(first, first + n) if in_order else None
 
-    def pulled(self, entries: Array, r: Array) -> Array:
+    def vjp(self, entries: Array, r: Array) -> Array:
         """The matrix with these entries, transposed, times r."""
         if self.diagonal is not None:
             return entries * r[self.diagonal]
@@ -104,7 +104,7 @@ class Pattern:
         return self.times(np.ones(len(self.rows)), there)
 
 
-class Part(NamedTuple):
+class DenseTerm(NamedTuple):
     """A dense part of a matrix: all entries in some rows of some columns.
 
     Attributes:
@@ -121,7 +121,7 @@ class Part(NamedTuple):
         return int(len(self.rows) * (self.columns.stop - self.columns.start))
 
 
-class Scattered(NamedTuple):
+class SparseTerm(NamedTuple):
     """A sparse part of a matrix: the entries of some columns that `pattern` (m, size) stores.
 
     Attributes:
@@ -143,7 +143,7 @@ class Scattered(NamedTuple):
         return np.asarray(columns_of_nonzeros(self.pattern) + self.columns.start)
 
 
-class Moving(NamedTuple):
+class ChangingTerm(NamedTuple):
     """A sparse part of a matrix whose entries change their places from point to point.
 
     Attributes:
@@ -157,9 +157,9 @@ class Moving(NamedTuple):
     filled: int
 
     @property
-    def everywhere(self) -> Part:
+    def everywhere(self) -> DenseTerm:
         """All places at which there may be an entry at some point."""
-        return Part(self.rows, self.columns)
+        return DenseTerm(self.rows, self.columns)
 
     def within(self, entries: csc_array, n: int) -> csc_array:
         """The part's entries at one point (m, size), as part of a matrix (m, n)."""
@@ -178,20 +178,20 @@ def _edges(taken: Sequence[slice]) -> list[tuple[int, int]]:
     return [(rows.start, rows.stop) for rows in taken]
 
 
-def merged(pattern: Pattern, parts: Sequence[Part | Scattered]) -> csc_array:
+def merged(pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> csc_array:
     """Where a sum of single entries and parts can be nonzero, (m, n)."""
     columns, rows = np.divmod(_places(pattern, parts), pattern.shape[0])
     starts = np.searchsorted(columns, np.arange(pattern.shape[1] + 1))
     return csc_array((np.ones(len(rows), dtype=bool), rows, starts), shape=pattern.shape)
 
 
-class Assembly:
+class SparseSum:
     """A sparse matrix (m, n) that is a sum of single entries and of dense or sparse parts.
 
     The entry of the sum to which each number is added is found once; the sum is then fast.
     """
 
-    def __init__(self, pattern: Pattern, parts: Sequence[Part | Scattered]) -> None:
+    def __init__(self, pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> None:
         self.shape = m, n = pattern.shape
         places = _places(pattern, parts)
         columns, self._rows = np.divmod(places, m)
@@ -199,10 +199,10 @@ class Assembly:
         self._single = np.searchsorted(places, pattern.columns * m + pattern.rows)
         found = (np.searchsorted(places, _keys(part, m)) for part in parts)
         self._parts = [
-            _compact(where) if isinstance(part, Part) else _together(where)
+            _compact(where) if isinstance(part, DenseTerm) else _together(where)
             for part, where in zip(parts, found, strict=True)
         ]
-        self._patterns = [part.pattern if isinstance(part, Scattered) else None for part in parts]
+        self._patterns = [part.pattern if isinstance(part, SparseTerm) else None for part in parts]
 
     def zeros(self) -> Array:
         """The array of the entries of the sum, all zero."""
@@ -252,7 +252,7 @@ class _Even(NamedTuple):
     shape: tuple[int, int]
 
 
-def _places(pattern: Pattern, parts: Sequence[Part | Scattered]) -> Index:
+def _places(pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> Index:
     """The keys of all entries of the sum, each once, rising."""
     m = pattern.shape[0]
     single = pattern.columns * m + pattern.rows
@@ -261,13 +261,13 @@ def _places(pattern: Pattern, parts: Sequence[Part | Scattered]) -> Index:
     return keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if keys.size else keys
 
 
-def _keys(part: Part | Scattered, m: int) -> Index:
+def _keys(part: DenseTerm | SparseTerm, m: int) -> Index:
     """A number for every entry of a part; sorted by it, entries are stored column by column.
 
     For a dense part the numbers have the axes (columns, rows); for a sparse part they are in the
     order of its entries.
     """
-    if isinstance(part, Scattered):
+    if isinstance(part, SparseTerm):
         return part.entry_columns * m + part.pattern.indices
     columns = np.arange(part.columns.start, part.columns.stop)
     return np.asarray(columns[:, None] * m + part.rows)

@@ -88,8 +88,8 @@ def touched(scan_residual: Residual, values: Mapping[str, Array], outlier: float
         )
     contacts = source.contacts(values)
     near = contacts.found & (np.linalg.norm(contacts.numbers, axis=1) <= outlier)
-    rows = np.repeat(near, contacts.numbers.shape[1])[rows_of_nonzeros(contacts.slopes)]
-    columns = contacts.slopes.indices[rows & (contacts.slopes.data != 0)]
-    found = np.zeros(contacts.slopes.shape[1] // 3, dtype=bool)
+    rows = np.repeat(near, contacts.numbers.shape[1])[rows_of_nonzeros(contacts.jacobian)]
+    columns = contacts.jacobian.indices[rows & (contacts.jacobian.data != 0)]
+    found = np.zeros(contacts.jacobian.shape[1] // 3, dtype=bool)
     found[columns // 3] = True
     return found

@@ -78,7 +78,7 @@ def _spread(fit: ModelFit, hypothesis: int) -> Array:
     assert arithmetic is not None  # of every body
     names = [block.name for block in problem.free.blocks]
     into = {b.name: np.zeros((b.size, 3 * fit.body.n_vertices)) for b in problem.free.blocks}
-    arithmetic.evaluate(values).tangent(into, None)
+    arithmetic.evaluate(values).write_jacobian(into, None)
     J = np.concatenate([into[name] for name in names])  # (n, 3 N), transposed
     found = here.inverse_times(J)
     if found is None or not np.isfinite(found).all():

@@ -33,7 +33,7 @@ class ContactNumbers:
     Attributes:
         numbers: (M, d) m, such as one signed distance of each of M points.
         found: (M,) which points have a contact; the numbers of the others are constant.
-        derivative: makes `slopes`, which many a point of a solver is left without.
+        derivative: makes `jacobian`, which many a point of a solver is left without.
     """
 
     numbers: Array
@@ -41,7 +41,7 @@ class ContactNumbers:
     derivative: Callable[[], csr_array]
 
     @cached_property
-    def slopes(self) -> csr_array:
+    def jacobian(self) -> csr_array:
         """(M d, 3 N) W, the derivative of the numbers by the coordinates of N vertices, contacts
         held.
         """
@@ -119,9 +119,9 @@ class MovingContacts(NumericPoints):
         """The contacts as they are at these values, held."""
         here = self.arithmetic.evaluate(values).points
         found = self.search(here)
-        at_zero = found.numbers.ravel() - found.slopes @ here.ravel()
+        at_zero = found.numbers.ravel() - found.jacobian @ here.ravel()
         numbers = at_zero.reshape(found.numbers.shape)
-        return HeldContacts(self.surface, self.arithmetic, self.labels, numbers, found.slopes)
+        return HeldContacts(self.surface, self.arithmetic, self.labels, numbers, found.jacobian)
 
 
 CORNERS = 3  # of a triangle: the vertices that one contact depends on
@@ -136,14 +136,14 @@ class HeldContacts(NumericPoints):
         arithmetic: the vertices by arithmetic.
         labels: a name for each point, where they have names.
         at_zero: (M, d) m, q_0: the numbers if all vertices were at zero.
-        slopes: (M d, 3 N) W.
+        jacobian: (M d, 3 N) W.
     """
 
     surface: PointSource
     arithmetic: NumericPoints
     labels: tuple[str, ...] | None
     at_zero: Array
-    slopes: csr_array
+    jacobian: csr_array
 
     @property
     def count(self) -> int:
@@ -156,7 +156,7 @@ class HeldContacts(NumericPoints):
         vertices = self.surface.expression
         if vertices is None:
             return None
-        moved = cs.MX(sparse_constant(self.slopes)) @ cs.vec(cs.densify(vertices))
+        moved = cs.MX(sparse_constant(self.jacobian)) @ cs.vec(cs.densify(vertices))
         return cs.reshape(moved, *self.at_zero.shape[::-1]) + cs.DM(self.at_zero.T)
 
     @property
@@ -183,7 +183,7 @@ class HeldContacts(NumericPoints):
         """The numbers where the blocks have these values."""
         here = self.arithmetic.evaluate(values)
         numbers = self._numbers(here.points)
-        held = ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), lambda: self.slopes)
+        held = ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), lambda: self.jacobian)
         return ContactsAt(here, held)
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
@@ -196,12 +196,12 @@ class HeldContacts(NumericPoints):
         if pattern is None:
             return None
         ones = csc_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), pattern.shape)
-        found = csc_array(_with(np.ones(self.slopes.nnz), self.slopes) @ ones)
+        found = csc_array(_with(np.ones(self.jacobian.nnz), self.jacobian) @ ones)
         found.sort_indices()
         return found
 
     def _numbers(self, vertices: Array) -> Array:
-        moved = self.slopes @ vertices.ravel()
+        moved = self.jacobian @ vertices.ravel()
         return np.asarray(self.at_zero + moved.reshape(self.at_zero.shape))
 
 
@@ -222,29 +222,24 @@ class ContactsAt(PointsAt):
         """(M, d) m, the numbers."""
         return self.contacts.numbers
 
-    @property
-    def slopes(self) -> csr_array:
-        """(M d, 3 N) W, their derivative by the vertices."""
-        return self.contacts.slopes
-
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the derivative, transposed, into[block] (size, M d)."""
-        width = self.slopes.shape[1]
-        rooms = {name: np.empty((len(target), width)) for name, target in into.items()}
-        self.here.tangent(rooms, None)
-        W = self.slopes if scale is None else _with(_per_row(self.slopes, scale), self.slopes)
+        W = self.contacts.jacobian
+        by_block = {name: np.empty((len(target), W.shape[1])) for name, target in into.items()}
+        self.here.write_jacobian(by_block, None)
+        W = W if scale is None else _with(_per_row(W, scale), W)
         for name, target in into.items():
-            target[...] = (W @ rooms[name].T).T
+            target[...] = (W @ by_block[name].T).T
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative (M d, size) by a block, for which that of the vertices must be sparse."""
-        found = csc_array(self.slopes @ self.here.jacobian(name))
+        found = csc_array(self.contacts.jacobian @ self.here.jacobian(name))
         found.sort_indices()
         return found
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradient of sum(pull * numbers), pull (M d,), by each block; flat."""
-        return self.here.adjoint(np.asarray(self.slopes.T @ pull))
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradient of cotangent (M d,) . numbers by each block; flat."""
+        return self.here.vjp(np.asarray(self.contacts.jacobian.T @ cotangent))
 
 
 def _with(entries: Array, matrix: csr_array) -> csr_array:

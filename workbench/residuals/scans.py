@@ -118,10 +118,10 @@ class _OnModel:
         tree = self._first[0].moved(vertices)
         at = tree.closest(self.scan, self.within, self.normals, self.facing)
         numbers, directions = _compared(self.form, self.scan, at, self.within)
-        slopes = partial(self._slopes, at, directions, vertices.size)
-        return ContactNumbers(numbers, at.faces >= 0, slopes)
+        jacobian = partial(self._jacobian, at, directions, vertices.size)
+        return ContactNumbers(numbers, at.faces >= 0, jacobian)
 
-    def _slopes(self, at: Closest, directions: Array, size: int) -> csr_array:
+    def _jacobian(self, at: Closest, directions: Array, size: int) -> csr_array:
         """How the numbers change with the vertices, of which there are `size` coordinates."""
         touched = np.flatnonzero(at.faces >= 0)
         corners, shares = self.faces[at.faces[touched]], at.shares[touched]
@@ -380,7 +380,7 @@ class Shadow:
         aside, before = np.maximum(away - self.beside, 0), ahead[best]
         distance = np.where(off[:, 0] <= self.within, np.hypot(aside, before), 0.0)
 
-        def slopes() -> csr_array:
+        def jacobian() -> csr_array:
             there = np.flatnonzero(distance > 0)
             slope = (aside / np.maximum(away, self.beside))[there, None] * across[there]
             slope -= (before / far)[there, None] * v[there]
@@ -390,7 +390,7 @@ class Shadow:
             columns = (3 * there[:, None] + np.arange(3)).ravel()
             return csr_array((slope.ravel(), columns, starts), shape=(len(v), vertices.size))
 
-        return ContactNumbers(distance[:, None], distance > 0, slopes)
+        return ContactNumbers(distance[:, None], distance > 0, jacobian)
 
 
 def _spacing(unit: Array) -> float:

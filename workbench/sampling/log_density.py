@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Problem
-from workbench.problem.costs import Costs, Evaluation, Slopes, interpreted
+from workbench.problem.costs import CostGradients, CostMethod, Costs, interpreted
 from workbench.sampling.subspace import Subspace
 
 
@@ -29,7 +29,7 @@ class LogDensity:
     problem: Problem
     fixed: Array
     subspace: Subspace
-    way: Evaluation = interpreted
+    way: CostMethod = interpreted
 
     def __call__(self, z: Array) -> Array:
         """The log density (M,) at z (M, k)."""
@@ -101,10 +101,10 @@ class LogDensity:
         return self.problem.costs(self.subspace.origin, self.fixed, None, self.way)
 
     @cached_property
-    def _slopes_of_entries(self) -> Slopes:
+    def _slopes_of_entries(self) -> CostGradients:
         space = self.subspace
-        return self.problem.slopes(space.origin, self.fixed, space.entries)
+        return self.problem.cost_gradients(space.origin, self.fixed, space.entries)
 
     @cached_property
-    def _slopes_of_all(self) -> Slopes:
-        return self.problem.slopes(self.subspace.origin, self.fixed, None)
+    def _slopes_of_all(self) -> CostGradients:
+        return self.problem.cost_gradients(self.subspace.origin, self.fixed, None)

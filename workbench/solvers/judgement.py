@@ -21,8 +21,8 @@ from workbench.blocks.directions import in_units
 from workbench.errors import some_of
 from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Linearization, Problem
-from workbench.problem.optimality import hidden
-from workbench.problem.rounding import fall, half_squared
+from workbench.problem.optimality import undetermined_by_rounding
+from workbench.problem.rounding import decrease, half_squared
 from workbench.problem.steps import EPS
 from workbench.solvers.limits import Stop
 from workbench.solvers.no_minimum import (
@@ -227,8 +227,8 @@ def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
             yield -np.inf
         else:
             r = end.residual(to)
-            fallen = fall(end.here.residual, r)
-            noise = end.rounding.of_fall(end.here.residual, r != end.here.residual)
+            fallen = decrease(end.here.residual, r)
+            noise = end.rounding.of_decrease(end.here.residual, r != end.here.residual)
             yield 0.0 if abs(fallen) <= noise else fallen
         part /= 10
 
@@ -343,7 +343,9 @@ def _violation(run: "Run") -> str:
 def _hidden(run: "Run", here: Linearization) -> str:
     """Which unknown rounding errors hide most at the best point, in words; empty if none."""
     free = run.problem.free
-    left = hidden(run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here))
+    left = undetermined_by_rounding(
+        run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here)
+    )
     if not left.any():
         return ""
     i = int(np.argmax(left))

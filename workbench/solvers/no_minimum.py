@@ -25,7 +25,7 @@ import scipy.linalg
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
 from workbench.problem.linearization import inverse_times
-from workbench.problem.rounding import FACTOR, Rounding, fall, half_squared
+from workbench.problem.rounding import FACTOR, Rounding, decrease, half_squared
 from workbench.problem.steps import EPS, SLIGHT, factor_of
 from workbench.solvers.solution import Evaluations, Iterate
 
@@ -288,8 +288,8 @@ def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
 
     def at(length: float) -> tuple[float, float, float]:
         r = end.residual(np.clip(x + length * d / D, low, high))
-        lower = fall(here.residual, r)
-        noise = end.rounding.of_fall(here.residual, r != here.residual)
+        lower = decrease(here.residual, r)
+        noise = end.rounding.of_decrease(here.residual, r != here.residual)
         return length, (lower if np.isfinite(lower) else -np.inf), noise
 
     length = SHORTEST * size
@@ -339,8 +339,8 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
         to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
         further = end.residual(to)
         rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
-        left = IMPERFECT * half_squared(r) + rounding.of_fall(further, further != r)
-        return to, further, not fall(r, further) < -left
+        left = IMPERFECT * half_squared(r) + rounding.of_decrease(further, further != r)
+        return to, further, not decrease(r, further) < -left
 
     if not fallen(FIRST, begun, first)[2]:
         return none
@@ -352,7 +352,7 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
         if not lower:
             return none
         before, tried = r, tried + 1
-    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or fall(first, before) > end.worth
+    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or decrease(first, before) > end.worth
     return running if tried >= SURELY and falls else none
 
 

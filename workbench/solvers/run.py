@@ -13,7 +13,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem, gram
-from workbench.problem.rounding import Rounding, all_finite, fall, half_squared
+from workbench.problem.rounding import Rounding, all_finite, decrease, half_squared
 from workbench.problem.steps import automatic, cholesky, sparing
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
@@ -211,7 +211,7 @@ class Run:
         cost, residual = self.tried(to, here.cost) if known is None else known
         if not isfinite(cost):
             return -np.inf
-        moved, fallen = residual != here.residual, fall(here.residual, residual)
+        moved, fallen = residual != here.residual, decrease(here.residual, residual)
         hidden = self.rounding_noise.hides(max(predicted, fallen), x, here, moved)
         self.one_pass.judged(taken=hidden or fallen > 0)  # what is hidden is linearized
         if not hidden:
@@ -470,7 +470,7 @@ class RoundingNoise:
         rounding = self.at(x, here)
         if moved is None:
             return predicted <= rounding.of_cost(here.residual)
-        return predicted <= rounding.of_fall(here.residual, moved)
+        return predicted <= rounding.of_decrease(here.residual, moved)
 
     @property
     def _recent(self) -> Rounding | None:

@@ -27,18 +27,20 @@ class AtOrigin(Protocol):
     def points(self) -> Array:
         """The posed points (N, 3) in metres, before translation unless they are translated."""
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+    ) -> None:
         """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
 
-    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
-        """Gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
+    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
+        """Gradients of cotangent (N, 3) . points by G (K, 3, 4), features and betas."""
 
 
 class Displaced(Protocol):
     """What AtOrigin of landmarks with offsets provides in addition."""
 
-    def pulled_by_offsets(self, pull: Array) -> Array:
-        """The gradient of sum(pull * points), pull (N, 3), by the offsets, (N, 3)."""
+    def pulled_by_offsets(self, cotangent: Array) -> Array:
+        """The gradient of cotangent (N, 3) . points by the offsets, (N, 3)."""
 
 
 class Translating(Protocol):

@@ -159,22 +159,22 @@ class FreedSurfaceAt(PointsAt):
         """
         return self._made[self.of.own[name]]()
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the transposed derivative into[block] (size, 3 n)."""
         for name, array in into.items():
             np.multiply(self.jacobian(name).T.toarray(), 1.0 if scale is None else scale, out=array)
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """Gradients of pull . points by the blocks, flat; only that by pose needs a Jacobian."""
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """Gradients of cotangent . points by the blocks, flat; by pose alone it needs a Jacobian."""
         body, chosen = self.of.body, self.of.chosen
-        pulled = pull.reshape(-1, 3)
+        pulled = cotangent.reshape(-1, 3)
         on_rest: Array = np.einsum("ndc,nd->nc", self.blended, pulled)
         on_joints: Array = np.einsum("nm,mdc,nd->mc", self.below, self.levers, pulled)
         on_person = _at_vertices(on_rest, chosen, body.n_vertices)
         if self.regressed:
             on_person += self._regressor.T @ on_joints
         found = {
-            "pose": self._by_pose().T @ pull,
+            "pose": self._by_pose().T @ cotangent,
             "betas": np.tensordot(on_person, self._array("shapedirs"), 2),
             "trans": pulled.sum(axis=0),
         }

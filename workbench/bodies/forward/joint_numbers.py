@@ -57,7 +57,9 @@ class JointsAtOrigin:
         """Those at some of the motions."""
         return JointsAtOrigin(self.of, self.motion[some], self.betas[some])
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+    ) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 K) each."""
         for role, target in into.items():
             write(target, self.derivative(slopes, role), scale)
@@ -68,14 +70,14 @@ class JointsAtOrigin:
             return np.tile(np.eye(3), self.points.shape[-2])
         return self._by_pose(slopes) if role == "pose" else self._by_betas(slopes)
 
-    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
-        """Gradients of sum(pull * points), pull (K, 3), by G (K, 3, 4), features and betas."""
+    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
+        """Gradients of cotangent (K, 3) . points by G (K, 3, 4), features and betas."""
         skeleton = self.of.skeleton
-        rest = np.ones((len(pull), 4))
+        rest = np.ones((len(cotangent), 4))
         rest[:, :3] = skeleton.positions(self.betas)
-        on_rest = np.matmul(pull[:, None], self.motion.G[:, :, :3]).ravel()
+        on_rest = np.matmul(cotangent[:, None], self.motion.G[:, :, :3]).ravel()
         on_betas = on_rest @ skeleton.slopes.reshape(len(on_rest), len(self.betas))
-        return pull[:, :, None] * rest[:, None], np.zeros_like(self.motion.features), on_betas
+        return cotangent[:, :, None] * rest[:, None], np.zeros_like(self.motion.features), on_betas
 
     def _by_pose(self, slopes: Slopes) -> Array:
         """The transposed derivative of the joints by the pose, (..., 3 K, 3 K)."""

@@ -111,6 +111,6 @@ def _answers(surface: Callable[[], Any], slopes: Slopes, scale: Array) -> list[A
     sizes = {"pose": 3 * K, "betas": B, "trans": 3}
     into = {name: np.zeros((size, len(scale))) for name, size in sizes.items()}
     here = surface()
-    here.tangent(slopes, into, scale)
-    gradients = here.adjoint(scale.reshape(-1, 3))
+    here.write_jacobian(slopes, into, scale)
+    gradients = here.vjp(scale.reshape(-1, 3))
     return [here.points, surface().points, *into.values(), *gradients]

@@ -167,14 +167,16 @@ class CompiledSurface:
         self.of.run("points", *self._moved, self.trans, found)
         return found
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+    ) -> None:
         """Write the transposed derivative into[name] (size, 3 N); keep the points as well.
 
         The points have the same bits as those that are computed alone.
         """
         self._write(slopes, into, scale, clear=True)
 
-    def tangent_over_zeros(
+    def write_jacobian_over_zeros(
         self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
     ) -> None:
         """The same where `into` holds zeros for joints that leave vertices alone."""
@@ -197,10 +199,10 @@ class CompiledSurface:
         for array, room in copied:
             array[...] = room
 
-    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
-        """The gradients of sum(pull * points), pull (N, 3), by G, the features and betas."""
+    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
+        """The gradients of cotangent (N, 3) . points by G, the features and betas."""
         (K, B), features = self.of.packed.sizes, len(self.motion.features)
-        pulled = np.ascontiguousarray(pull, dtype=np.float64)
+        pulled = np.ascontiguousarray(cotangent, dtype=np.float64)
         felt = np.empty(B + features + 12 * K)
         self.of.run("adjoint", *self._moved, pulled, felt)
         on_betas, on_features, on_G = np.split(felt, [B, B + features])

@@ -119,7 +119,9 @@ class LandmarksAtOrigin:
         """The landmarks before translation, (..., L, 3) m."""
         return self.of.rest_points.summed(self.moved).swapaxes(-1, -2)
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+    ) -> None:
         """Write the transposed derivative into `pose`, `betas`, `trans` and `offsets`.
 
         Each is of the shape (size, 3 L).
@@ -137,20 +139,20 @@ class LandmarksAtOrigin:
         *some, _, L = planar.shape
         return planar.swapaxes(-1, -2).reshape(*some[:-1], some[-1], 3 * L)
 
-    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
-        """Gradients of sum(pull * points), pull (L, 3), by G (K, 3, 4), features and betas."""
+    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
+        """Gradients of cotangent (L, 3) . points by G (K, 3, 4), features and betas."""
         of, points = self.of, self.of.rest_points
-        on_moved = pull.T[:, points.landmark]
+        on_moved = cotangent.T[:, points.landmark]
         on_rest = np.einsum("dcp,dp->cp", self.turns[:, :3], on_moved).ravel()
         placed = of.on_joints(np.concatenate([self.rest, points.mass[None]]))  # (K, 4, L)
         on_features = np.zeros_like(self.motion.features)
         on_features[points.used] = points.posedirs @ on_rest
-        on_G = np.matmul(pull.T, placed.transpose(0, 2, 1))
+        on_G = np.matmul(cotangent.T, placed.transpose(0, 2, 1))
         return on_G, on_features, points.shapedirs @ on_rest
 
-    def pulled_by_offsets(self, pull: Array) -> Array:
-        """The gradient of sum(pull * points), pull (L, 3), by the offsets, (L, 3)."""
-        return np.asarray(np.einsum("dcl,ld->lc", self._blended, pull))
+    def pulled_by_offsets(self, cotangent: Array) -> Array:
+        """The gradient of cotangent (L, 3) . points by the offsets, (L, 3)."""
+        return np.asarray(np.einsum("dcl,ld->lc", self._blended, cotangent))
 
     @cached_property
     def _blended(self) -> Array:

@@ -290,7 +290,7 @@ class Kinematics:
             halves.reshape(*some, K, NUMBERS),
         )
 
-    def adjoint(
+    def vjp(
         self, pose: Array, betas: Array, on_G: Array, on_features: Array
     ) -> tuple[Array, Array]:
         """The gradients (K, 3) and (B,) of sum(on_G * G) + on_features . f, on_G (K, 3, 4)."""

@@ -153,7 +153,9 @@ class ChunkedSurface:
             found[chunk.rows] = moved.T
         return found
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(
+        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+    ) -> None:
         """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
 
         into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
@@ -172,14 +174,14 @@ class ChunkedSurface:
                 unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
                 _write(rows["trans"], chunk.columns, unit, factor)
 
-    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
-        """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
+    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
+        """The gradients of cotangent (N, 3) . points by G (K, 3, 4), features and betas."""
         motion, K = self.motion, len(self.motion.G)
         on_G, on_features = np.zeros((K, 12)), np.zeros_like(motion.features)
         on_betas = np.zeros_like(self.betas)
         for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
-            p = np.ascontiguousarray(pull[chunk.rows].T)  # (3, n)
+            p = np.ascontiguousarray(cotangent[chunk.rows].T)  # (3, n)
             outer = np.empty((3, 4, n))
             np.multiply(p[:, None], self._rest_of(chunk)[None], out=outer[:, :3])
             outer[:, 3] = p

@@ -22,7 +22,7 @@ from workbench.bodies.forward.motion import Kinematics, Posed
 from workbench.bodies.forward.posed_each import ArithmeticOfMany, PosedEach
 from workbench.bodies.forward.rows import Target
 
-Writer = Callable[[Mapping[str, Target], Array | None], None]  # see BodyPointsAt.tangent
+Writer = Callable[[Mapping[str, Target], Array | None], None]  # see BodyPointsAt.write_jacobian
 
 
 class BodyPointsAt(Protocol):
@@ -32,14 +32,14 @@ class BodyPointsAt(Protocol):
     def points(self) -> Array:
         """The points, (N, 3) m."""
 
-    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each.
 
         Each column is multiplied by its scale (3 N,); rows that are not wanted are left out.
         """
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 N,) . points by `pose`, `betas` and so on, flat."""
 
 
 class BodyPoints(Protocol):
@@ -137,13 +137,15 @@ class NamedAt(PointsAt):
         """The points at these values, (N, 3) m."""
         return self.here.points
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the transposed derivative into[block] (size, 3 N)."""
-        self._write(self.here.tangent, into, scale)
+        self._write(self.here.write_jacobian, into, scale)
 
-    def tangent_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
+    def write_jacobian_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
-        self._write(getattr(self.here, "tangent_over_zeros", self.here.tangent), into, scale)
+        self._write(
+            getattr(self.here, "write_jacobian_over_zeros", self.here.write_jacobian), into, scale
+        )
 
     def _write(self, by: Writer, into: Mapping[str, Array], scale: Array | None) -> None:
         if self.of.plain is not None:
@@ -166,14 +168,14 @@ class NamedAt(PointsAt):
                     total += part.matrices[name] @ rooms[role]
             into[name][entries] = total
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """Gradients of pull . points by the blocks, flat; by the entries that are wanted."""
-        found, of = self.here.adjoint(pull), self.of
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """Gradients of cotangent . points by the blocks, flat; by the entries that are wanted."""
+        found, of = self.here.vjp(cotangent), self.of
         if of.plain is not None:
             return {name: found[role] for role, name in zip(ROLES, of.plain, strict=False)}
         gradient: dict[str, Array] = {}
         for role, one in zip(ROLES, of.maps, strict=False):
-            for name, part in one.pulled(found[role]).items():
+            for name, part in one.vjp(found[role]).items():
                 gradient[name] = gradient[name] + part if name in gradient else part
         return {n: g[of.wanted[n]] if n in of.wanted else g for n, g in gradient.items()}
 
@@ -259,21 +261,23 @@ class PosedPointsAt:
             np.add(at_origin[:, d], self.trans[d], out=found[:, d])
         return found
 
-    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
         slopes = self.posed.slopes  # first, because it finds the motion as well
-        self.here.tangent(slopes, into, scale)
+        self.here.write_jacobian(slopes, into, scale)
 
-    def tangent_over_zeros(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian_over_zeros(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """The same where `into` holds zeros wherever the derivative is always zero."""
         slopes = self.posed.slopes
-        getattr(self.here, "tangent_over_zeros", self.here.tangent)(slopes, into, scale)
+        getattr(self.here, "write_jacobian_over_zeros", self.here.write_jacobian)(
+            slopes, into, scale
+        )
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
-        posed, pulled = self.posed, pull.reshape(-1, 3)
-        on_G, on_features, on_betas = self.here.adjoint(pulled)
-        on_pose, by_joints = posed.kinematics.adjoint(posed.pose, posed.betas, on_G, on_features)
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 N,) . points by `pose`, `betas` and so on, flat."""
+        posed, pulled = self.posed, cotangent.reshape(-1, 3)
+        on_G, on_features, on_betas = self.here.vjp(pulled)
+        on_pose, by_joints = posed.kinematics.vjp(posed.pose, posed.betas, on_G, on_features)
         found = {"pose": on_pose.ravel(), "betas": on_betas + by_joints}
         if self.offsets:
             found["offsets"] = cast(Displaced, self.here).pulled_by_offsets(pulled).ravel()

@@ -38,8 +38,8 @@ class ArithmeticOfMany(Protocol):
 class OneAt(Protocol):
     """Points at one pose, as far as their gradients are needed; see BodyPointsAt."""
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and so on, flat."""
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 N,) . points by `pose`, `betas` and so on, flat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class PosedEach:
         poses, betas, _, *offsets = self.arguments
         return self.arithmetic.evaluate_each(self.kinematics.motions(poses, betas), betas, *offsets)
 
-    def tangents(self, some: slice, into: Mapping[str, Array]) -> None:
+    def write_jacobians(self, some: slice, into: Mapping[str, Array]) -> None:
         """Write the derivatives at some of the poses, (some, 3 N, size)."""
         poses, betas, *_ = (argument[some] for argument in self.arguments)
         slopes, here = self.kinematics.slopes_batch(poses, betas), self._at_origin[some]
@@ -80,8 +80,8 @@ class PosedEach:
             if name in into:
                 into[name][:] = here.derivative(slopes, role).swapaxes(-1, -2)
 
-    def adjoints(self, pulls: Array) -> dict[str, Array]:
-        """The gradients (M, size) of each sum(pull * points), pulls (M, 3 N), by each block."""
-        each = zip(self.each(*self.arguments), pulls, strict=True)
-        found = stacked([here.adjoint(pull) for here, pull in each])
+    def vjps(self, cotangents: Array) -> dict[str, Array]:
+        """The gradients (M, size) of cotangent (M, 3 N) . points by each block."""
+        each = zip(self.each(*self.arguments), cotangents, strict=True)
+        found = stacked([here.vjp(cotangent) for here, cotangent in each])
         return {name: found[role] for role, name in self.names.items() if role in found}

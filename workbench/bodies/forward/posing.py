@@ -111,9 +111,9 @@ def crossed(w: Array) -> Array:
     return rows.reshape(*w.shape, 3)
 
 
-def axial(pull: Array, R: Array) -> Array:
-    """The gradient by w of sum(pull * [w]x R), (..., 3)."""
-    X = pull @ R.swapaxes(-1, -2)
+def axial(cotangent: Array, R: Array) -> Array:
+    """The gradient by w of sum(cotangent * [w]x R), (..., 3)."""
+    X = cotangent @ R.swapaxes(-1, -2)
     return np.stack(
         [X[..., 2, 1] - X[..., 1, 2], X[..., 0, 2] - X[..., 2, 0], X[..., 1, 0] - X[..., 0, 1]],
         axis=-1,

@@ -99,15 +99,15 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         turned       (arm_k, motion_k) -> axes x arm_k it is d(point)/d(pose_k), (3, 3) m/rad
         by_beta      (shapedirs_b, M) -> R S_b, which is d(point)/d(beta_b), (3,) m,
         shifted      (w_k, motion_bk) -> but for the sum over k of w_k dG_k/d(beta_b), (3,) m
-        on_rest      (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
-        on_betas     (shapedirs, pull) -> that of pull . S betas, (B,)
-        on_features  (posedirs_k, pull) -> that of pull . P_k f_k, (9,)
-        on_motion    (w_k, v, pull) -> that of pull . w_k G_k [v; 1], (12,)
+        on_rest      (M, cotangent) -> the gradient of cotangent . M [v; 1] by v, (3,)
+        on_betas     (shapedirs, cotangent) -> that of cotangent . S betas, (B,)
+        on_features  (posedirs_k, cotangent) -> that of cotangent . P_k f_k, (9,)
+        on_motion    (w_k, v, cotangent) -> that of cotangent . w_k G_k [v; 1], (12,)
     """
     T, S, betas = cs.SX.sym("T", 3), cs.SX.sym("S", 3, B), cs.SX.sym("betas", B)
     P, f = cs.SX.sym("P", 3, 9), cs.SX.sym("f", 9)
     w, joint, hanging = cs.SX.sym("w"), cs.SX.sym("joint", 3), cs.SX.sym("hanging", 4)
-    v, pull = cs.SX.sym("v", 3), cs.SX.sym("pull", 3)
+    v, cotangent = cs.SX.sym("v", 3), cs.SX.sym("cotangent", 3)
     G, M = cs.SX.sym("G", 12), cs.SX.sym("M", 12)
     S_b, arm, shift = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3), cs.SX.sym("shift", 3)
     axes, slopes_n, bulging = cs.SX.sym("axes", 3, 3), cs.SX.sym("df", 3), cs.SX.sym("Pdf", 3, 3)
@@ -130,10 +130,16 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         function_of_columns("turned", turned, arm=arm, motion=axes),
         function_of_columns("by_beta", R @ S_b, shapedirs=S_b, M=M),
         function_of_columns("shifted", w * shift, weight=w, motion=shift),
-        function_of_columns("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
-        function_of_columns("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
-        function_of_columns("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
-        function_of_columns("on_motion", _gradient(carried, pull, G), weight=w, v=v, pull=pull),
+        function_of_columns("on_rest", _gradient(moved, cotangent, v), M=M, cotangent=cotangent),
+        function_of_columns(
+            "on_betas", _gradient(S @ betas, cotangent, betas), shapedirs=S, cotangent=cotangent
+        ),
+        function_of_columns(
+            "on_features", _gradient(P @ f, cotangent, f), posedirs=P, cotangent=cotangent
+        ),
+        function_of_columns(
+            "on_motion", _gradient(carried, cotangent, G), weight=w, v=v, cotangent=cotangent
+        ),
     )
     return {function.name(): function for function in made}
 
@@ -144,8 +150,8 @@ def _moved(G: cs.SX, v: cs.SX) -> cs.SX:
     return rows[:, :3] @ v + rows[:, 3]
 
 
-def _gradient(of: cs.SX, pull: cs.SX, by: cs.SX) -> cs.SX:
-    return cs.gradient(cs.dot(pull, of), by)
+def _gradient(of: cs.SX, cotangent: cs.SX, by: cs.SX) -> cs.SX:
+    return cs.gradient(cs.dot(cotangent, of), by)
 
 
 def matrix_of_rows(column: cs.SX, rows: int, columns: int) -> cs.SX:

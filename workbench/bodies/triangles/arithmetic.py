@@ -106,20 +106,26 @@ class SurfaceNumbers:
     def points(self) -> Array:
         """The stitched vertices, (N, 3) m."""
         of = self.of
-        pulls = of.stitching.pulled(_on_edges(self.B, self.shaped))
-        return np.asarray(of.placed(pulls) + of.root + self.trans)
+        cotangents = of.stitching.pulled(_on_edges(self.B, self.shaped))
+        return np.asarray(of.placed(cotangents) + of.root + self.trans)
 
-    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
         N = self.of.stitching.n_vertices
-        pulls = []
+        cotangents = []
         if "pose" in into:
-            pulls += [pull for k in range(len(self.pose)) for pull in self._by_joint(k)]
+            cotangents += [
+                cotangent for k in range(len(self.pose)) for cotangent in self._by_joint(k)
+            ]
         if "betas" in into:
-            pulls += self._by_betas()
-        if pulls:
-            moved = self.of.placed(np.concatenate(pulls, axis=1))
-            columns = moved.reshape(N, len(pulls), 3).transpose(1, 0, 2).reshape(len(pulls), 3 * N)
+            cotangents += self._by_betas()
+        if cotangents:
+            moved = self.of.placed(np.concatenate(cotangents, axis=1))
+            columns = (
+                moved.reshape(N, len(cotangents), 3)
+                .transpose(1, 0, 2)
+                .reshape(len(cotangents), 3 * N)
+            )
             here = len(into["pose"]) if "pose" in into else 0
             for name, rows in (("pose", columns[:here]), ("betas", columns[here:])):
                 if name in into:
@@ -127,9 +133,9 @@ class SurfaceNumbers:
         if "trans" in into:
             write(into["trans"], np.tile(np.eye(3), N), scale)
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and `trans`, flat."""
-        of, on_points = self.of, pull.reshape(-1, 3)
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 N,) . points by `pose`, `betas` and `trans`, flat."""
+        of, on_points = self.of, cotangent.reshape(-1, 3)
         on_trans = on_points.sum(axis=0)
         freed = on_points - of.root_row.T @ on_trans[None]  # placed, transposed
         on_edges = (of.stitching.A @ of.stitching.solve(np.asarray(freed))).reshape(-1, 2, 3)
@@ -140,29 +146,29 @@ class SurfaceNumbers:
         on_G = np.zeros((len(self.pose), 3, 4))
         on_G[:, :, :3] = np.asarray(of.weights.T @ on_B.reshape(-1, 9)).reshape(-1, 3, 3)
         no_pull = np.zeros_like(self.posed.motion.features)
-        on_pose, _ = of.kinematics.adjoint(self.pose, self.posed.betas, on_G, no_pull)
+        on_pose, _ = of.kinematics.vjp(self.pose, self.posed.betas, on_G, no_pull)
         np.add.at(on_pose, of.near, on_twists.reshape(*of.near.shape, 3))
         on_betas = on_D.ravel() @ of.shape_columns
         return {"pose": on_pose.ravel(), "betas": on_betas, "trans": on_trans}
 
     def _by_joint(self, k: int) -> list[Array]:
-        """What each of pose[k]'s three numbers pulls at the vertices, (N, 3)."""
+        """What each of pose[k]'s three numbers cotangents at the vertices, (N, 3)."""
         limb, turns = self.of.limbs[k], self.posed.slopes.turns[k].reshape(3, 3, 3)
         R = self.rotations[limb.joints].reshape(-1, 9)
         B = np.asarray(limb.weights @ R).reshape(-1, 3, 3)
         hanging = _on_edges(B, self.shaped[limb.faces])
         G = limb.onto_vertices @ hanging.reshape(-1, 3)  # (N, 3)
-        pulls = [G @ turn.T for turn in turns]
+        cotangents = [G @ turn.T for turn in turns]
         if len(limb.bent):
             BD = (self.B[limb.bent] @ self.D[limb.bent])[:, None]  # (n, 1, 3, 3)
             bends = self.of.bends.reshape(*self.of.edges.shape, self.of.near.shape[1], 3)
             by_twist = BD @ bends[limb.bent, :, :, limb.slot]  # (n, 2, 3, axis)
             for axis in range(3):
-                pulls[axis] += limb.bent_onto_vertices @ by_twist[..., axis].reshape(-1, 3)
-        return pulls
+                cotangents[axis] += limb.bent_onto_vertices @ by_twist[..., axis].reshape(-1, 3)
+        return cotangents
 
     def _by_betas(self) -> list[Array]:
-        """What each beta pulls at the vertices, (N, 3)."""
+        """What each beta cotangents at the vertices, (N, 3)."""
         moved = np.moveaxis(self.of.shapedirs, 3, 0)  # (B, F, 3, 3)
         return [
             self.of.stitching.pulled(_on_edges(self.B, _on_edges(one, self.bent))) for one in moved

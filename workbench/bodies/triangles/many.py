@@ -53,10 +53,10 @@ class ManySurfaces:
         bent += of.edges.transpose(1, 2, 0)[..., None]
         _on_edges(D, bent, shaped, product)
         _on_edges(B, shaped, edges, product)
-        pulls = np.empty((of.stitching.n_vertices, 3, M))
+        cotangents = np.empty((of.stitching.n_vertices, 3, M))
         for axis in range(3):
-            pulls[:, axis] = self._onto_vertices @ edges[:, axis].reshape(2 * F, M)
-        V = of.placed(pulls.reshape(-1, 3 * M)).reshape(-1, 3, M)
+            cotangents[:, axis] = self._onto_vertices @ edges[:, axis].reshape(2 * F, M)
+        V = of.placed(cotangents.reshape(-1, 3 * M)).reshape(-1, 3, M)
         return np.asarray(V.transpose(2, 0, 1) + of.root)
 
     def _rotations(self, pose: Array) -> Array:

@@ -68,8 +68,8 @@ class StitchedMeans:
     def on_edges(self) -> Array:
         """The means, the root joint being at 0, as sums over the edges asked for: (M, F, 2)."""
         rows = self.regressor.toarray() - self._sums[:, None] * self.of.root_row.toarray()
-        pulls = self.of.stitching.A @ self.of.stitching.solve(np.ascontiguousarray(rows.T))
-        return np.asarray(pulls.T).reshape(len(rows), -1, 2)
+        cotangents = self.of.stitching.A @ self.of.stitching.solve(np.ascontiguousarray(rows.T))
+        return np.asarray(cotangents.T).reshape(len(rows), -1, 2)
 
     @property
     def _sums(self) -> Array:

@@ -88,9 +88,9 @@ class PackedTriangles:
         shape = (6 * F, 3 * len(self.parents))
         return csr_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
 
-    def placed(self, pulls: Array) -> Array:
-        """The vertices (N, k) that answer to pulls (N, k), the root joint at zero."""
-        V = self.stitching.solve(pulls)
+    def placed(self, cotangents: Array) -> Array:
+        """The vertices (N, k) that answer to cotangents (N, k), the root joint at zero."""
+        V = self.stitching.solve(cotangents)
         return np.asarray(V - self.root_row @ V)
 
 

@@ -116,14 +116,14 @@ class MeansAt:
         """The weighted means of the posed vertices, (M, 3) m."""
         return np.asarray(self.of.regressor @ self.surface.points)
 
-    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 M) each."""
         N = self.of.regressor.shape[1]
         whole = {name: np.empty((len(target), 3 * N)) for name, target in into.items()}
-        self.surface.tangent(whole, None)
+        self.surface.write_jacobian(whole, None)
         for name, target in into.items():
             write(target, (self.of.on_coordinates @ whole[name].T).T, scale)
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradients of pull . points, pull (3 M,), by `pose`, `betas` and `trans`, flat."""
-        return self.surface.adjoint(self.of.on_coordinates.T @ pull)
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 M,) . points by `pose`, `betas` and `trans`, flat."""
+        return self.surface.vjp(self.of.on_coordinates.T @ cotangent)

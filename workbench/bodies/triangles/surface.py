@@ -23,10 +23,10 @@ def posed(
     `template`, `shapedirs` and `posedirs` that are free are symbols, all others are numbers.
     """
     N = of.stitching.n_vertices
-    pulls = cs.MX.zeros(N, 3)
+    cotangents = cs.MX.zeros(N, 3)
     for i, edges in enumerate(deformed(of, pose, betas, free)):
-        pulls += _edges(of, i).T @ edges
-    V = of.stitching.solve_symbolic(pulls)
+        cotangents += _edges(of, i).T @ edges
+    V = of.stitching.solve_symbolic(cotangents)
     root = cs.MX(sparse_constant(of.root_row))
     shift = root @ _array(of, "template", free).T + trans.T - root @ V  # (1, 3)
     return (V + cs.repmat(shift, N, 1)).T
