@@ -34,7 +34,6 @@ from workbench.problem.sparsity import (
     Pattern,
     SparseSum,
     SparseTerm,
-    columns_of_nonzeros,
     gaps,
     merged,
 )
@@ -259,25 +258,16 @@ class Chain:
     @cached_property
     def support(self) -> RowSupport:
         """Which rows each free number can change: directly, and through the points."""
-        n, m = self.free.size, self.by_x.shape[0]
-        through = np.zeros((n, len(self.sources)), dtype=bool)
-        scattered = [part for _, _, part in self._parts if isinstance(part, SparseTerm)]
+        n, m, k = self.free.size, self.by_x.shape[0], len(self.sources)
+        through = np.zeros((n, k), dtype=bool)
         for i, _, part in self._parts:
             if not isinstance(part, SparseTerm):
                 through[part.columns, i] = True
-        kinds, group_of = np.unique(through, axis=0, return_inverse=True)
-        groups = np.zeros((len(kinds), m), dtype=bool)
-        for group, kind in zip(groups, kinds, strict=True):
-            for pattern, read in zip(self.by_points, kind, strict=True):
-                if read:
-                    group[pattern.rows] = True
-        group_of = group_of.ravel()
-        single = merged(self.by_x, scattered)
-        columns, rows = columns_of_nonzeros(single), single.indices
-        alone = ~groups[group_of[columns], rows]  # not counted twice
-        ones = np.ones(int(alone.sum()))
-        own = csr_array((ones, (columns[alone], rows[alone])), shape=(n, m))
-        return RowSupport(groups, group_of, own)
+        readers = np.zeros((k, m), dtype=bool)
+        for rows, pattern in zip(readers, self.by_points, strict=True):
+            rows[pattern.rows] = True
+        own = merged(self.by_x, [part for *_, part in self._parts if isinstance(part, SparseTerm)])
+        return RowSupport(csr_array(through), csr_array(readers), csr_array(own.T))
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
         return self._cache.points(x, fixed)
