@@ -89,7 +89,8 @@ class RowSupport:
         taken = np.ravel_multi_index((groups.row, groups.col), groups.shape)
         at = np.ravel_multi_index((self._group_of[single.row], single.col), groups.shape)
         apart = ~np.isin(at, taken)  # so that nothing counts twice
-        self._own = marked([(single.row[apart], single.col[apart])], own.shape)
+        kept = single.row[apart], single.col[apart]
+        self._own = csr_array((np.ones(len(kept[0])), kept), shape=own.shape)
 
     @staticmethod
     def of_frames(
