@@ -85,13 +85,13 @@ def package_of(module: str) -> str | None:
 @pytest.mark.parametrize(
     ("source", "found"),
     [
-        ("import workbench.plots.figure", {"plots"}),
+        ("import workbench.plots.style", {"plots"}),
         ("from workbench import plots", {"plots"}),
-        ("from workbench.plots.figure import draw", {"plots"}),
+        ("from workbench.plots.style import draw", {"plots"}),
         ("from .. import plots", {"plots"}),
         ("from .run import Run", {"solvers"}),
-        ("def f():\n    from ..plots import figure", {"plots"}),
-        ("if TYPE_CHECKING:\n    from workbench.plots import figure", set()),
+        ("def f():\n    from ..plots import style", {"plots"}),
+        ("if TYPE_CHECKING:\n    from workbench.plots import style", set()),
         ("import numpy.linalg, workbenches.plots", set()),
     ],
 )

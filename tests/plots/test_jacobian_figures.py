@@ -16,11 +16,16 @@ from workbench.plots import (
     png,
     sheet,
 )
-from workbench.plots.labels import apart
+from workbench.plots.diagnosis import (
+    LINES,
+    MOST_LINES,
+    singular_values_sheet,
+    sparsity_sheet,
+    squeezed,
+    unseen,
+)
 from workbench.plots.palette import VERMILLION
-from workbench.plots.sheets import singular_values_sheet, sparsity_sheet
-from workbench.plots.singular_values import MOST, unseen
-from workbench.plots.sparsity import LINES, squeezed
+from workbench.plots.style import apart
 
 pytestmark = pytest.mark.browser
 
@@ -120,7 +125,7 @@ def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:
     assert words[0] == "32 null directions"
     assert "15 single entries of pose" in words
     assert "   left_hip / left_knee" in words
-    assert len(words) <= MOST
+    assert len(words) <= MOST_LINES
     named = {name.strip() for line in words for name in line.split("/")}
     assert len(named & set(SMPL_NAMES)) > 10
     figure = singular_values_sheet(diagnosis)

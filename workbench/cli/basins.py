@@ -28,7 +28,7 @@ from workbench.plots import (
     png,
     svg,
 )
-from workbench.plots.figure import drawn
+from workbench.plots.style import drawn
 from workbench.registration import (
     BasinMap,
     Icp,

@@ -12,8 +12,8 @@ from workbench.bodies.files.reading import shapes_in_words
 from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
-from workbench.plots import caption_body, caption_shape_gallery, sheets
-from workbench.plots.body import side
+from workbench.plots import caption_body, caption_shape_gallery
+from workbench.plots.body import body_sheet, shape_gallery_sheet, side
 from workbench.reports.figures import shown
 from workbench.reports.folder import write_folder
 from workbench.reports.page import page
@@ -46,11 +46,11 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
         title=f"Body: {body.name}",
         facts=facts(body),
         portrait=shown(
-            sheets.body_sheet(body.template, body.faces),
+            body_sheet(body.template, body.faces),
             caption_body(body.template, f"The {template_called(body)}"),
         ),
         gallery=shown(
-            sheets.shape_gallery_sheet(gallery, body.faces),
+            shape_gallery_sheet(gallery, body.faces),
             caption_shape_gallery(gallery, drawn=directions_drawn(body)),
         )
         if body.n_betas

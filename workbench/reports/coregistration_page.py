@@ -11,10 +11,9 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
-from workbench.plots.body import Figurine, front
-from workbench.plots.distances import line_up_coloured
-from workbench.plots.figure import drawn as figure_of
-from workbench.plots.joint_cost import caption_joint_cost, plot_joint_cost
+from workbench.plots.body import Figurine, front, line_up_coloured
+from workbench.plots.scans import caption_joint_cost, plot_joint_cost
+from workbench.plots.style import drawn as figure_of
 from workbench.registration.coregistration import Coregistration, State
 from workbench.registration.coregistration.folder import BODY, RegisteredScans
 from workbench.registration.coregistration.measures import beyond_betas, distances

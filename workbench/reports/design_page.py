@@ -5,6 +5,7 @@ from pathlib import Path
 
 from workbench import plots
 from workbench.diagnostics import MeasurementDesign
+from workbench.plots.diagnosis import MOST_RANKED
 from workbench.reports.figures import plotted
 from workbench.reports.folder import SUMMARY, write_folder
 from workbench.reports.page import page
@@ -30,7 +31,7 @@ def write_design(
 
     The folder appears whole or not at all; raises BadFile if it cannot be written.
     """
-    rows = min(len(found.ranking), plots.measurement_design.MOST)
+    rows = min(len(found.ranking), MOST_RANKED)
     ranking = plotted(
         7.4,
         1.2 + 0.21 * rows,

@@ -15,7 +15,7 @@ from workbench.diagnostics.report import compared_blocks, further, held
 from workbench.errors import BadArgument, joined
 from workbench.fitting.profile_likelihood import Profile
 from workbench.fitting.setup import View
-from workbench.plots import sheets
+from workbench.plots.diagnosis import sparsity_sheet
 from workbench.replay import recorded_diagnosis
 from workbench.reports import diagnosis_tables, tables
 from workbench.reports.direction_pictures import pictures
@@ -102,9 +102,7 @@ def diagnosis_page(
         suggestions=diagnosis_tables.suggestions_table(d),
         further=further(d),
         held=held(d) if d.point.active.any else "",
-        sparsity=(
-            None if d.here.estimated else drawn(sheets.sparsity_sheet, plots.caption_sparsity, d)
-        ),
+        sparsity=(None if d.here.estimated else drawn(sparsity_sheet, plots.caption_sparsity, d)),
         terms=tables.terms_table(d),
         parts=diagnosis_tables.parts_table(d),
         compared=None if compared is None else compared.report(),

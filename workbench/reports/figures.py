@@ -7,8 +7,9 @@ from functools import partial
 from typing import ParamSpec
 
 from workbench.diagnostics import Diagnosis
-from workbench.plots import Figure, caption_singular_values, sheets, smallest
-from workbench.plots.figure import drawn as figure_of
+from workbench.plots import Figure, caption_singular_values, smallest
+from workbench.plots.diagnosis import singular_values_sheet
+from workbench.plots.style import drawn as figure_of
 
 P = ParamSpec("P")
 
@@ -59,4 +60,4 @@ def spectrum(diagnosis: Diagnosis) -> Shown | None:
     """The singular values of a diagnosis; None where its rank was found without them."""
     if diagnosis.by_elimination is not None:
         return None
-    return drawn(sheets.singular_values_sheet, caption_singular_values, diagnosis)
+    return drawn(singular_values_sheet, caption_singular_values, diagnosis)

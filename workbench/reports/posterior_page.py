@@ -13,7 +13,13 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots import sheets
+from workbench.plots.posterior import (
+    beside_laplace_sheet,
+    corner_sheet,
+    spray_in_view_sheet,
+    spray_sheet,
+    traces_sheet,
+)
 from workbench.replay import Recording, recorded_posterior
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
@@ -116,12 +122,12 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         "modes": _modes(p),
         "synthetic": known,
         "table": entries_table(p, rows, setup),
-        "traces": shown(sheets.traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
+        "traces": shown(traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
     }
     if p.mixed:
         remarks = [row.remark for row in rows]
-        beside = sheets.beside_laplace_sheet(p, laplace, truth)
-        corner = sheets.corner_sheet(p, entries, truth)
+        beside = beside_laplace_sheet(p, laplace, truth)
+        corner = corner_sheet(p, entries, truth)
         section |= {
             "spray": _spray(p, setup),
             "views": _views(p, setup),
@@ -151,7 +157,7 @@ def _spray(p: Posterior, setup: Setup) -> Shown | None:
     bodies = np.stack(surfaces if setup.truth is None else [*surfaces, setup.truth]) @ upright
     bodies -= bodies[:DRAWN].mean(axis=(0, 1))
     bodies[..., 1] -= bodies[:DRAWN, :, 1].min()
-    figure = sheets.spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
+    figure = spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
     where = "turned upright, from the front and from the side"
     return shown(figure, plots.caption_spray(DRAWN, where, known, p.conditional))
 
@@ -169,7 +175,7 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
         told = " (held out)" if view.held_out else ""
         known = setup.truth is not None
         true = view.camera.pixels(setup.truth, setup.start) if setup.truth is not None else None
-        figure = sheets.spray_in_view_sheet(
+        figure = spray_in_view_sheet(
             pixels, body.faces, view.observed, view.confidence, view.name + told, true
         )
         said = plots.caption_spray(DRAWN, f"as {view.name}{told} sees them", known, p.conditional)

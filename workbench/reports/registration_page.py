@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from workbench.fitting.scan import Scan
 from workbench.geometry.meshes import write_mesh
-from workbench.plots.registered_scan import (
+from workbench.plots.scans import (
     caption_registered_scan,
     caption_unseen,
     registered_scan_sheet,

@@ -17,7 +17,9 @@ from workbench.errors import joined
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
-from workbench.plots import sheets
+from workbench.plots.body import capsules_sheet, distances_sheet
+from workbench.plots.diagnosis import sparsity_sheet
+from workbench.plots.solutions import convergence_sheet
 from workbench.replay import recorded_run
 from workbench.reports import tables
 from workbench.reports.figures import Shown, drawn, of_solvers, plotted, shown, spectrum
@@ -101,13 +103,13 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         distances=distance_figure(outcome),
         capsules=capsule_figure(outcome),
         convergence=of_solvers(
-            drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared)
+            drawn(convergence_sheet, plots.caption_convergence, outcome.compared)
         ),
         solvers=tables.solvers_table(outcome),
         minima=minima_figure(solution),
         hypotheses=tables.hypotheses_table(solution),
         condition=tables.number(diagnosis.condition, 3),
-        sparsity=drawn(sheets.sparsity_sheet, plots.caption_sparsity, diagnosis),
+        sparsity=drawn(sparsity_sheet, plots.caption_sparsity, diagnosis),
         terms=tables.terms_table(diagnosis),
         spectrum=spectrum(diagnosis),
         directions=tables.directions_table(diagnosis),
@@ -164,7 +166,7 @@ def distance_figure(outcome: Outcome) -> Shown | None:
         return None
     distances = 1e3 * np.linalg.norm(surface - truth, axis=1)  # mm
     called = truth_called(outcome)
-    figure = sheets.distances_sheet(surface, distances, body.faces, called)
+    figure = distances_sheet(surface, distances, body.faces, called)
     return shown(figure, plots.caption_distances(distances, called))
 
 
@@ -179,7 +181,7 @@ def capsule_figure(outcome: Outcome) -> Shown | None:
     if not read or arguments is None:
         return None
     posed = posed_capsules(body, *arguments)
-    figure = sheets.capsules_sheet(surface, body.faces, posed)
+    figure = capsules_sheet(surface, body.faces, posed)
     return shown(figure, plots.caption_capsules(posed))
 
 
