@@ -17,8 +17,8 @@ from workbench.plots import (
     sheet,
 )
 from workbench.plots.diagnosis import (
-    LINES,
     MOST_LINES,
+    PIXELS,
     singular_values_sheet,
     sparsity_sheet,
     squeezed,
@@ -58,8 +58,8 @@ def test_small_pattern_is_drawn_as_it_is() -> None:
     _, (ax,) = sheet(6, 4)
     plot_sparsity(diagnosis, ax=ax)
     drawn = np.asarray(ax.get_images()[0].get_array())
-    assert len(drawn) == LINES
-    middles = (np.arange(5) + 0.5) * LINES / 5
+    assert len(drawn) == PIXELS
+    middles = (np.arange(5) + 0.5) * PIXELS / 5
     np.testing.assert_array_equal(drawn[middles.astype(int)], A != 0)
     assert [t.get_text() for t in ax.get_yticklabels()] == ["term 0: 3", "term 1: 2"]
     assert [t.get_text() for t in ax.get_xticklabels()] == ["x\n3"]
