@@ -21,7 +21,7 @@ LAYERS = (  # from the ground up: a package imports from its own layer and from 
     "bodies motions problem residuals",
     "diagnostics priors sampling solvers",
     "conversion fitting registration synthetic training",
-    "comparison experiments plots replay reports studies",
+    "comparison experiments plots reports studies",
     "cli course lectures scaffolds site __main__",
 )
 LAYER = {package: height for height, names in enumerate(LAYERS) for package in names.split()}

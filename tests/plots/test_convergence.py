@@ -10,8 +10,8 @@ from workbench.fitting.compared_solvers import MANY
 from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
 from workbench.plots.palette import solver_styles
 from workbench.plots.solutions import best_cost, convergence_sheet, gap
-from workbench.replay import Recording
 from workbench.reports.page import page
+from workbench.reports.replay import Recording
 from workbench.reports.tables import solvers_table
 from workbench.solvers import SOLVERS, Evaluations, Iterate, Solution, Status
 

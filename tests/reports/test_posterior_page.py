@@ -13,9 +13,9 @@ from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
-from workbench.replay import recorded_posterior
 from workbench.reports import write_posterior
 from workbench.reports.posterior_summary import BlockPosterior, contradictions
+from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
 C = conditioned(3, 30.0, seed=3)

@@ -16,12 +16,12 @@ from workbench.errors import BadArgument, joined
 from workbench.fitting.profile_likelihood import Profile
 from workbench.fitting.setup import View
 from workbench.plots.diagnosis import sparsity_sheet
-from workbench.replay import recorded_diagnosis
 from workbench.reports import diagnosis_tables, tables
 from workbench.reports.direction_pictures import pictures
 from workbench.reports.figures import Shown, drawn, plotted, spectrum
 from workbench.reports.folder import SUMMARY, write_folder
 from workbench.reports.page import page
+from workbench.reports.replay import recorded_diagnosis
 
 FILES = {
     "index.html": "this page",

@@ -3,9 +3,9 @@
 from workbench.errors import BadArgument, NotSupported
 from workbench.experiments.running import warm_up
 from workbench.fitting.setup import Setup
-from workbench.replay.live_server import LiveServer, moved_by_hand
-from workbench.replay.recording import recorded_start
 from workbench.reports.page import page
+from workbench.reports.replay.live import LiveServer, moved_by_hand
+from workbench.reports.replay.runs import recorded_start
 from workbench.solvers import SOLVERS
 from workbench.solvers.abilities import refuse
 

@@ -20,13 +20,13 @@ def page(template: str, **content: Any) -> str:
 
     They also get `versions`, and `solver_colours`, that of each solver in the figures.
 
-    Templates may include the scripts of `workbench/replay/scripts`.
+    Templates may include the scripts of `workbench/reports/replay/scripts`.
     """
     environment = Environment(
         loader=ChoiceLoader(
             [
                 PackageLoader("workbench.reports", "templates"),
-                PackageLoader("workbench.replay", "scripts"),
+                PackageLoader("workbench.reports.replay", "scripts"),
             ]
         ),
         autoescape=True,

@@ -20,7 +20,6 @@ from workbench.plots.posterior import (
     spray_sheet,
     traces_sheet,
 )
-from workbench.replay import Recording, recorded_posterior
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
@@ -31,6 +30,7 @@ from workbench.reports.posterior_summary import (
     entries_table,
     truth_of,
 )
+from workbench.reports.replay import Recording, recorded_posterior
 from workbench.sampling import Posterior, compared_with_laplace, search_in_words
 
 DRAWN = 24  # bodies in a spray

@@ -16,10 +16,10 @@ from workbench.plots.scans import (
 )
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
 from workbench.registration.coregistration.folder import SCAN
-from workbench.replay import recorded_registration
 from workbench.reports.figures import shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
+from workbench.reports.replay import recorded_registration
 from workbench.reports.tables import Columns, Table, number
 from workbench.writing import write_arrays
 

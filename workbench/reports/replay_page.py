@@ -15,7 +15,8 @@ from workbench.experiments.running import Outcome
 from workbench.motions import Motion
 from workbench.problem import Problem
 from workbench.registration import Registration
-from workbench.replay import (
+from workbench.reports.page import page
+from workbench.reports.replay import (
     Recording,
     recorded_diagnosis,
     recorded_motion,
@@ -24,7 +25,6 @@ from workbench.replay import (
     recorded_run,
     recorded_solution,
 )
-from workbench.reports.page import page
 from workbench.sampling import Posterior
 from workbench.solvers import Solution
 from workbench.writing import write_file

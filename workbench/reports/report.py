@@ -20,12 +20,12 @@ from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import capsules_sheet, distances_sheet
 from workbench.plots.diagnosis import sparsity_sheet
 from workbench.plots.solutions import convergence_sheet
-from workbench.replay import recorded_run
 from workbench.reports import tables
 from workbench.reports.figures import Shown, drawn, of_solvers, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
+from workbench.reports.replay import recorded_run
 from workbench.solvers import Solution
 from workbench.writing import write_arrays
 

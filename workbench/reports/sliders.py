@@ -7,8 +7,8 @@ from typing import Any
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.replay.browser_bodies import skinned_data, triangle_data
 from workbench.reports.page import page
+from workbench.reports.replay.recording import skinned_data, triangle_data
 from workbench.writing import write_file
 
 NOTE = (

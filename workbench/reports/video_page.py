@@ -8,11 +8,11 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Moving, Setup
-from workbench.replay import recorded_frames
 from workbench.reports import tables
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.moving import moving_figures
 from workbench.reports.page import page
+from workbench.reports.replay import recorded_frames
 from workbench.solvers import Solution
 from workbench.writing import write_arrays
 

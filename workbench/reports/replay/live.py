@@ -1,11 +1,4 @@
-"""A live page: starts are set by hand, a solver is chosen, and its iterates stream in.
-
-A joint may be dragged (`dragging.py`), and a solver may go from many starts (`many_starts.py`).
-
-The server listens on the loopback address alone. Its pages stand under a path that nobody can
-guess, and what another site's page asks for is refused, so that only the reader's own tabs reach
-it. One solve runs at a time; each belongs to the connection that asked for it, and ends with it.
-"""
+"""The live page's server: solves, drags and many starts."""
 
 import json
 import secrets
@@ -17,20 +10,21 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks import Values
+from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.fitting.setup import Setup
-from workbench.replay.answering import begin_events, say, sent
-from workbench.replay.arguments import Row, row_of_body
-from workbench.replay.dragging import Puppet
-from workbench.replay.many_starts import basins, in_words, starts_about
-from workbench.replay.tracks import as_numbers
-from workbench.solvers import Iterate, Solution, Solver
+from workbench.problem import Problem
+from workbench.reports.replay.recording import Row, row_of_body
+from workbench.reports.replay.runs import as_numbers
+from workbench.residuals import Residual
+from workbench.solvers import Iterate, Solution, Solver, Spread, Starts, TrustRegion
+from workbench.solvers.starts import clusters, further_minima
 
 ADDRESS = "127.0.0.1"  # of this machine alone
 PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
@@ -281,3 +275,145 @@ def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
 
 def _status(solution: Solution) -> str:
     return solution.status.name.lower().replace("_", " ")
+
+
+def say(
+    request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
+) -> None:
+    """Answer with a text, and end."""
+    content = text.encode() if isinstance(text, str) else text
+    request.send_response(code)
+    request.send_header("Content-Type", kind)
+    request.send_header("Content-Length", str(len(content)))
+    request.send_header("Cache-Control", "no-store")
+    request.end_headers()
+    request.wfile.write(content)
+
+
+def begin_events(request: BaseHTTPRequestHandler) -> None:
+    """Announce events, which `sent` sends."""
+    request.send_response(200)
+    request.send_header("Content-Type", "text/event-stream")
+    request.send_header("Cache-Control", "no-store")
+    request.end_headers()
+
+
+def sent(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) -> bool:
+    """Send an event; False if nobody listens any more, because the tab was closed."""
+    try:
+        request.wfile.write(f"event: {name}\ndata: {json.dumps(data)}\n\n".encode())
+        request.wfile.flush()
+    except OSError:
+        return False
+    return True
+
+
+HELD = 0.003  # m: how closely a joint follows the hand
+LOOSE = 0.5  # rad: how far a joint that carries nothing turns for it
+ROUGHLY = TrustRegion(max_iterations=12, gradient_tolerance=1e-3)  # a hand is not exact
+
+
+class Puppet:
+    """A body as a puppet: one joint goes where it is wanted, and the others change little.
+
+    The cost is the distance of the joint, and how far all joints turn from where they were. A
+    joint that carries much of the body (the share s of all joints) is stiff: its standard deviation
+    is 0.5 rad (1 - s)^2. So a wrist is reached by the arm rather than by the trunk. The root joint
+    keeps its rotation, and is moved with the whole body.
+    """
+
+    def __init__(self, body: SkinnedBody) -> None:
+        pose, betas, trans = blocks = body.blocks()
+        K = body.n_joints
+        held, place = Block("held", (K, 3), "rad"), Block("place", (3,), "m")
+        which = Block("which", (K,))
+        joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+        away = joints.symbol @ which.symbol - place.symbol
+        names = body.joint_names
+        self._problem = Problem(
+            [
+                Residual("place", away, HELD, "m", points=(joints,)),
+                Residual("held", cs.vec(pose.symbol - held.symbol), self._sigmas(body), "rad"),
+            ],
+            [f"{pose.name}[{name}]" for name in names[1:]],
+            blocks=[*blocks, held, place, which],
+        )
+        self._problem.prepare()
+        self._names = [block.name for block in blocks]
+        self._body, self._one_at_a_time = body, threading.Lock()
+
+    @staticmethod
+    def _sigmas(body: SkinnedBody) -> Array:
+        """Of the entries of the pose, (3 K,) rad."""
+        K = body.n_joints
+        carried = np.zeros(K)
+        for k in range(K - 1, 0, -1):
+            carried[body.parents[k]] += carried[k] + 1
+        return np.repeat(np.maximum(LOOSE * (1 - carried / K) ** 2, 1e-3), 3)
+
+    def dragged(
+        self, pose: Array, betas: Array, trans: Array, joint: int, place: Array
+    ) -> tuple[Array, Array]:
+        """The pose (K, 3) rad and trans (3,) m with a joint at a place (3,) m, or as near as it
+        comes. Raises BadArgument for a joint that is not there.
+        """
+        if not 0 <= joint < self._body.n_joints:
+            raise BadArgument(f"the joints are numbered from 0 to {self._body.n_joints - 1}")
+        if joint == 0:
+            return pose, trans + place - self._body.joints(pose, betas, trans)[0]
+        which = np.zeros(self._body.n_joints)
+        which[joint] = 1.0
+        given = dict(zip(self._names, (pose, betas, trans), strict=True))
+        given |= {"held": pose, "place": place, "which": which}
+        with self._one_at_a_time:
+            found = ROUGHLY.solve(self._problem, given)
+        return np.asarray(found.values[self._names[0]]), trans
+
+
+MOST_STARTS = 64
+WIDEST = 3.2  # rad: half a turn and a bit
+PLACE = 0.3  # m of trans for each rad of pose
+
+
+def starts_about(
+    problem: Problem, start: Values, pose: str, trans: str, spread: float, count: int
+) -> list[Values]:
+    """`count` starts, the first of which is the given one; the others are drawn about it.
+
+    Rotation vectors are drawn with the standard deviation `spread` in rad, and places with 0.3 m
+    for each rad. Raises BadArgument for a count or a spread that is out of range.
+    """
+    if not 1 < count <= MOST_STARTS or not 0 < spread <= WIDEST:
+        raise BadArgument(
+            f"a live page takes 2 to {MOST_STARTS} starts, spread by up to {WIDEST} rad, "
+            f"not {count} spread by {spread}"
+        )
+    free = set(problem.free.names)
+    sigmas = {name: s for name, s in ((pose, spread), (trans, PLACE * spread)) if name in free}
+    return Starts(count, draw=Spread(sigmas)).drawn(problem, start)
+
+
+def basins(problem: Problem, start: Values, ends: Sequence[Solution]) -> list[dict[str, Any]]:
+    """Which ends are one minimum: the lowest cost and the numbers of the ends, lowest first."""
+    finite = [k for k, end in enumerate(ends) if np.isfinite(end.cost)]
+    fixed = problem.split(start)[1]
+    points = [problem.free.pack(dict(start) | dict(ends[k].values)) for k in finite]
+    groups = [[finite[i] for i in some] for some in clusters(problem, fixed, points)]
+    found = []
+    for members in groups:
+        members.sort(key=lambda k: ends[k].cost)
+        cost = float(f"{ends[members[0]].cost:.6g}")
+        found.append({"cost": cost, "ends": members})
+    return sorted(found, key=lambda one: float(one["cost"]))
+
+
+def in_words(found: Sequence[Mapping[str, Any]], count: int) -> str:
+    """How many starts led to the lowest end, and how sure it is that there is no other minimum."""
+    if not found:
+        return "no start led to an end with a cost"
+    here, others = len(found[0]["ends"]), len(found) - 1
+    said = f"{here} of {count} starts led to the lowest cost, {found[0]['cost']:.4g}"
+    if not others:
+        return f"{said}, and none elsewhere"
+    said += f", the others to {others} other end{'s' * (others > 1)}"
+    return f"{said}; {further_minima(count, len(found))}"

@@ -14,7 +14,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.fitting.setup import View
 from workbench.problem import Problem
-from workbench.replay.packing import packed
+from workbench.reports.replay.recording import packed
 from workbench.residuals import Residual
 
 NOWHERE: dict[str, Any] = {"rows": [], "columns": [], "weights": []}

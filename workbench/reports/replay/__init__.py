@@ -6,22 +6,23 @@ and WebGL 2) computes the bodies. Where a browser has no WebGL 2 the replay hide
 figures of the page say the same. `live_server` is the same page with a server behind it.
 """
 
-from workbench.replay.comparisons import recorded_ends
-from workbench.replay.frames import recorded_frames, recorded_motion
-from workbench.replay.recording import (
+from workbench.reports.replay.recording import Recording
+from workbench.reports.replay.runs import (
     recorded_diagnosis,
     recorded_posterior,
     recorded_run,
     recorded_solution,
     recorded_start,
 )
-from workbench.replay.registrations import recorded_registration
-from workbench.replay.shown_body import Recording
+from workbench.reports.replay.sequences import (
+    recorded_frames,
+    recorded_motion,
+    recorded_registration,
+)
 
 __all__ = [
     "Recording",
     "recorded_diagnosis",
-    "recorded_ends",
     "recorded_frames",
     "recorded_motion",
     "recorded_posterior",

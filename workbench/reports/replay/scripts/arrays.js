@@ -1,4 +1,4 @@
-// Arrays that Python compressed by gzip and wrote in base64; see workbench.replay.packing.
+// Arrays that Python compressed by gzip and wrote in base64; see workbench.reports.replay.packing.
 
 const KINDS = { f4: Float32Array, f8: Float64Array, u2: Uint16Array, u4: Uint32Array };
 
