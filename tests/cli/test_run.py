@@ -151,7 +151,7 @@ def test_signal_while_the_report_is_written_leaves_nothing(
     def terminated(*_: object) -> None:
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr("workbench.reports.report.run_page", terminated)
+    monkeypatch.setattr("workbench.reports.run.run_page", terminated)
     Path("line.py").write_text(LINE)
     code, _, err = workbench("run", "line.py", "--no-compare")
     assert (code, err) == (143, "terminated; nothing was written\n")

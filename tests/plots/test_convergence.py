@@ -12,7 +12,7 @@ from workbench.plots.palette import solver_styles
 from workbench.plots.solutions import best_cost, convergence_sheet, gap
 from workbench.reports.page import page
 from workbench.reports.replay import Recording
-from workbench.reports.tables import solvers_table
+from workbench.reports.run import solvers_table
 from workbench.solvers import SOLVERS, Evaluations, Iterate, Solution, Status
 
 pytestmark = pytest.mark.browser

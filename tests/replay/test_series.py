@@ -30,7 +30,7 @@ from workbench.reports.replay import (
 )
 from workbench.reports.replay.observations import MOST, observed_points
 from workbench.reports.replay.recording import KINDS
-from workbench.reports.replay_page import motion_page, replay_page
+from workbench.reports.replays import motion_page, replay_page
 
 BODY = wb.load_body("small")
 STAGES = FitStage(200, 0.02, 0.1, 3, 10), FitStage(300, 0.02, 0.1, 2, 10)

@@ -13,7 +13,7 @@ from rich.table import Table as RichTable
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.reports.folder import refuse_foreign
-from workbench.reports.tables import Table
+from workbench.reports.page import Table
 
 Up = Annotated[
     str | None,

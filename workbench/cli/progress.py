@@ -6,12 +6,19 @@ import numpy as np
 from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as RichTable
 
 from workbench.cli.output import rich_table, warn_of
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
-from workbench.reports import tables
+from workbench.reports.page import Columns, Table, number
+from workbench.reports.run import (
+    better_said,
+    interrupted_said,
+    priors_said,
+    residuals_table,
+    status_said,
+)
 from workbench.solvers import Iterate
 from workbench.solvers.starts import AS_GOOD
 
@@ -52,8 +59,8 @@ class LiveTrace:
                 f"{iterate.step_norm:>9.1e}"
             )
 
-    def _table(self) -> Table:
-        columns: tables.Columns[tuple[int, Iterate]] = {
+    def _table(self) -> RichTable:
+        columns: Columns[tuple[int, Iterate]] = {
             "iteration": lambda of: str(of[0]),
             "cost": lambda of: f"{of[1].cost:.6g}",
             "optimality": lambda of: f"{of[1].optimality:.1e}",
@@ -61,7 +68,7 @@ class LiveTrace:
             "damping": lambda of: f"{of[1].damping:.1e}",
             "seconds": lambda of: f"{of[1].seconds:.2f}",
         }
-        return rich_table(tables.Table.of(self._iterates, columns, tuple(range(6))))
+        return rich_table(Table.of(self._iterates, columns, tuple(range(6))))
 
 
 def print_outcome(console: Console, outcome: Outcome) -> None:
@@ -74,14 +81,14 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "
         f"{escape(solution.message)}"
     )
-    for said in (tables.better_said(outcome), tables.interrupted_said(outcome)):
+    for said in (better_said(outcome), interrupted_said(outcome)):
         if said:
             console.print(f"[bold yellow]{escape(_typed(said))}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
     for note in outcome.setup.notes:
         console.print(f"note: {escape(note)}", highlight=False)
-    table = Table(box=None, show_header=False)
+    table = RichTable(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
     table.add_column()
@@ -101,14 +108,14 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
 
 def _print_residuals(console: Console, outcome: Outcome) -> None:
     """Print the cost of each residual; if there are many, only of those with the highest cost."""
-    found = tables.residuals_table(outcome)
+    found = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
     typed = tuple(tuple(map(_typed, row)) for row in found.rows if row in shown)
-    console.print(rich_table(tables.Table(found.head, typed, found.numbers)))
+    console.print(rich_table(Table(found.head, typed, found.numbers)))
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
-    console.print(escape(tables.priors_said(outcome)), highlight=False)
+    console.print(escape(priors_said(outcome)), highlight=False)
 
 
 def _typed(text: str) -> str:
@@ -134,8 +141,8 @@ def _seen(what: str, d: Diagnosis) -> str:
     return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {said}"
 
 
-def _comparison(outcome: Outcome) -> Table:
-    table = Table(box=None, header_style="bold")
+def _comparison(outcome: Outcome) -> RichTable:
+    table = RichTable(box=None, header_style="bold")
     table.add_column("solver", no_wrap=True)
     for column in ("cost", "over best", "steps", "calls", "s"):
         table.add_column(column, justify="right", no_wrap=True)
@@ -143,12 +150,12 @@ def _comparison(outcome: Outcome) -> Table:
     for name, s in outcome.compared.items():
         table.add_row(
             name,
-            _typed(tables.number(s.cost, 8)),
-            _typed(tables.number(outcome.excess(name), 1)),
+            _typed(number(s.cost, 8)),
+            _typed(number(outcome.excess(name), 1)),
             str(s.iterations),
             str(s.evaluations.total),
             f"{s.seconds:.2f}",
-            tables.status_said(outcome, name).upper(),
+            status_said(outcome, name).upper(),
             style="" if s.converged and outcome.excess(name) <= AS_GOOD else "yellow",
         )
     return table

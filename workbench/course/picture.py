@@ -13,7 +13,7 @@ from typing import Any, TypeGuard
 from workbench.course.framing import framed
 from workbench.plots import Figure, png
 from workbench.reports.replay import Recording
-from workbench.reports.replay_page import ReplayPage, replay_page
+from workbench.reports.replays import ReplayPage, replay_page
 
 
 @dataclass(frozen=True, eq=False)

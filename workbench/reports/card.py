@@ -14,10 +14,8 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery
 from workbench.plots.body import body_sheet, shape_gallery_sheet, side
-from workbench.reports.figures import shown
 from workbench.reports.folder import write_folder
-from workbench.reports.page import page
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table, page, shown
 
 LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
 ENDS = 2.0  # standard deviations at which shapes are drawn

@@ -22,9 +22,8 @@ from workbench.plots.profiles import caption_data_profile, caption_performance_p
 from workbench.plots.verdicts import caption_basins, caption_verdicts
 from workbench.reports import comparison_tables as tables
 from workbench.reports import end_tables as ends
-from workbench.reports.figures import Shown, drawn, of_solvers, shown
 from workbench.reports.folder import MAKER
-from workbench.reports.page import as_json, page, versions
+from workbench.reports.page import Shown, as_json, drawn, of_solvers, page, shown, versions
 from workbench.writing import write_file
 
 RESULTS = "results.csv"

@@ -6,9 +6,8 @@ from pathlib import Path
 from workbench import plots
 from workbench.diagnostics import MeasurementDesign
 from workbench.plots.diagnosis import MOST_RANKED
-from workbench.reports.figures import plotted
 from workbench.reports.folder import SUMMARY, write_folder
-from workbench.reports.page import page
+from workbench.reports.page import page, plotted
 
 FILES = {
     "index.html": "this page",

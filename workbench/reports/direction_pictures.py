@@ -12,7 +12,7 @@ from workbench.diagnostics import Diagnosis, Direction
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import caption_direction
 from workbench.plots.body import direction_sheet
-from workbench.reports.figures import Shown, shown
+from workbench.reports.page import Shown, shown
 from workbench.reports.replay.runs import LEAST, reach_along
 
 PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones

@@ -20,9 +20,8 @@ from workbench.plots.posterior import (
     spray_sheet,
     traces_sheet,
 )
-from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
-from workbench.reports.page import page
+from workbench.reports.page import Shown, page, shown
 from workbench.reports.posterior_summary import (
     BlockPosterior,
     blocks_table,

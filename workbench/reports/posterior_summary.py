@@ -10,7 +10,7 @@ import scipy.special
 
 from workbench.arrays import Array
 from workbench.fitting.setup import Setup
-from workbench.reports.tables import Table, number
+from workbench.reports.page import Table, number
 from workbench.sampling import EntryComparison, Posterior, contraction_bar
 
 UNLIKELY = 1e-3  # the chance of a synthetic truth that contradicts a prior

@@ -1,9 +1,12 @@
-"""A replay as a page of its own: of a motion in a file, or of what a notebook holds."""
+"""Pages that move: `wb.show`, replays, planar figures and the live page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
 
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -11,7 +14,8 @@ from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, NotSupported
-from workbench.experiments.running import Outcome
+from workbench.experiments.running import Outcome, warm_up
+from workbench.fitting.setup import Setup
 from workbench.motions import Motion
 from workbench.problem import Problem
 from workbench.registration import Registration
@@ -25,8 +29,11 @@ from workbench.reports.replay import (
     recorded_run,
     recorded_solution,
 )
+from workbench.reports.replay.live import LiveServer, moved_by_hand
+from workbench.reports.replay.runs import recorded_start
 from workbench.sampling import Posterior
-from workbench.solvers import Solution
+from workbench.solvers import SOLVERS, Solution
+from workbench.solvers.abilities import refuse
 from workbench.writing import write_file
 
 HEIGHT = 680  # px of the frame in a notebook
@@ -141,3 +148,55 @@ def motion_page(
     count = f"{len(motion):,} frames at {motion.fps:g} frames a second, {motion.seconds:.2f} s"
     notes = tuple(f"{note[0].upper()}{note[1:]}." for note in motion.named(body).notes if note)
     return replay_page(recording, title, (f"{count}, on body {body.name!r}.", *notes, *said))
+
+
+def flat_page(script: Path, data: Mapping[str, Any], caption: str) -> ReplayPage:
+    """The page of a script that draws with `flat.js`.
+
+    The script defines `figure(root, data)`, which returns a `Flat`. What `packed` made of arrays
+    in `data` are arrays there.
+    """
+    text = Markup(script.read_text(encoding="utf-8"))
+    without = "This page needs a browser with scripts to show the figure."
+    html = page(
+        "flat.html", title="", script=text, data=dict(data), caption=caption, without=without
+    )
+    return ReplayPage(html, caption)
+
+
+OFFERED = 12  # solvers on a page at most, those that the problem compares first
+
+
+def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
+    """A server for a setup: its page offers the solvers that can take the problem.
+
+    Raises BadArgument where no start can be set by hand, or for a body that a page cannot pose, and
+    OSError for a port that is taken.
+    """
+    moved_by_hand(setup)
+    recording = recorded_start(setup)
+    if recording is None:
+        raise BadArgument(f"a page cannot pose the body of {name}; take a skinned body of SMPL's")
+    order = dict.fromkeys((*setup.compared, *SOLVERS))
+    able = [one for one in order if _takes(one, setup)][:OFFERED]
+    solvers = {
+        one: SOLVERS[one] if setup.strategy is None else setup.strategy(SOLVERS[one])
+        for one in able
+    }
+    text = page(
+        "live.html",
+        title=name,
+        question=setup.question,
+        recording=recording,
+        solvers=able,
+    )
+    warm_up(setup, solvers.values())  # so that no press waits
+    return LiveServer(setup, solvers, text, port)
+
+
+def _takes(name: str, setup: Setup) -> bool:
+    try:
+        refuse(name, SOLVERS[name].abilities, setup.problem)
+    except NotSupported:
+        return False
+    return True

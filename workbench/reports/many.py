@@ -1,7 +1,7 @@
-"""Fits to many images in one folder: what is done is kept, and a page and a table show all."""
+"""A folder of many images or scans: what is done, what is left, and the page of all."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,26 +9,31 @@ from urllib.parse import quote
 
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.files.saving import save_body
 from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.fitting.depth_interval import FOUND, DepthInterval
 from workbench.fitting.file_jobs import FailedFile, FileJob
-from workbench.fitting.image_jobs import FittedImage, ImageWork
+from workbench.fitting.image_jobs import FittedImage, ImageWork, Picture
 from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
+from workbench.plots.palette import BLUE, VERMILLION
 from workbench.reading.arrays import opened, read_expected, reals
-from workbench.reports.entries import Entry, csv_text, kept_entry
+from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
+from workbench.registration.body_size import HEIGHT, LENGTH
 from workbench.reports.folder import SUMMARY, own_folder, summary_text
-from workbench.reports.page import as_json, page
-from workbench.reports.tables import number
-from workbench.reports.thumbnail import thumbnail
+from workbench.reports.page import Entry, as_json, csv_text, kept_entry, number, page
+from workbench.reports.registration import ARRAYS, FORMAT, subjects_csv, write_registration
+from workbench.training.folder import TABLE, Row
 from workbench.writing import write_arrays, write_file
 
-FORMAT = 3  # of what is stored for an image
+FITS_FORMAT = 3  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
-TABLE = "fits.csv"
+FITS_TABLE = "fits.csv"
 CLOSE = 3.0  # between costs: the density at the other hypothesis is at least exp(-3), a twentieth
-COLUMNS = (
+FITS_COLUMNS = (
     "file",
     "status",
     "cost",
@@ -72,7 +77,14 @@ class ImageFolder:
         """
         work, calibration = self.work, self.work.reading.calibration
         lens = "" if calibration is None else file_digest(str(calibration))
-        about = (FORMAT, work.body, work.recipe, work.reading, work.hypotheses, shipped_regressor())
+        about = (
+            FITS_FORMAT,
+            work.body,
+            work.recipe,
+            work.reading,
+            work.hypotheses,
+            shipped_regressor(),
+        )
         return digest([digest(about), lens, code_version()])
 
     def key(self, job: FileJob, of_work: str) -> str:
@@ -117,12 +129,12 @@ class ImageFolder:
 
     def finish(self, entries: Sequence[Entry], failed: Sequence[FailedFile]) -> Path:
         """Write the page, the table and `poses.npz` of all images; returns the page."""
-        write_file(self.place / TABLE, table_of(entries))
+        write_file(self.place / FITS_TABLE, fits_csv(entries))
         self._write_poses(entries)
         text = page(
             "images.html",
             title=f"{self.body_name} in {len(entries)} images",
-            rows=[_row(entry) for entry in entries],
+            rows=[_fit_row(entry) for entry in entries],
             failed=failed,
             ambiguous=sum(_ambiguous(entry) for entry in entries),
             hypotheses=self.work.hypotheses,
@@ -160,11 +172,11 @@ class ImageFolder:
             "warnings": {e.name: e.facts["warnings"] for e in entries if e.facts["warnings"]},
             "failed": {one.job.name: one.reason for one in failed},
         }
-        files = ["index.html", TABLE, "poses.npz", SUMMARY]
+        files = ["index.html", FITS_TABLE, "poses.npz", SUMMARY]
         write_file(self.place / SUMMARY, summary_text(self.source, about, files))
 
 
-def table_of(entries: Sequence[Entry]) -> str:
+def fits_csv(entries: Sequence[Entry]) -> str:
     """The table of all images (.csv)."""
     rows = []
     for entry in entries:
@@ -172,7 +184,7 @@ def table_of(entries: Sequence[Entry]) -> str:
         costs, ends = [*told["costs"], None], told["depth_90_m"] or (None, None)
         row = (entry.name, told["status"], *costs[:2], told["error_px"], told["depth_m"], *ends)
         rows.append((*row, told["height_m"], told["seconds"], "; ".join(told["warnings"])))
-    return csv_text(COLUMNS, rows)
+    return csv_text(FITS_COLUMNS, rows)
 
 
 def ends_of(interval: DepthInterval) -> tuple[float, float]:
@@ -185,7 +197,7 @@ def _ambiguous(entry: Entry) -> bool:
     return len(costs) > 1 and costs[1] - costs[0] < CLOSE
 
 
-def _row(entry: Entry) -> dict[str, Any]:
+def _fit_row(entry: Entry) -> dict[str, Any]:
     told = entry.facts
     costs, ends = told["costs"], told["depth_90_m"]
     return {
@@ -201,3 +213,148 @@ def _row(entry: Entry) -> dict[str, Any]:
         "warnings": told["warnings"],
         "notes": told["notes"],
     }
+
+
+START = "start.npz"  # the body, from which training starts
+MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class RegistrationFolder:
+    """A folder with one folder for each registered scan, a page over all, and a table of subjects.
+
+    Raises BadFile if the folder holds something else, or cannot be made.
+
+    Attributes:
+        place: where it is.
+        body: the body whose template is registered.
+        body_name: as it was given.
+        recipe: how scans are registered.
+        reading: how their files are read.
+        source: what was given, by which the folder is known as ours.
+    """
+
+    place: Path
+    body: Body
+    body_name: str
+    recipe: Recipe
+    reading: Reading
+    source: str
+
+    def __post_init__(self) -> None:
+        own_folder(self.place, self.source)
+        self._write_summary([])
+
+    def key(self, job: ScanJob) -> str:
+        """16 letters that differ when anything does on which the registration depends: the file's
+        contents, the body, the recipe, how the file is read, and the code.
+        """
+        about = (FORMAT, self.recipe, self.reading, self.body, self.recipe.vertex_stages(self.body))
+        return digest([digest(about), file_digest(str(job.path)), code_version()])
+
+    def kept(self, job: ScanJob, key: str) -> Entry | None:
+        """The entry of a scan that is registered already under this key; None if it is not."""
+        folder = self.place / job.name
+        return kept_entry(job.name, key, folder / SUMMARY, [folder / ARRAYS])
+
+    def keep(self, found: RegisteredScan, key: str) -> Entry:
+        """Write the folder of a scan, and return its entry."""
+        folder = self.place / found.job.name
+        write_registration(found, folder, body=self.body_name, key=key)
+        entry = self.kept(found.job, key)
+        assert entry is not None  # it has just been written
+        return entry
+
+    def finish(
+        self, entries: Sequence[Entry], rows: Sequence[Row], failed: Sequence[FailedScan]
+    ) -> Path:
+        """Write the page over all scans and, for training, the table of subjects and the body.
+
+        `rows` has for each entry its subject, its gender and its set. Returns the page. Without
+        entries there is no table.
+        """
+        write_file(self.place / "index.html", self._page(entries, failed))
+        if entries:
+            write_file(self.place / TABLE, subjects_csv(rows))
+        if isinstance(self.body, SkinnedBody):
+            save_body(self.body, self.place / START)
+        else:
+            (self.place / START).unlink(missing_ok=True)  # of a body that was used before
+        self._write_summary(entries, failed)
+        return self.place / "index.html"
+
+    def _page(self, entries: Sequence[Entry], failed: Sequence[FailedScan]) -> str:
+        return page(
+            "registrations.html",
+            title=f"{self.body_name} on {len(entries)} scans",
+            rows=[_registration_row(entry) for entry in entries],
+            size=next((_size(entry.facts) for entry in entries), HEIGHT),
+            failed=failed,
+            doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
+            trains=bool(entries) and isinstance(self.body, SkinnedBody),
+        )
+
+    def _write_summary(self, entries: Sequence[Entry], failed: Sequence[FailedScan] = ()) -> None:
+        about = {
+            "kind": "registrations",
+            "body": self.body_name,
+            "scans": [entry.name for entry in entries],
+            "failed": {one.job.name: one.reason for one in failed},
+        }
+        files = ["index.html", TABLE, START, SUMMARY]
+        write_file(self.place / SUMMARY, summary_text(self.source, about, files))
+
+
+def _size(told: Mapping[str, Any]) -> str:
+    """Which size a summary tells: the height of a person, or the length of a hand."""
+    return HEIGHT if f"{HEIGHT}_m" in told else LENGTH
+
+
+def _registration_row(entry: Entry) -> dict[str, Any]:
+    told = entry.facts
+    return {
+        "name": entry.name,
+        "median": "–" if told["median_m"] is None else number(MM * told["median_m"], 3),
+        "touching": f"{100 * told['touching']:.0f} %",
+        "hidden": f"{100 * (1 - told['seen']):.0f} %",
+        "size": f"{told[f'{_size(told)}_m']:.2f}",
+        "seconds": number(told["seconds"], 3),
+        "warnings": told["warnings"],
+    }
+
+
+TALL, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person
+
+
+def thumbnail(picture: Picture, parents: Sequence[int]) -> str:
+    """The body's bones as lines, and the observed keypoints as circles, cropped to both.
+
+    The higher the confidence of a keypoint, the more opaque its circle.
+    """
+    seen = picture.confidence > 0
+    inside = np.concatenate([picture.joints, picture.observed[seen]])
+    inside = inside[np.isfinite(inside).all(axis=1)]
+    low, high = (inside.min(axis=0), inside.max(axis=0)) if len(inside) else (np.zeros(2),) * 2
+    scale = (TALL - 2 * MARGIN) / max(float(high[1] - low[1]), float(high[0] - low[0]), 1.0)
+    size = scale * (high - low) + 2 * MARGIN
+
+    def placed(points: Array) -> Array:
+        return np.asarray(scale * (points - low) + MARGIN)
+
+    joints = placed(picture.joints)
+    lines = [
+        f'<line x1="{a[0]:.1f}" y1="{a[1]:.1f}" x2="{b[0]:.1f}" y2="{b[1]:.1f}"/>'
+        for a, b in ((joints[parent], joints[k]) for k, parent in enumerate(parents) if k)
+        if np.isfinite([a, b]).all()
+    ]
+    circles = [
+        f'<circle cx="{u:.1f}" cy="{v:.1f}" r="2.2" stroke-opacity="{min(float(c), 1):.2f}"/>'
+        for (u, v), c in zip(placed(picture.observed[seen]), picture.confidence[seen], strict=True)
+    ]
+    width, height = (f"{number:.0f}" for number in size)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'viewBox="0 0 {width} {height}" fill="none">'
+        f'<g stroke="{BLUE}" stroke-width="2" stroke-linecap="round">{"".join(lines)}</g>'
+        f'<g stroke="{VERMILLION}" stroke-width="1.2">{"".join(circles)}</g></svg>\n'
+    )
