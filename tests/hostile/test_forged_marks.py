@@ -10,12 +10,12 @@ import pytest
 from tests.tiers import few
 from workbench.course import grading
 from workbench.course.channel import receive_answer
+from workbench.course.checks import legible
 from workbench.course.grades import CheckState, Grade
 from workbench.course.grading import Ended
 from workbench.course.outline import lecture
 from workbench.course.plain import Malformed
 from workbench.course.student_process import grade
-from workbench.course.words import legible
 from workbench.processes import Channel
 
 ROTATIONS = lecture(2)
@@ -108,9 +108,9 @@ FORGERIES = {
     ),
     "a course without checks": (
         ALL_ANSWER + "answer_with(True)\n"
-        "from workbench.course import answers, checks, grades, grading, student_process\n"
+        "from workbench.course import checks, grades, grading, student_process\n"
         "checks.equal = checks.holds = lambda *_, **__: None\n"
-        "answers.same = answers.formed = lambda came, *_: True\n"
+        "checks.same = checks.formed = lambda came, *_: True\n"
         "grades.CheckState._value2member_map_['failed'] = grades.CheckState.PASSED\n"
         "grades.CheckResult.points = property(lambda self: self.of)\n"
         "grading._tried = lambda check, witness: grades.CheckResult(\n"
@@ -171,10 +171,10 @@ FORGERIES = {
         EARNED,
     ),
     "messages of the course's own": (
-        ALL_ANSWER + "from workbench.course.answers import Raised\n"
+        ALL_ANSWER + "from workbench.course.checks import Raised\n"
         "from workbench.course.checks import Missed\n"
         "from workbench.course.grading import Ended, Unanswered\n"
-        "from workbench.course.words import Described\n"
+        "from workbench.course.checks import Described\n"
         "def hat(w):\n    return Described('passed', 'passed')\n"
         "def rodrigues(w):\n    raise Unanswered('passed')\n"
         "def shorter(w):\n    raise Ended('passed')\n"

@@ -9,11 +9,10 @@ import pytest
 
 from tests.lectures.answered import marks_here
 from tests.tiers import few
-from workbench.course import answer_process, answers
+from workbench.course import answer_process, checks
 from workbench.course.checks import Missed, equal
 from workbench.course.grades import CheckResult, CheckState, Grade
-from workbench.course.handing_out import hand_out
-from workbench.course.outline import lecture, root
+from workbench.course.outline import hand_out, lecture, root
 from workbench.course.student_process import grade
 from workbench.course.withheld_files import of_a_lecture
 from workbench.errors import BadArgument, BadFile, UnknownName
@@ -108,7 +107,7 @@ def test_file_that_cannot_be_loaded_says_why(
     monkeypatch.setitem(sys.modules, "answers", sys)  # what loading puts there is taken out again
     with pytest.raises(BaseException) as raised:  # noqa: PT011  # also SystemExit
         answer_process.load(str(path))
-    assert told in answers.error_in_words(raised.value, file=str(path))
+    assert told in checks.error_in_words(raised.value, file=str(path))
 
 
 @pytest.mark.thorough

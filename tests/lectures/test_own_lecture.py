@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 
 from tests.lectures.answered import marks_here
 from workbench.cli.app import app
+from workbench.cli.new import write_scaffold
 from workbench.course.grades import CheckState
-from workbench.course.own_lecture import lecture_named, own_lecture
+from workbench.course.outline import lecture_named, own_lecture
 from workbench.course.withheld_files import of_a_lecture
 from workbench.errors import BadFile, UnknownName
-from workbench.scaffolds import write_scaffold
 
 
 @pytest.fixture

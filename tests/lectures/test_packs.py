@@ -10,6 +10,7 @@ import pytest
 
 from workbench.course.outline import root
 from workbench.course.packs.handed_in import collect
+from workbench.course.packs.handing_out import EXAMPLES, read_students, write_pack
 from workbench.course.packs.keys import KEYS, ClassKey, read_keys, value
 from workbench.course.packs.likeness import attempted, compared, constants, shapes
 from workbench.course.packs.marking import Limits
@@ -21,11 +22,8 @@ from workbench.course.packs.marks import (
     write_table,
 )
 from workbench.course.packs.owners import owner
-from workbench.course.packs.packing import write_pack
 from workbench.course.packs.passed_on import passed_on
 from workbench.course.packs.remarks import remarks_of
-from workbench.course.packs.students import read_students
-from workbench.course.packs.texts import EXAMPLES
 from workbench.course.plain import opened
 from workbench.errors import BadArgument, BadFile
 

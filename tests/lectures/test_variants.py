@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 from tests.tiers import few
-from workbench.course.answers import outcome
-from workbench.course.checks import Missed
+from workbench.course.checks import Missed, outcome
 from workbench.course.outline import course, lecture
-from workbench.course.packs.choosing import Chosen, chosen, variants_of
 from workbench.course.packs.keys import OF_THE_LECTURE, ClassKey, ExerciseKey, make_keys, value
 from workbench.course.packs.likeness import shapes
 from workbench.course.packs.marking import compare
+from workbench.course.packs.variants import Chosen, chosen, variants_of
 from workbench.errors import BadArgument, UnknownName
 
 STUDENTS = {name: name for name in ("ada", "ben", "cleo", "dora")}

@@ -18,20 +18,26 @@ from workbench.cli import lecture_packs
 from workbench.cli.grade_table import print_grade
 from workbench.cli.output import make_folder, print_page, say
 from workbench.cli.waiting import waiting
-from workbench.course.badges import add_links, requirements
 from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
 from workbench.course.grades import Grade
-from workbench.course.handing_out import hand_out
-from workbench.course.notebooks import NEEDED, executed, notebook, tool, write_notebook
+from workbench.course.notebooks import (
+    NEEDED,
+    add_links,
+    executed,
+    notebook,
+    requirements,
+    tool,
+    write_notebook,
+)
 from workbench.course.outline import course as outline
-from workbench.course.own_lecture import lecture_named, own_lecture
-from workbench.course.packs.choosing import variants_of
+from workbench.course.outline import hand_out, lecture_named, own_lecture
+from workbench.course.packs.variants import variants_of
+from workbench.course.site import write_course_site
+from workbench.course.slides import write_slides
 from workbench.course.student_process import SECONDS, grade
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
-from workbench.site import write_course_site
-from workbench.site.slides import write_slides
 from workbench.writing import write_file
 
 NOT_ALL_PASSED = 1  # the exit code of `check`

@@ -14,11 +14,10 @@ from workbench.cli.output import print_page, say
 from workbench.cli.waiting import waiting
 from workbench.course.packs.examples import try_file
 from workbench.course.packs.handed_in import EXPECTED, HandedIn, collect
+from workbench.course.packs.handing_out import read_students, write_pack
 from workbench.course.packs.keys import read_keys
 from workbench.course.packs.marking import Limits
 from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
-from workbench.course.packs.packing import write_pack
-from workbench.course.packs.students import read_students
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument
 

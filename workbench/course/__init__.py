@@ -1,4 +1,4 @@
-"""What lectures are made of, and what grades their exercises.
+"""What lectures are made of, what grades their exercises, and their site and slides.
 
 A lecture is a folder of four files in `lectures/`.
 
@@ -10,7 +10,7 @@ listed phrase by phrase in `tests/lectures/claims/`, each with a function that c
 """
 
 from workbench.course.checks import Missed, check, equal, holds, mistake
-from workbench.course.picture import Picture, source
+from workbench.course.showing import Picture, source
 from workbench.errors import Unsolved
 
 __all__ = ["Missed", "Picture", "Unsolved", "check", "equal", "holds", "mistake", "source"]

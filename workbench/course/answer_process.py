@@ -17,11 +17,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.answers import Raised, error_in_words, outcome, raised
 from workbench.course.channel import receive_question, send_answer
+from workbench.course.checks import Described, Raised, error_in_words, outcome, raised
 from workbench.course.plain import sealed
 from workbench.course.withheld_files import withhold
-from workbench.course.words import Described
 from workbench.processes import Channel, end_with_parent
 
 MEMORY = 6 * 2**30  # bytes that a student's code may take, where the system can limit them

@@ -9,12 +9,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
-from workbench.course.answers import Raised, copied, formed, outcome, same
-from workbench.course.checks import Check, Missed, Mistake
+from workbench.course.checks import (
+    Check,
+    Missed,
+    Mistake,
+    Raised,
+    copied,
+    cut,
+    formed,
+    in_words,
+    kind,
+    legible,
+    outcome,
+    same,
+)
 from workbench.course.grades import CheckResult, CheckState
 from workbench.course.outline import Lecture
 from workbench.course.plain import Malformed, opened
-from workbench.course.words import cut, in_words, kind, legible
 
 Function = Callable[..., Any]
 TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.course.words import Described, described
+from workbench.course.checks import Described, described
 
 DEEPEST = 20  # levels of lists within lists
 LONGEST_LIST = 100_000  # entries; an array may have more

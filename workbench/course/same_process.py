@@ -9,11 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from workbench.course.answer_process import Answerer, begun
-from workbench.course.answers import without_warnings
+from workbench.course.checks import legible, without_warnings
 from workbench.course.grades import CheckResult, Grade, not_done
 from workbench.course.grading import Ended, grade_exercise
 from workbench.course.outline import Lecture
-from workbench.course.words import legible
 
 UNGUARDED = (
     "No other process can be started here, so the file ran in the one that grades it: there was no "

@@ -8,14 +8,13 @@ from types import MappingProxyType, ModuleType, TracebackType
 from typing import Any, Self, TypeVar
 
 import workbench
-from workbench.course.answers import without_warnings
 from workbench.course.channel import receive_answer, send_question
+from workbench.course.checks import legible, without_warnings
 from workbench.course.grades import CheckResult, Grade, not_done
 from workbench.course.grading import Ended, grade_exercise
 from workbench.course.outline import Lecture
 from workbench.course.plain import Malformed
 from workbench.course.same_process import grade_here
-from workbench.course.words import legible
 from workbench.environment import in_browser
 from workbench.errors import BadArgument, BadFile
 from workbench.processes import Channel, Started, signal_name

@@ -6,12 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.course.answers import Raised, outcome
-from workbench.course.checks import Missed
+from workbench.course.checks import Missed, Raised, outcome
 from workbench.course.packs.handed_in import ENDINGS, read_sheet
+from workbench.course.packs.handing_out import EXAMPLES
 from workbench.course.packs.keys import ExerciseKey, value
 from workbench.course.packs.marking import ExerciseMark, Limits, compare, mark_sheet, marks_of
-from workbench.course.packs.texts import EXAMPLES
 from workbench.errors import BadFile
 
 

@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from workbench.course.packs.handing_out import EXAMPLES
 from workbench.course.packs.keys import ClassKey
 from workbench.course.packs.likeness import attempted, shapes
 from workbench.course.packs.owners import owner, pack_owner
-from workbench.course.packs.texts import EXAMPLES
 from workbench.errors import BadFile
 from workbench.reading.facts import bounded
 

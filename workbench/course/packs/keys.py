@@ -1,8 +1,6 @@
-"""Keys: the numbers, arguments and expected answers of every student, for the lecturer alone.
+"""Seeds, questions and expected answers of a class: written and read."""
 
-A key is plain data (JSON). Marking needs no solution, and nothing that is read here can run code.
-"""
-
+import hashlib
 import inspect
 import json
 from dataclasses import asdict, dataclass
@@ -11,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.course.answers import Raised, outcome
-from workbench.course.packs.choosing import Chosen
-from workbench.course.packs.seeds import generator
-from workbench.course.packs.variants import Arguments, Numbers, Variant
+from workbench.course.checks import Raised, outcome
+from workbench.course.packs.variants import Arguments, Chosen, Numbers, Variant
 from workbench.course.plain import Malformed, opened, sealed
 from workbench.errors import BadFile
 from workbench.writing import write_file
@@ -200,3 +196,10 @@ def value(data: Any) -> Any:
     """A sealed value of a key, opened; a copy each time."""
     found = opened(data)
     return found.copy() if isinstance(found, np.ndarray) else found
+
+
+def generator(seed: int, *names: str | int) -> np.random.Generator:
+    """A generator of random numbers for these names, such as class, student and exercise."""
+    text = json.dumps([seed, *names], ensure_ascii=False)
+    digest = hashlib.sha256(text.encode("utf-8")).digest()
+    return np.random.default_rng(int.from_bytes(digest[:16], "big"))

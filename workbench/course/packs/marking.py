@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.course.answers import NUMERIC, Raised, formed, same
-from workbench.course.checks import Missed, equal
+from workbench.course.checks import NUMERIC, Missed, Raised, equal, formed, legible, same
 from workbench.course.grading import Ended, received
 from workbench.course.packs.confinement import MEMORY
 from workbench.course.packs.handed_in import Sheet
@@ -18,7 +17,6 @@ from workbench.course.packs.keys import ExerciseKey, value
 from workbench.course.packs.likeness import attempted
 from workbench.course.packs.passed_on import passed_on
 from workbench.course.student_process import StudentProcess
-from workbench.course.words import legible
 from workbench.errors import BadArgument
 
 PROCESS = "workbench.course.packs.confined_process"

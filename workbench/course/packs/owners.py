@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
+from workbench.course.packs.handing_out import pack_name, plain_name
 from workbench.course.packs.keys import ClassKey
-from workbench.course.packs.students import plain_name
-from workbench.course.packs.texts import pack_name
 from workbench.errors import BadFile
 
 

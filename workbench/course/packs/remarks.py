@@ -3,7 +3,9 @@
 from collections.abc import Iterable
 from contextlib import suppress
 
+from workbench.course.checks import in_words
 from workbench.course.packs.handed_in import EXPECTED, LONGEST_MINUTES, HandedIn, Sheet
+from workbench.course.packs.handing_out import pack_name
 from workbench.course.packs.keys import ClassKey, ExerciseKey
 from workbench.course.packs.likeness import (
     compared,
@@ -12,8 +14,6 @@ from workbench.course.packs.likeness import (
     shapes,
     words_of,
 )
-from workbench.course.packs.texts import pack_name
-from workbench.course.words import in_words
 
 MOST = 4  # names that are listed
 SEVERAL = 3  # answers of one student that are like those of one other: hardly by chance

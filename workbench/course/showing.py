@@ -1,4 +1,4 @@
-"""What a lecture shows: figures with their captions, and the library's own source."""
+"""What a lecture shows beside prose: pictures, sources, and the frame of an interactive figure."""
 
 import ast
 import inspect
@@ -10,7 +10,6 @@ from functools import cached_property
 from html import escape
 from typing import Any, TypeGuard
 
-from workbench.course.framing import framed
 from workbench.plots import Figure, png
 from workbench.reports.replay import Recording
 from workbench.reports.replays import ReplayPage, replay_page
@@ -114,3 +113,46 @@ def _constants(module: str, names: Collection[str]) -> Iterator[str]:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             if any(_is_name(one) and one.id in names and one.id.isupper() for one in targets):
                 yield from lines[node.lineno - 1 : node.end_lineno]
+
+
+FOLDED = "The still figure"
+INSIDE = """
+<style>
+main { padding: 0; max-width: none; }
+footer { display: none; }
+main .replay { margin: 0; }
+</style>
+<script>
+document.addEventListener("ready", () => {
+  const main = document.querySelector("main"), room = 4; // px
+  const bottom = () => Math.ceil(main.getBoundingClientRect().bottom + scrollY);
+  const tell = () => parent.postMessage({ height: bottom() + room }, "*");
+  new ResizeObserver(tell).observe(main);
+});
+</script>
+"""
+OUTSIDE = """
+(figure => {
+  const frame = figure.querySelector("iframe"), still = figure.querySelector("details");
+  addEventListener("message", event => {
+    if (event.source !== frame.contentWindow || !(event.data.height > 0)) return;
+    if (!frame.offsetHeight) { still.open = false; still.querySelector("summary").hidden = false; }
+    frame.style.height = event.data.height + "px";
+  });
+})(document.currentScript.parentElement)
+"""
+
+
+def framed(page: str, still: str) -> str:
+    """HTML of a page in a frame that may run its own scripts and reach nothing else.
+
+    `still` is what is seen until the page is ready, and where it never is.
+    """
+    inner = page.replace("</head>", f"{INSIDE}</head>", 1)
+    return (
+        f'<iframe srcdoc="{escape(inner)}" sandbox="allow-scripts" loading="lazy" '
+        'title="the figure, which can be changed by hand" '
+        'style="display: block; width: 100%; height: 0; border: 0"></iframe>'
+        f"<details open><summary hidden>{FOLDED}</summary>{still}</details>"
+        f"<script>{OUTSIDE}</script>"
+    )

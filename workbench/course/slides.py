@@ -23,10 +23,10 @@ from workbench.course import Picture
 from workbench.course.cells import carried_out
 from workbench.course.notebooks import tool
 from workbench.course.outline import Lecture
-from workbench.course.picture import Source
+from workbench.course.showing import Source
+from workbench.course.site import OTHERS
 from workbench.environment import pip_install
 from workbench.errors import BadFile
-from workbench.site.building import OTHERS
 from workbench.writing import write_file
 
 WIDTH, HEIGHT = 1280, 720  # px of a slide
