@@ -35,7 +35,6 @@ OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lect
     "workbench.comparison.workers",
     "workbench.comparison.named_solvers",
     "workbench.course.cells",
-    "workbench.course.channel",
 }
 
 

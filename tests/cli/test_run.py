@@ -120,8 +120,8 @@ def test_interrupted_comparison_keeps_the_report(
 @pytest.mark.parametrize(
     ("number", "code", "said"),
     [
-        ("SIGINT", 130, "interrupted; nothing was written"),
-        ("SIGTERM", 143, "terminated; nothing was written"),
+        ("SIGINT", 130, "interrupted; every file that was written is whole"),
+        ("SIGTERM", 143, "terminated; every file that was written is whole"),
     ],
 )
 def test_signal_ends_run_with_a_sentence(workbench: Run, number: str, code: int, said: str) -> None:
@@ -154,7 +154,7 @@ def test_signal_while_the_report_is_written_leaves_nothing(
     monkeypatch.setattr("workbench.reports.run.run_page", terminated)
     Path("line.py").write_text(LINE)
     code, _, err = workbench("run", "line.py", "--no-compare")
-    assert (code, err) == (143, "terminated; nothing was written\n")
+    assert (code, err) == (143, "terminated; every file that was written is whole\n")
     assert list(Path("runs").iterdir()) == []
 
 
@@ -182,5 +182,5 @@ def test_interrupt_while_importing_is_a_sentence() -> None:
         check=False,
     )
     assert done.returncode == 130
-    assert done.stderr == "interrupted; nothing was written\n"
+    assert done.stderr == "interrupted; every file that was written is whole\n"
     assert done.stdout == ""

@@ -12,7 +12,7 @@ from tests.lectures.prose import run_of
 from tests.tiers import few
 from workbench.course.cells import cells
 from workbench.course.checks import Raised, formed, outcome
-from workbench.course.grades import CheckState
+from workbench.course.grading import CheckState
 from workbench.course.outline import FILES, Lecture
 from workbench.course.showing import Picture, Source
 from workbench.lectures.outline import COURSE

@@ -11,7 +11,7 @@ from typing import Any
 
 from workbench.course.cells import FOLDED, apart, only_imports
 from workbench.course.outline import Lecture
-from workbench.course.student_process import environment
+from workbench.course.process import environment
 from workbench.environment import DISTRIBUTION, pip_install
 from workbench.errors import BadArgument, BadFile
 from workbench.writing import write_file
@@ -100,7 +100,7 @@ def _given(lecture: Lecture) -> str:
     first = next(i for i, node in enumerate(body) if isinstance(node, ast.FunctionDef))
     lines = text.splitlines()
     kept = lines[(body[0].end_lineno or 0) : body[first - 1].end_lineno]
-    return "\n".join(["from workbench.course.here import check_here", *kept[1:]])
+    return "\n".join(["from workbench.course.grading import check_here", *kept[1:]])
 
 
 def executed(made: Any, lecture: Lecture, folder: Path) -> Any:

@@ -8,6 +8,7 @@ import textwrap
 import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -121,11 +122,12 @@ def read_students(given: str, column: str | None = None) -> Students:
 
 
 def folder_name(name: str) -> str:
-    """A name as that of a folder: small letters, digits, and `-` between words."""
-    found = re.sub(r"[^\w]+", "-", _small(name)).strip("-_")[:LONGEST]
-    if not found:
+    """A name as that of a folder, in ASCII: small letters, digits, and `-` between words."""
+    if not re.search(r"[^\W_]", name):
         raise BadArgument(f"{name!r} has no letters and no digits, so that it cannot name a folder")
-    return found
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
+    found = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST]
+    return found or f"student-{sha256(name.encode()).hexdigest()[:6]}"
 
 
 def plain_name(name: str) -> str:
@@ -199,19 +201,16 @@ def _introduction(key: ClassKey, sheet: str, student: str, mine: list[ExerciseKe
         f"Exercises on {key.titles[sheet]}, for {key.students[student]} ({key.group}).\n\n"
         "The functions wait for your answers. Keep their names, arguments and shapes. The numbers "
         "in capitals are yours: others have others, and answers are marked with yours. The "
-        f"exercises take about {minutes} minutes in all, as was estimated; if you write into "
-        "MINUTES how long you needed, later classes know better (this is voluntary).\n"
+        f"exercises take about {minutes} minutes in all, as was estimated.\n"
     )
 
 
-def _head(key: ClassKey, student: str, mine: list[ExerciseKey]) -> str:
-    waiting = ", ".join(f'"{one.exercise}": None' for one in mine)
+def _head(key: ClassKey, student: str) -> str:
     return (
         "import numpy as np\n\n"
         "from workbench.course import Unsolved\n\n"
         "Array = np.ndarray\n"
         f"PACK = {json.dumps(pack_name(key, student), ensure_ascii=False)}\n"
-        f"MINUTES = {{{waiting}}}\n"
     )
 
 
@@ -236,7 +235,7 @@ def script(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]
     parts = [
         f'"""{told.rstrip()}\n\n    workbench lecture try {sheet}.py\n\n'
         "compares your answers with the examples beside this file.\n"
-        f'"""\n\n{_head(key, student, mine)}'
+        f'"""\n\n{_head(key, student)}'
     ]
     for one in mine:
         parts.append(
@@ -251,7 +250,7 @@ def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Varian
     mine = [one for one in key.keys[student] if one.sheet == sheet]
     cells = [
         _cell("markdown", f"# Exercises\n\n{_introduction(key, sheet, student, mine)}"),
-        _cell("code", _head(key, student, mine)),
+        _cell("code", _head(key, student)),
     ]
     for one in mine:
         cells += [
@@ -259,7 +258,7 @@ def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Varian
             _cell("code", f"{_numbers(one)}\n\n" + _function(one, variants[one.number]), "answer"),
             _cell(
                 "code",
-                "from workbench.course.packs.examples import try_here\n\n"
+                "from workbench.course.packs.marking import try_here\n\n"
                 f'try_here("{sheet}", {one.exercise})\n',
                 "check",
             ),

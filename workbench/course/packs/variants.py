@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.course.checks import Mistake, mistakes_in
 from workbench.course.outline import Lecture, lecture
 from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 
@@ -72,21 +73,6 @@ class Variant:
         return inspect.getdoc(self.solution) or ""
 
 
-@dataclass(frozen=True)
-class Slip:
-    """A wrong answer that students are likely to give to a variant.
-
-    Attributes:
-        exercise: the name of the exercise.
-        hint: what is wrong with the answer.
-        answer: the wrong function, which takes what the solution takes.
-    """
-
-    exercise: str
-    hint: str
-    answer: Callable[..., Any]
-
-
 def _none(numbers: Numbers) -> Sequence[Arguments]:
     return ()
 
@@ -112,19 +98,9 @@ def variant(
     )
 
 
-def slip(exercise: str, hint: str) -> Callable[[Callable[..., Any]], Slip]:
-    """Make a wrong function a slip: its hint is given for the same answers."""
-    return lambda answer: Slip(exercise, hint, answer)
-
-
 def variants_in(module: ModuleType) -> tuple[Variant, ...]:
     """The variants of a module, in the order in which they are written."""
     return tuple(found for found in vars(module).values() if isinstance(found, Variant))
-
-
-def slips_in(module: ModuleType) -> tuple[Slip, ...]:
-    """The slips of a module, in the order in which they are written."""
-    return tuple(found for found in vars(module).values() if isinstance(found, Slip))
 
 
 def rounded(
@@ -144,7 +120,7 @@ FILE = "variants.py"
 
 
 @dataclass(frozen=True)
-class Chosen:
+class PackExercise:
     """An exercise of a pack.
 
     Attributes:
@@ -152,7 +128,7 @@ class Chosen:
         sheet: the name of the student's file, without its ending.
         title: the title of the lecture or of the file.
         variant: the exercise.
-        slips: wrong answers to it that are known.
+        mistakes: wrong answers to it that are known.
         published: where a solution of the exercise in the lecture stands, or None.
     """
 
@@ -160,16 +136,16 @@ class Chosen:
     sheet: str
     title: str
     variant: Variant
-    slips: tuple[Slip, ...]
+    mistakes: tuple[Mistake, ...]
     published: Lecture | None
 
 
-def chosen(what: Sequence[str]) -> list[Chosen]:
+def chosen(what: Sequence[str]) -> list[PackExercise]:
     """The exercises that are named, in the order of their names; none is there twice.
 
     Raises BadArgument, BadFile, UnknownName.
     """
-    found: dict[str, Chosen] = {}
+    found: dict[str, PackExercise] = {}
     for name in what:
         some = of_file(Path(name)) if name.endswith(".py") else _of_lecture(name)
         found |= {one.number: one for one in some}
@@ -183,7 +159,7 @@ def chosen(what: Sequence[str]) -> list[Chosen]:
     return list(found.values())
 
 
-def _check_names(some: list[Chosen]) -> None:
+def _check_names(some: list[PackExercise]) -> None:
     """Numbers stand in one file, so that no two exercises in it may use one name for them."""
     owners: dict[tuple[str, str], str] = {}
     for one in some:
@@ -196,26 +172,26 @@ def _check_names(some: list[Chosen]) -> None:
                 )
 
 
-def variants_of(one: Lecture) -> list[Chosen]:
+def variants_of(one: Lecture) -> list[PackExercise]:
     """All variants of a lecture, in the order of its exercises; none if it has no such file."""
     if not (one.folder / FILE).is_file():
         return []
     module = one.module("variants")
     places = {name: k for k, name in enumerate(one.exercises, 1)}
     return [
-        Chosen(
+        PackExercise(
             f"{one.number}.{places[variant.exercise]}",
             one.folder_name,
             f"lecture {one.number}, {one.title}",
             variant,
-            _of(module, variant),
+            _mistakes(module, variant),
             one,
         )
         for variant in sorted(variants_in(module), key=lambda v: places[v.exercise])
     ]
 
 
-def of_file(path: Path) -> list[Chosen]:
+def of_file(path: Path) -> list[PackExercise]:
     """All variants of a lecturer's own file. Raises BadFile."""
     if not path.is_file():
         raise BadFile(f"there is no file {path}; name a file with variants, or a lecture's number")
@@ -234,16 +210,18 @@ def of_file(path: Path) -> list[Chosen]:
             "lectures/lec04_skinning/variants.py does"
         )
     return [
-        Chosen(f"{path.stem}.{k}", path.stem, path.stem, variant, _of(module, variant), None)
+        PackExercise(
+            f"{path.stem}.{k}", path.stem, path.stem, variant, _mistakes(module, variant), None
+        )
         for k, variant in enumerate(found, 1)
     ]
 
 
-def _of(module: ModuleType, variant: Variant) -> tuple[Slip, ...]:
-    return tuple(one for one in slips_in(module) if one.exercise == variant.exercise)
+def _mistakes(module: ModuleType, variant: Variant) -> tuple[Mistake, ...]:
+    return tuple(one for one in mistakes_in(module) if one.exercise == variant.exercise)
 
 
-def _of_lecture(name: str) -> list[Chosen]:
+def _of_lecture(name: str) -> list[PackExercise]:
     if not re.fullmatch(r"\d{1,3}(\.\d{1,2})?", name):
         raise BadArgument(
             f"{name!r} is neither a lecture (4), nor an exercise (4.2), nor a file (mine.py)"
