@@ -4,7 +4,6 @@ from types import TracebackType
 
 import numpy as np
 from rich.console import Console
-from rich.live import Live
 from rich.markup import escape
 from rich.table import Table as RichTable
 
@@ -19,56 +18,45 @@ from workbench.reports.run import (
     residuals_table,
     status_said,
 )
-from workbench.solvers import Iterate
+from workbench.solvers import Iterate, Solution
 from workbench.solvers.starts import AS_GOOD
 
-ROWS = 12  # of the live table; the whole trace is in the report
+ROWS = 12  # of the residuals with the highest cost
 
 
 class LiveTrace:
-    """A table of the last iterates, redrawn as they come; plain lines where nobody watches."""
+    """The latest iterate in one line that is written over; nothing where nobody watches.
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._iterates: list[tuple[int, Iterate]] = []
-        self._count = 0
-        self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
+    With `every`, a line for each iterate stays.
+    """
+
+    def __init__(self, console: Console, every: bool = False) -> None:
+        self._console, self._every, self._count = console, every, 0
+        watched = console.is_terminal and not every
+        self._status = console.status("solving") if watched else None
 
     def __enter__(self) -> "LiveTrace":
-        if self._live:
-            self._live.start()
+        if self._status:
+            self._status.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        if self._live:
-            self._live.stop()
+        if self._status:
+            self._status.stop()
 
     def __call__(self, iterate: Iterate) -> None:
         """Show one more iterate."""
         number, self._count = self._count, self._count + 1
-        if self._live:
-            self._iterates = [*self._iterates[-ROWS + 1 :], (number, iterate)]
-            self._live.update(self._table(), refresh=True)
-        else:
-            if number == 0:
-                self._console.print(f"{'iteration':>9} {'cost':>14} {'optimality':>10} {'step':>9}")
-            self._console.print(
-                f"{number:>9} {iterate.cost:>14.6g} {iterate.optimality:>10.1e} "
-                f"{iterate.step_norm:>9.1e}"
-            )
-
-    def _table(self) -> RichTable:
-        columns: Columns[tuple[int, Iterate]] = {
-            "iteration": lambda of: str(of[0]),
-            "cost": lambda of: f"{of[1].cost:.6g}",
-            "optimality": lambda of: f"{of[1].optimality:.1e}",
-            "step": lambda of: f"{of[1].step_norm:.1e}",
-            "damping": lambda of: f"{of[1].damping:.1e}",
-            "seconds": lambda of: f"{of[1].seconds:.2f}",
-        }
-        return rich_table(Table.of(self._iterates, columns, tuple(range(6))))
+        line = (
+            f"iteration {number:>5}  cost {iterate.cost:<12.6g} optimality "
+            f"{iterate.optimality:.1e}  step {iterate.step_norm:.1e}"
+        )
+        if self._status:
+            self._status.update(line)
+        elif self._every:
+            self._console.print(line, highlight=False)
 
 
 def print_outcome(console: Console, outcome: Outcome) -> None:
@@ -142,20 +130,15 @@ def _seen(what: str, d: Diagnosis) -> str:
 
 
 def _comparison(outcome: Outcome) -> RichTable:
-    table = RichTable(box=None, header_style="bold")
-    table.add_column("solver", no_wrap=True)
-    for column in ("cost", "over best", "steps", "calls", "s"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("status")
-    for name, s in outcome.compared.items():
-        table.add_row(
-            name,
-            _typed(number(s.cost, 8)),
-            _typed(number(outcome.excess(name), 1)),
-            str(s.iterations),
-            str(s.evaluations.total),
-            f"{s.seconds:.2f}",
-            status_said(outcome, name).upper(),
-            style="" if s.converged and outcome.excess(name) <= AS_GOOD else "yellow",
-        )
+    """How each solver ended: what decides comes first, and the page has the rest."""
+    columns: Columns[tuple[str, Solution]] = {
+        "solver": lambda of: of[0],
+        "status": lambda of: status_said(outcome, of[0]).upper(),
+        "cost": lambda of: _typed(number(of[1].cost, 8)),
+        "seconds": lambda of: f"{of[1].seconds:.2f}",
+    }
+    table = rich_table(Table.of(outcome.compared.items(), columns, (2, 3)))
+    for row, (name, solution) in zip(table.rows, outcome.compared.items(), strict=True):
+        good = solution.converged and outcome.excess(name) <= AS_GOOD
+        row.style = "" if good else "yellow"
     return table

@@ -131,6 +131,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
             drawn(convergence_sheet, plots.caption_convergence, outcome.compared)
         ),
         solvers=solvers_table(outcome),
+        evaluations=evaluations_table(outcome),
         minima=minima_figure(solution),
         hypotheses=hypotheses_table(solution),
         condition=number(diagnosis.condition, 3),
@@ -338,7 +339,7 @@ def status_said(outcome: Outcome, solver: str) -> str:
 
 
 def solvers_table(outcome: Outcome) -> Table:
-    """How each solver ended, with its time and its evaluations."""
+    """How each solver ended, and with which cost and time."""
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
         "status": lambda of: status_said(outcome, of[0]),
@@ -347,12 +348,20 @@ def solvers_table(outcome: Outcome) -> Table:
         "above the best": lambda of: number(outcome.excess(of[0]), 2),
         "optimality": lambda of: number(of[1].optimality, 2),
         "iterations": lambda of: str(of[1].iterations),
+    }
+    return Table.of(outcome.compared.items(), columns, tuple(range(2, 7)))
+
+
+def evaluations_table(outcome: Outcome) -> Table:
+    """How often each solver asked for what."""
+    columns: Columns[tuple[str, Solution]] = {
+        "solver": lambda of: of[0],
         "residuals": lambda of: str(of[1].evaluations.residual),
         "gradients": lambda of: str(of[1].evaluations.gradient),
         "Jacobians": lambda of: str(of[1].evaluations.jacobian),
         "Hessians": lambda of: str(of[1].evaluations.hessian),
     }
-    return Table.of(outcome.compared.items(), columns, tuple(range(2, 11)))
+    return Table.of(outcome.compared.items(), columns, tuple(range(1, 5)))
 
 
 def ending_said(solution: Solution) -> tuple[str, str]:
