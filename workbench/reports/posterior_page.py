@@ -66,7 +66,7 @@ def write_posterior(
         synthetic=setup.made_of is not None,
         contradictions=against,
         conditional=any(part.posterior.conditional for part in parts),
-        sections={anchor: _section(part, setup) for anchor, part in anchors.items()},
+        sections=_sections(anchors, setup),
         recordings=_recordings(anchors, setup),
         files=files,
     )
@@ -104,6 +104,16 @@ def _save_draws(p: Posterior, path: Path) -> None:
     )
 
 
+def _sections(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, dict[str, Any]]:
+    """What the page says of each block; bodies are drawn of the first whose draws can be used."""
+    found = {anchor: _section(part, setup) for anchor, part in parts.items()}
+    usable = [anchor for anchor, part in parts.items() if part.posterior.usable]
+    for anchor in usable[:1]:
+        p = parts[anchor].posterior
+        found[anchor] |= {"spray": _spray(p, setup), "views": _views(p, setup)}
+    return found
+
+
 def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     """What the page says of one block: its figures of intervals only if these mean something."""
     p, laplace = part.posterior, part.approximation
@@ -119,6 +129,8 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         "modes": _modes(p),
+        "spray": None,
+        "views": [],
         "synthetic": known,
         "table": entries_table(p, rows, setup),
         "traces": shown(traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
@@ -128,8 +140,6 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         beside = beside_laplace_sheet(p, laplace, truth)
         corner = corner_sheet(p, entries, truth)
         section |= {
-            "spray": _spray(p, setup),
-            "views": _views(p, setup),
             "beside": shown(beside, plots.caption_beside_laplace(remarks, known)),
             "corner": shown(corner, plots.caption_corner(p, len(entries), known)),
         }
