@@ -59,6 +59,22 @@ def test_every_second_registration_is_held_out() -> None:
     assert told.errors.mean < 0.02
 
 
+def test_order_of_registrations_does_not_change_held_out_errors() -> None:
+    _, data = made(5, subjects=3, poses=2)  # of people a a b b c c
+    body = replace(BODY, mirror=None)
+    in_order = evaluate_held_out(body, data)
+    mixed = evaluate_held_out(body, RegistrationSubset(data, np.array([0, 2, 1, 3, 4, 5])))
+    assert mixed.errors.mean == pytest.approx(in_order.errors.mean, rel=1e-6)
+    assert mixed.errors.mean < 0.01  # m
+    np.testing.assert_allclose(mixed.templates, in_order.templates, atol=1e-9)
+
+
+def test_person_with_one_registration_is_refused() -> None:
+    _, data = made(5, subjects=3, poses=2)
+    with pytest.raises(BadArgument, match=r"there is only one of subject 1$"):
+        evaluate_held_out(BODY, RegistrationSubset(data, np.array([0, 1, 2, 4, 5])))
+
+
 @pytest.mark.thorough
 def test_body_explains_those_it_made() -> None:
     _, data = made(5, subjects=2, poses=8)
@@ -89,6 +105,7 @@ def test_shape_share_of_what_is_known() -> None:
     assert shape_share(BODY, inside + [1.0, 2.0, 3.0]) == pytest.approx(1)
     away = np.random.default_rng(0).standard_normal((40, 35, 3))
     assert shape_share(BODY, BODY.template + away) == pytest.approx(2 / 102, rel=0.5)
+    assert shape_share(BODY, BODY.template[None]) == 1  # there is nothing to explain
 
 
 def test_last_fifth_of_subjects_is_held_out() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.arrays import Array
-from workbench.errors import UnknownName
+from workbench.errors import BadArgument, UnknownName
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -87,6 +87,22 @@ def test_gradient_of_the_data_is_that_of_the_blocks() -> None:
             np.testing.assert_allclose(there, expected[array][s], atol=1e-12 * largest)
     for j in range(12):
         assert abs(found[f"scan {j}/trans"]).max() < 1e-9 * largest
+
+
+def test_joints_are_compared_with_the_learned_regressor() -> None:
+    learned = replace(ESTIMATE, regressor=BODY.J_regressor)
+    symbolic = SymbolicTraining.of(BODY, OBJECTIVE, learned.regressor)
+    cost = symbolic.problem(["E_J"]).linearize(symbolic.values(learned)).cost
+    assert cost == pytest.approx(OBJECTIVE.costs(learned)["E_J"], rel=1e-12)
+    assert abs(cost - OBJECTIVE.costs(ESTIMATE)["E_J"]) > 1
+    with pytest.raises(BadArgument, match="has learned a joint regressor"):
+        SYMBOLIC.values(learned)
+
+
+def test_confidences_that_depend_on_the_direction_are_refused() -> None:
+    matrices = replace(EXACT, confidence=np.tile(np.eye(3), (*EXACT.vertices.shape[:2], 1, 1)))
+    with pytest.raises(BadArgument, match="one number for each vertex"):
+        SymbolicTraining.of(BODY, replace(OBJECTIVE, registrations=matrices))
 
 
 def test_terms_switched_off_have_no_residual() -> None:

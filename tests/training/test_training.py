@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.ablations.study import generalization_errors
 from workbench import SkinnedBody, load_body, save_body
-from workbench.errors import BadFile
+from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -23,10 +23,11 @@ from workbench.synthetic.made_up import (
 from workbench.training import blocks
 from workbench.training.blocks import BlockInput, BlockOptions, BlockResult
 from workbench.training.checkpoint import FILE
-from workbench.training.estimate import Estimate
-from workbench.training.plan import Plan, alternation, without_blend_shapes
-from workbench.training.pose_training import NotLowered
-from workbench.training.progress import Progress
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.plan import Plan, Stage, alternation, without_blend_shapes
+from workbench.training.progress import NotLowered, Progress
+from workbench.training.registrations import InMemory
+from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
 
 START = jointed_tube(7, 5)
@@ -94,6 +95,46 @@ def test_one_subject_gives_no_shape_directions() -> None:
     assert abs(body.J_regressor @ body.template)[0].max() < 1e-12  # about the root, as others
 
 
+def test_confidence_may_depend_on_the_direction() -> None:
+    """Matrices that are multiples of the identity are numbers."""
+    C = np.random.default_rng(0).uniform(0.5, 1, (24, 35))
+    plan = Plan((Stage(Sigmas(), ("rest", "poses", "weights")),))
+    found = []
+    for c in (C, C[..., None, None] * np.eye(3)):
+        people = InMemory(SHAPES.vertices[:4], SHAPES.subject[:4], c[:4])
+        shapes = learn_shapes(BODY, people, n_betas=1, mirror=None, rounds=1)
+        one = InMemory(EXACT.vertices[:8], EXACT.subject[:8], c[:8])
+        model = train(one, START, multi_shape=people, plan=plan, shape_rounds=1).poses
+        found.append((shapes.space.template, model.estimate.templates, model.estimate.weights))
+    for numbers, matrices in zip(*found, strict=True):
+        np.testing.assert_allclose(matrices, numbers, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("subject", "vertices", "reason"),
+    [
+        ([0, 0, 2, 2], 35, r"numbered from 0 without gaps, got 0, 2; np\.unique"),
+        ([0, 0, -1, -1], 35, "numbered from 0 without gaps, got -1, 0"),
+        ([0, 0, 1, 1], 30, "registrations have 30 vertices, but the template has 35"),
+    ],
+)
+def test_registrations_that_do_not_fit_are_refused(
+    subject: list[int], vertices: int, reason: str
+) -> None:
+    some = InMemory(EXACT.vertices[:4, :vertices], np.array(subject))
+    with pytest.raises(BadArgument, match=reason):
+        train(some, START, plan=short_plan())
+    with pytest.raises(BadArgument, match=reason):
+        train(EXACT, START, multi_shape=some, plan=short_plan())
+
+
+def test_plans_without_known_blocks_are_refused() -> None:
+    with pytest.raises(BadArgument, match="at least one block"):
+        Plan(())
+    with pytest.raises(UnknownName, match=r"no block of training is called 'pose'; .*poses"):
+        Stage(Sigmas(), ("rest", "pose"))
+
+
 def test_raised_cost_stops_training(monkeypatch: pytest.MonkeyPatch) -> None:
     def worse(given: BlockInput, estimate: Estimate) -> BlockResult:
         return BlockResult(replace(estimate, templates=1.01 * estimate.templates), {})
@@ -128,6 +169,7 @@ RUN = """
 import sys
 from pathlib import Path
 from tests.training.test_training import DATA, START, short_plan
+from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
 from workbench.bodies.files.saving import save_body
 class Say:

@@ -22,7 +22,7 @@ from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_error
 from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
 from workbench.training.checkpoint import FILE as CHECKPOINT
-from workbench.training.evaluation import held_out_errors, shapes_explained
+from workbench.training.evaluation import check_held_out, held_out_errors, shapes_explained
 from workbench.training.executor import Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
@@ -102,6 +102,7 @@ def train(
                 f"{held_out} has no registrations of the set 'poses', on which a body is measured; "
                 "give a folder that has some, or leave --held-out out"
             )
+        check_held_out(people, len(guess.template))
     plan = without_blend_shapes(rounds=rounds)
     if blend_shapes:
         plan = alternation(rounds=rounds, reach=None if folder is None else reach)

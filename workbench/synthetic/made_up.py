@@ -176,8 +176,9 @@ class CorruptedRegistrations:
         """Some registrations with errors; those of one registration do not depend on the batch."""
         batch = self.of.read(some)
         vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
-        for at, v in enumerate(vertices):
-            rng = np.random.default_rng((self.seed, some.start + at))
+        rows = range(len(self.subject))[some]
+        for at, (row, v) in enumerate(zip(rows, vertices, strict=True)):
+            rng = np.random.default_rng((self.seed, row))
             N = len(v)
             drawn = self.noise * rng.standard_normal((N, 3))
             middle = v[rng.integers(N)]

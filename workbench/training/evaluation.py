@@ -12,15 +12,22 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument, some
 from workbench.geometry.mirror import Mirror, opposites
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
+from workbench.training.folder import FolderRegistrations
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
 from workbench.training.poses import ShapePrior
-from workbench.training.registrations import Registrations, RegistrationSubset, in_memory
+from workbench.training.registrations import (
+    Registrations,
+    RegistrationSubset,
+    check_registrations,
+    in_memory,
+)
 from workbench.training.shape_training import unposed_people, unposing_jobs
 
 STEPS = 4  # of Gauss and Newton for a held-out person's rest shape and poses
@@ -80,13 +87,17 @@ def evaluate_held_out(
 ) -> HeldOutEvaluation:
     """Fit rest shapes to every second registration of each person, and poses to the others.
 
-    Every person needs at least two registrations.
+    Raises BadArgument for a person of fewer than two registrations, see `check_held_out`.
     """
+    check_held_out(registrations, body.n_vertices)
     mirror = None
     if body.mirror is not None:
         mirror = Mirror(body.mirror, opposites(body.joint_names))
     rows = np.arange(len(registrations.subject))
-    place = np.concatenate([np.arange(n) for n in np.bincount(registrations.subject)])
+    sorted_rows = np.argsort(registrations.subject, kind="stable")
+    counts = np.bincount(registrations.subject)
+    place = np.empty_like(rows)  # of each registration among those of its subject
+    place[sorted_rows] = rows - np.repeat(np.cumsum(counts) - counts, counts)
     shape_set, pose_set = (
         in_memory(RegistrationSubset(registrations, rows[place % 2 == half])) for half in (0, 1)
     )
@@ -115,15 +126,30 @@ def evaluate_held_out(
     return HeldOutEvaluation(errors_of(objective, found), templates, shape_share(body, templates))
 
 
+def check_held_out(registrations: Registrations, n_vertices: int) -> None:
+    """Raise BadArgument unless every held-out person has two registrations or more."""
+    check_registrations(registrations, n_vertices)
+    single = np.flatnonzero(np.bincount(registrations.subject) < 2)
+    if len(single):
+        who = [f"subject {s}" for s in single]
+        if isinstance(registrations, FolderRegistrations):
+            who = [registrations.subjects[s] for s in single]
+        raise BadArgument(
+            "a held-out person needs two registrations in poses, one for the rest shape and one "
+            f"to measure; there is only one of {some(who)}"
+        )
+
+
 def shape_share(body: SkinnedBody, people: Array) -> float:
     """The share of the squared distances of people (S, N, 3) from the template that shapedirs
-    explain, wherever the people stand.
+    explain, wherever the people stand; 1 where nothing is to be explained.
     """
     away = people - body.template
     away = (away - away.mean(axis=1, keepdims=True)).reshape(len(people), -1)
     S = body.shapedirs - body.shapedirs.mean(axis=0, keepdims=True)
     Q, _ = np.linalg.qr(S.reshape(-1, body.n_betas))
-    return float(np.sum((away @ Q) ** 2) / np.sum(away**2))
+    whole = np.sum(away**2)
+    return float(np.sum((away @ Q) ** 2) / whole) if whole else 1.0
 
 
 def shapes_explained(

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field, replace
 
-from workbench.training.blocks import BlockOptions
+from workbench.errors import BadArgument, check_known
+from workbench.training.blocks import BLOCKS, BlockOptions
 from workbench.training.estimate import Sigmas
 
 Names = tuple[str, ...]  # of blocks, in order
@@ -18,6 +19,8 @@ ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E
 class Stage:
     """Blocks that are run a number of times, with the same sigmas and options.
 
+    Raises UnknownName for a block that is not in `BLOCKS`.
+
     Attributes:
         sigmas: the standard deviation of each term.
         blocks: the names of the blocks, in order.
@@ -30,10 +33,14 @@ class Stage:
     rounds: int = 1
     options: BlockOptions = field(default_factory=BlockOptions)
 
+    def __post_init__(self) -> None:
+        for block in self.blocks:
+            check_known("block of training", block, BLOCKS)
+
 
 @dataclass(frozen=True)
 class Plan:
-    """The plan of a training: its stages, in order.
+    """The plan of a training: its stages, in order. Raises BadArgument for one without a block.
 
     Attributes:
         stages: the stages.
@@ -43,6 +50,10 @@ class Plan:
 
     stages: tuple[Stage, ...]
     reach: int | None = None
+
+    def __post_init__(self) -> None:
+        if not self.steps:
+            raise BadArgument("a plan needs at least one block; `alternation()` is the usual plan")
 
     @property
     def steps(self) -> list[tuple[Stage, str]]:

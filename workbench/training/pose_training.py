@@ -29,7 +29,7 @@ from workbench.training.objective import Objective
 from workbench.training.plan import Plan, Stage
 from workbench.training.poses import DataTerm, EdgeTerm, fitted_poses, poses_of_segments
 from workbench.training.progress import LogEntry, NotLowered, Progress
-from workbench.training.registrations import Registrations, batches, in_memory
+from workbench.training.registrations import Registrations, batches, check_registrations, in_memory
 from workbench.training.simplex import shares
 from workbench.training.subsampling import subsample
 from workbench.writing import Keeping
@@ -75,9 +75,11 @@ def train_poses(
     `mirror` is that of `start` where it is not given. The first weights change over `border` metres
     between two segments: take less for a hand, whose bones are as short as a body's borders.
 
-    Raises NotLowered if a block raises the cost, which is checked after every block, and BadFile
-    if there is no such folder, or it holds a checkpoint of another training.
+    Raises BadArgument for registrations that do not fit the start, NotLowered if a block raises
+    the cost, which is checked after every block, and BadFile if there is no such folder, or it
+    holds a checkpoint of another training.
     """
+    check_registrations(registrations, len(start.template))
     if folder is not None and not folder.is_dir():
         raise BadFile(f"cannot keep a checkpoint in {folder}: there is no such folder; make it")
     keep = Keeping()
@@ -179,7 +181,7 @@ def first_poses(
     poses = first.poses.copy()
     template, weights = start.template[few.vertices], sparse.weights
     for batch in batches(registrations):
-        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
             guess = poses_of_segments(template, weights, start.parents, V, confidence)
             poses[batch.some.start + at] = guess
     term = EdgeTerm(few.faces) if data_term is None else data_term.on(few.faces)
@@ -211,7 +213,7 @@ def motions_of_segments(
     J, K = len(registrations.subject), len(start.parents)
     R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
     for batch in batches(registrations):
-        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
             for k, trusted in enumerate(weights.T * confidence + 1e-9 * confidence):
                 motion = procrustes(start.template, V, trusted)
                 R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t

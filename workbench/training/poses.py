@@ -241,12 +241,15 @@ class PoseFit:
 def poses_of(
     faces: Index, data_term: DataTerm, sigma: float, steps: int, job: tuple[Estimate, Batch]
 ) -> Array:
-    """The poses (c, K, 3) rad of the registrations of one job, from those of its estimate."""
+    """The poses (c, K, 3) rad of the registrations of one job, from those of its estimate.
+
+    Where the confidence depends on the direction, its mean counts.
+    """
     estimate, batch = job
     body = body_of_subjects(estimate, faces)
     fit = PoseFit(body, batch.vertices.shape[1], data_term, sigma, steps)
     betas = np.eye(len(estimate.templates))[batch.subject]
-    each = zip(estimate.poses, batch.vertices, batch.confidence, betas, strict=True)
+    each = zip(estimate.poses, batch.vertices, batch.trust, betas, strict=True)
     return np.stack([fit.values(*one)["pose"] for one in each])
 
 

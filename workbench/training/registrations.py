@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.environment import in_browser
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, some_of
 
 Item = TypeVar("Item")
 Sum = TypeVar("Sum")
@@ -149,6 +149,24 @@ class VertexSubset:
                 f"{self.n_vertices} vertices spread over it is seen; leave it out"
             )
         return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
+
+
+def check_registrations(registrations: Registrations, n_vertices: int) -> None:
+    """Raise BadArgument unless meshes have N vertices, and subjects the numbers 0 to S - 1.
+
+    A number that no registration has would be a person of whom nothing is known.
+    """
+    if registrations.n_vertices != n_vertices:
+        raise BadArgument(
+            f"registrations have {registrations.n_vertices} vertices, but the template has "
+            f"{n_vertices}; give meshes of its topology"
+        )
+    numbers = np.unique(registrations.subject).tolist()
+    if not numbers or numbers != list(range(len(numbers))):
+        raise BadArgument(
+            f"subjects must be numbered from 0 without gaps, got {some_of([*map(str, numbers)])}; "
+            "np.unique(subject, return_inverse=True)[1] numbers them"
+        )
 
 
 def training_and_held_out(subject: Index) -> tuple[Index, Index]:

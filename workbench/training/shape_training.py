@@ -141,7 +141,7 @@ def unposed_people(
     sparse, n = few.body(body), len(few.vertices)
     fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, prior)
     poses, people = [], []
-    for i, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+    for i, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]
         start = (
             poses_of_segments(sparse.template[:n], sparse.weights[:n], body.parents, own, trusted)

@@ -102,7 +102,7 @@ def subsample(
 
 
 def _regressed(R: csr_array, directions: Array) -> Array:
-    return (R @ directions.reshape(len(directions), -1)).reshape(-1, *directions.shape[1:])
+    return (R @ directions.reshape(len(directions), -1)).reshape(R.shape[0], *directions.shape[1:])
 
 
 def _farthest_points(points: Array, count: int, mirror: Index) -> list[int]:

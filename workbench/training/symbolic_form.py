@@ -11,8 +11,6 @@ at: its size and sparsity, its rank, and the names of what the terms leave open.
     E_W  skinning weights        against the first ones
     E_T  templates               against the first template (not in the source)
 
-Registrations whose confidence depends on the direction are not written here.
-
 (Loper et al., SMPL, 2015, section 4.1; the lectures Body Models II of the authors.) The skinning
 weights of a vertex are bounded below by zero, and constrained to sum to one.
 """
@@ -24,11 +22,12 @@ from math import inf
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.errors import check_known
+from workbench.errors import BadArgument, check_known
 from workbench.problem import Constraint, Problem
 from workbench.residuals import Residual, gaussian, mirrored, regressed, vertices
 from workbench.training.estimate import Estimate
@@ -53,8 +52,22 @@ class SymbolicTraining:
     subjects: tuple[SkinnedBody, ...]
 
     @staticmethod
-    def of(body: SkinnedBody, objective: Objective) -> "SymbolicTraining":
-        """The terms of an objective on the arrays of a body; its shape directions are dropped."""
+    def of(
+        body: SkinnedBody, objective: Objective, regressor: csr_array | None = None
+    ) -> "SymbolicTraining":
+        """The terms of an objective on the arrays of a body; its shape directions are dropped.
+
+        `regressor` (K, N) is that of an estimate once one is learned: E_J compares joints with it,
+        and with the objective's rings until then. Raises BadArgument for registrations whose
+        confidence depends on the direction.
+        """
+        if regressor is not None:
+            objective = replace(objective, rings=regressor)
+        if objective.registrations.read(slice(0, 1)).confidence.ndim > 2:
+            raise BadArgument(
+                "confidences that depend on the direction are not written in symbols; give "
+                "registrations with one number for each vertex"
+            )
         plain = replace(body, shapedirs=body.shapedirs[:, :, :0], rest_joints=None)
         learning = plain.freed("posedirs", "weights")
         count = int(objective.registrations.subject.max()) + 1
@@ -116,7 +129,16 @@ class SymbolicTraining:
         return Problem(residuals, free, bounds, described, constraints)
 
     def values(self, estimate: Estimate) -> Values:
-        """The values of an estimate, each registration being placed where E_D is least."""
+        """The values of an estimate, each registration being placed where E_D is least.
+
+        Raises BadArgument if the estimate has learned a regressor that E_J does not compare with.
+        """
+        learned = estimate.regressor
+        if learned is not None and abs(learned - self.objective.rings).max() > 0:
+            raise BadArgument(
+                "the estimate has learned a joint regressor, and E_J compares with the rings; make "
+                "the form by SymbolicTraining.of(body, objective, estimate.regressor)"
+            )
         found: Values = {"posedirs": estimate.posedirs, "weights": estimate.weights}
         for s in range(len(self.subjects)):
             found[f"subject {s}/template"] = estimate.templates[s]
