@@ -287,8 +287,9 @@ def within(weights: Array, support: Mask) -> Array:
 
 def _inverses(blocks: Array) -> Array:
     n = blocks.shape[-1]
-    ridge = 1e-9 * np.trace(blocks, axis1=1, axis2=2)[:, None, None] / n * np.eye(n)
-    return np.linalg.inv(blocks + ridge)
+    sizes = np.trace(blocks, axis1=1, axis2=2) / n
+    ridge = np.where(sizes > 0, 1e-9 * sizes, 1.0)  # a block of which nothing is known is zero
+    return np.linalg.inv(blocks + ridge[:, None, None] * np.eye(n))
 
 
 def _solved(inverses: Array, right: Array) -> Array:

@@ -8,7 +8,13 @@ from tests.training.rigging.made_motion import driven
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import procrustes
 from workbench.training.rigging.bones import Bones, fit_bone_weights, fit_bones, rigid_motions
-from workbench.training.rigging.decomposition import alike, bones_needed, clusters, without_least
+from workbench.training.rigging.decomposition import (
+    alike,
+    bones_needed,
+    clusters,
+    noise_of,
+    without_least,
+)
 from workbench.training.rigging.joints import joint_tree
 
 GIVEN = driven(12, seed=3)
@@ -58,6 +64,17 @@ def test_rank_of_meshes_counts_bones() -> None:
     assert bones_needed(driven(30, seed=3, allowed=hinge).meshes, 1e-4) == 6
     with pytest.raises(BadArgument, match="at most 64 are looked for"):
         bones_needed(np.random.default_rng(0).random((90, 300, 3)), 1e-3)
+
+
+@pytest.mark.parametrize("sigma", [2e-4, 3e-3])
+def test_singular_values_tell_the_noise(sigma: float) -> None:
+    given = driven(24, seed=1).meshes
+    noisy = given + sigma * np.random.default_rng(0).standard_normal(given.shape)
+    assert noise_of(noisy) == pytest.approx(sigma, rel=0.02)
+    assert bones_needed(noisy, 1.05 * np.sqrt(3) * sigma) == 6
+    assert bones_needed(noisy, 1e-4) > 10
+    assert noise_of(noisy[:9]) is None  # 19 of 27 singular values are motion
+    assert noise_of(given) is None
 
 
 def test_bones_that_move_alike_are_merged() -> None:

@@ -35,6 +35,7 @@ SPARE = 5  # one bone in so many is made in addition, and given up again
 CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
 SWAPS = 6  # exchanges of a bone at most; one that lowers the rms less than that is the last
 AT_BEST, ROUNDED = 2.0, 1e-8  # factor on the least rms that bones can leave; m, of meshes in use
+NOISY = 0.85  # of the sigma of noise by its sum: the least by its median; motion spreads wider
 MOST = 64  # bones that are looked for without being asked for
 
 
@@ -61,6 +62,35 @@ def bones_needed(meshes: Array, tolerance: float) -> int:
             "larger error"
         )
     return count
+
+
+def noise_of(meshes: Array) -> float | None:
+    """The standard deviation in m of independent noise on the coordinates of meshes (T, N, 3) m.
+
+    Of the singular values of the matrix in `bones_needed`, those of the motion stand out from those
+    of noise, which are spread as Marchenko and Pastur found; the threshold that separates them is a
+    multiple of their median (Gavish and Donoho, IEEE Trans. IT 60(8), 2014). None if the others are
+    not spread as those of noise: then the meshes are too few, or have hardly any noise.
+    """
+    sizes = _squares(meshes) * meshes.shape[0] * meshes.shape[1]
+    k, m = sorted((3 * meshes.shape[0], meshes.shape[1]))
+    b = k / m
+    factor = 2 * (b + 1) + 8 * b / (b + 1 + np.sqrt(b**2 + 14 * b + 1))
+    rank = int(np.count_nonzero(sizes > factor * np.median(sizes) / _median_of_noise(b)))
+    k, m, others = k - rank, m - rank, sizes[: k - rank]
+    from_sum = others.sum() / (k * m)
+    from_median = np.median(others) / (m * _median_of_noise(k / m))
+    return float(np.sqrt(from_sum)) if from_median > NOISY**2 * from_sum else None
+
+
+def _median_of_noise(b: float) -> float:
+    """The median of Marchenko and Pastur's law: of the eigenvalues of X X'/m, for X (k, m) of
+    independent standard normal numbers and b = k/m up to 1.
+    """
+    angles = (np.arange(1000) + 0.5) * np.pi / 1000
+    eigenvalues = 1 + b - 2 * np.sqrt(b) * np.cos(angles)
+    below = np.cumsum(np.sin(angles) ** 2 / eigenvalues)
+    return float(np.interp(below[-1] / 2, below, eigenvalues))
 
 
 def least_rms(meshes: Array, count: int) -> float:

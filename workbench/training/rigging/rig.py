@@ -29,6 +29,7 @@ from workbench.training.rigging.decomposition import (
     bones_needed,
     decomposed,
     least_rms,
+    noise_of,
     one_more,
 )
 from workbench.training.rigging.joints import JointCandidate, JointTree, candidate, joint_tree
@@ -45,6 +46,7 @@ from workbench.training.rigging.words import notes_of
 from workbench.training.subsampling import subsample
 
 TOLERANCE = 1e-4  # m, rms: errors of a decomposition that are no reason for one bone more
+ABOVE_NOISE = 1.05  # factor on the rms of noise: what bones leave of it is never quite all
 ENOUGH = 600  # vertices that bones, joints and poses are found from
 LOOKED_AT = 60  # meshes, spread evenly, that bones are looked for in
 TREES = 4  # how often a tree is looked for again with better bones
@@ -90,7 +92,7 @@ def rig(
     *,
     rest: Array | None = None,
     bones: int | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     report: Report = silent,
     card: Mapping[str, Any] | None = None,
 ) -> Rigged:
@@ -103,8 +105,9 @@ def rig(
     `rest` (N, 3) m is the mesh in the pose in which the body is drawn, the first mesh if it is not
     given. If the body does not explain the meshes to within rounding with this very mesh, its
     vertices are refined too. `bones` is how many there are to be; without it, there are as many as
-    lower the error to `tolerance` (m, rms), or as lower it notably. `report` is called with what is
-    going on, and how much of how much of it is done.
+    lower the error to `tolerance` (m, rms), or as lower it notably. The tolerance is what noise
+    leaves, which the singular values of the meshes tell (`noise_of`), and 0.1 mm at least. `report`
+    is called with what is going on, and how much of how much of it is done.
 
     Raises BadArgument for arrays that do not fit together or are too few, and for a motion that
     needs more than 64 bones.
@@ -115,6 +118,10 @@ def rig(
         turns, still = _without_travel(shape, meshes)
         few = subsample(shape, np.asarray(faces), ENOUGH)
         v = few.vertices
+        noise = noise_of(still[:, v])
+        untold = noise is None and tolerance is None and bones is None
+        if tolerance is None:
+            tolerance = max(TOLERANCE, ABOVE_NOISE * np.sqrt(3) * (noise or 0))
         near = Refinement(still[:, v], few.faces)
         estimate, merged = _skeleton(near, shape[v], bones, tolerance, report)
         free = bool((estimate.templates[0] != shape[v]).any())
@@ -127,7 +134,8 @@ def rig(
         if not free and every.rms(estimate) > REGRESSED:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
         estimate = turned(without_empty(put_back(estimate, shape)), turns)
-        return _result(replace(every, meshes=meshes), estimate, merged, dict(card or {}))
+        every = replace(every, meshes=meshes)
+        return _result(every, estimate, merged, untold, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
@@ -214,7 +222,9 @@ def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index
     return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
 
 
-def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, Any]) -> Rigged:
+def _result(
+    every: Refinement, estimate: Estimate, merged: int, untold: bool, card: dict[str, Any]
+) -> Rigged:
     meshes, template = every.meshes, estimate.templates[0]
     N, K = estimate.weights.shape
     own = estimate.weights[:, 0] / estimate.weights[:, 0].sum()
@@ -230,6 +240,12 @@ def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, 
         for k, parent in enumerate(estimate.parents[1:], start=1)
     )
     notes = notes_of(found, names, merged, rms, least_rms(meshes, K))
+    if untold and rms > TOLERANCE:
+        notes += (
+            "how much noise the meshes have cannot be told from so few of them, so bones were "
+            f"looked for until {1e3 * TOLERANCE:g} mm would be left; a tolerance or more meshes "
+            "may give fewer bones",
+        )
     body = SkinnedBody(
         template=template,
         shapedirs=np.zeros((N, 3, 0)),
@@ -249,7 +265,9 @@ def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, 
     return Rigged(body, estimate.poses, trans, rms, found, notes)
 
 
-def _checked(meshes: Array, rest: Array | None, bones: int | None, tolerance: float) -> Array:
+def _checked(
+    meshes: Array, rest: Array | None, bones: int | None, tolerance: float | None
+) -> Array:
     """The mesh at rest. Raises BadArgument."""
     if meshes.ndim != 3 or meshes.shape[2] != 3 or len(meshes) < 2 or meshes.shape[1] < 4:
         raise BadArgument(
@@ -269,6 +287,6 @@ def _checked(meshes: Array, rest: Array | None, bones: int | None, tolerance: fl
             f"there can be 1 to {meshes.shape[1] // 4} bones in {meshes.shape[1]} vertices, four "
             f"vertices for each, not {bones}"
         )
-    if not tolerance > 0:
+    if tolerance is not None and not tolerance > 0:
         raise BadArgument(f"the tolerance is a length in m above 0, not {tolerance!r}")
     return np.asarray(rest, dtype=float)
