@@ -30,13 +30,16 @@ from builder.soft_tissue import (
 from workbench import SkinnedBody, load_body
 from workbench.bodies.body_mass import body_mass_index
 from workbench.motions import Motion, SoftTissue
-from workbench.training.soft_tissue import TissueClip, score_tissue, train_tissue
-from workbench.training.soft_tissue.symbolic_form import (
+from workbench.training.soft_tissue import (
+    TissueClip,
+    coefficients_of,
+    one_step_of,
     one_step_problem,
     one_step_start,
+    score_tissue,
     still_inputs,
+    train_tissue,
 )
-from workbench.training.soft_tissue.training import coefficients_of, one_step_of
 
 RESULTS = Path(__file__).parent / "results" / "soft-tissue.json"
 PAGE = Path(__file__).parent / "TISSUE.md"

@@ -28,21 +28,24 @@ from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.unposing import unpose
 from workbench.errors import BadFile
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
-from workbench.synthetic.ground_truth import CARD, read_ground_truth
-from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
 from workbench.synthetic.population import SEARCH_RADIUS, Sources
 from workbench.synthetic.topology import read_topology
 from workbench.threads import limited_threads
+from workbench.training.blocks import REACH, alternation
 from workbench.training.checkpoint import fingerprint
-from workbench.training.evaluation import held_out_errors, shapes_explained
-from workbench.training.executor import Execution, Processes
+from workbench.training.evaluation import (
+    CARD,
+    best_linear,
+    held_out_errors,
+    ideal_skinning_errors,
+    read_ground_truth,
+    shapes_explained,
+)
+from workbench.training.execution import BlockLines, Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import FolderRegistrations, open_folder
-from workbench.training.plan import REACH, alternation
-from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.progress import BlockLines
+from workbench.training.pose_training import PoseModel, finishing, train_poses, upsampled
 from workbench.training.shape_training import UnposingJob, about_root, learn_shapes, unposing_jobs
-from workbench.training.upsampling import finishing, upsampled
 from workbench.writing import replacing
 
 GENDERS = {"": "neutral", "-female": "female", "-male": "male"}

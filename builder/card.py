@@ -15,7 +15,7 @@ from workbench.bodies import SkinnedBody
 from workbench.synthetic import wheel
 from workbench.synthetic.population import Population, Sources
 from workbench.synthetic.topology import FILES
-from workbench.training.plan import REACH
+from workbench.training.blocks import REACH
 from workbench.training.pose_training import PoseModel
 
 LICENCE = (

@@ -13,13 +13,11 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.geometry.mirror import Mirror
-from workbench.training.estimate import Estimate
-from workbench.training.locality import local_features
+from workbench.training.blend_shapes import Pair, Sums, local_features, ridge_learned
+from workbench.training.blocks import REACH
+from workbench.training.estimate import Estimate, SkinningPass
 from workbench.training.objective import Objective, centred
-from workbench.training.plan import REACH
 from workbench.training.registrations import RegistrationSubset, batches, training_and_held_out
-from workbench.training.ridge import Pair, Sums, ridge_learned
-from workbench.training.skinning_pass import SkinningPass
 
 RIDGES = (1e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # per pose
 

@@ -13,12 +13,11 @@ import numpy as np
 from builder.local_blends import errors_at_rest
 from workbench.arrays import Array, Mask
 from workbench.geometry.solids import along_edges
+from workbench.training.blend_shapes import Sums, local_features
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
-from workbench.training.locality import local_features
 from workbench.training.objective import Objective
 from workbench.training.registrations import training_and_held_out
-from workbench.training.ridge import Sums
 
 RIDGES = (1e-5, 1e-4, 1e-3)  # per pose, at the joint
 PRICES = (

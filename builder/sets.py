@@ -25,11 +25,11 @@ from builder.rigs import BODY, Rig
 from workbench.arrays import Array, Index, Mask
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE
-from workbench.synthetic.ground_truth import CARD, GroundTruth
 from workbench.synthetic.population import JITTER, Report, Sources, gather_sources
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.topology import FILES, Topology, read_topology
 from workbench.synthetic.wheel import Wheel
+from workbench.training.evaluation import CARD, GroundTruth
 from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing

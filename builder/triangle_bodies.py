@@ -20,8 +20,7 @@ from workbench.bodies.files.embedded import SYNTHETIC, UNTRAINED
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.training.triangles.learning import PosedMeshes, learn_bends
-from workbench.training.triangles.stitched_fit import CentredVertices, Lsqr
+from workbench.training.triangles.learning import CentredVertices, Lsqr, PosedMeshes, learn_bends
 
 LEARNED_FROM, VALIDATED_ON, TESTED_ON = 600, 100, 100  # people, each in one pose
 RIDGES = (1e-1, 1e-2, 1e-3, 1e-4)  # m^2, from which that of Q is chosen on the validation set

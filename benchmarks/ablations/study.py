@@ -12,11 +12,11 @@ from workbench.bodies.forward.posing import Posing
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
+from workbench.training.blocks import alternation
 from workbench.training.estimate import Sigmas
 from workbench.training.evaluation import VertexErrors
-from workbench.training.first_guess import Start
-from workbench.training.plan import alternation
-from workbench.training.pose_training import first_estimate, first_poses
+from workbench.training.execution import SILENT, Report
+from workbench.training.first_guess import Start, first_estimate, first_poses
 from workbench.training.poses import (
     DataTerm,
     EdgeTerm,
@@ -25,7 +25,6 @@ from workbench.training.poses import (
     VertexTerm,
     poses_of_segments,
 )
-from workbench.training.progress import SILENT, Report
 from workbench.training.registrations import InMemory, Registrations, batches
 from workbench.training.training import Trained, train
 

@@ -11,7 +11,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies.files.joint_names import FINGERS, joint_names
 from workbench.synthetic.base_mesh import N_BODY, BaseMesh
 from workbench.synthetic.wheel import Wheel
-from workbench.training.first_guess import at_most
+from workbench.training.shares import at_most
 
 JOINT_NAMES = joint_names(16)
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)

@@ -33,22 +33,21 @@ from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.landmarks import Landmarks
 from workbench.synthetic import wheel as published
 from workbench.synthetic.base_mesh import read_base_mesh
-from workbench.synthetic.ground_truth import read_ground_truth
 from workbench.synthetic.wheel import Wheel
 from workbench.threads import limited_threads
-from workbench.training.evaluation import held_out_errors, shapes_explained
-from workbench.training.executor import Execution, Processes
-from workbench.training.first_guess import at_most, read_start
+from workbench.training.blocks import alternation
+from workbench.training.evaluation import held_out_errors, read_ground_truth, shapes_explained
+from workbench.training.execution import BlockLines, Execution, Processes
+from workbench.training.first_guess import read_start
 from workbench.training.folder import open_folder
-from workbench.training.plan import alternation
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.progress import BlockLines
 from workbench.training.shape_training import (
     about_root,
     learn_shape_space,
     learn_shapes,
     unposing_jobs,
 )
+from workbench.training.shares import at_most
 
 N_BETAS = 10
 SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m

@@ -31,10 +31,10 @@ from workbench.training.soft_tissue import (
     OneStep,
     TissueClip,
     TissuePlan,
+    one_step_of,
     score_tissue,
     train_tissue,
 )
-from workbench.training.soft_tissue.training import one_step_of
 
 body = wb.load_body("small")
 

@@ -17,7 +17,7 @@ from workbench.synthetic.shape_targets import Person, ShapeTargets
 from workbench.synthetic.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
 from workbench.synthetic.topology import _triangulated
 from workbench.synthetic.wheel import parse_obj
-from workbench.training.ridge import Sums, solve_ridge
+from workbench.training.blend_shapes import Sums, solve_ridge
 from workbench.training.shape_training import learn_shape_space
 
 

@@ -15,7 +15,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.training.ridge import Sums
+from workbench.training.blend_shapes import Sums
 
 pytestmark = pytest.mark.thorough
 

@@ -36,7 +36,7 @@ from workbench.registration.coregistration.symbolic_form import (
 from workbench.residuals import Residual, geman_mcclure, of_norms, offset
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.blocks import BLOCKS, BlockInput
-from workbench.training.executor import Execution
+from workbench.training.execution import Execution
 from workbench.training.registrations import InMemory
 
 START = jointed_tube(7, 5)

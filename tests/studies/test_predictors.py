@@ -28,7 +28,7 @@ from workbench.studies.blend_shapes.training_data import (
     feature_matrix,
 )
 from workbench.synthetic.fine_weights import teacher_of
-from workbench.training.ridge import Sums, solve_ridge
+from workbench.training.blend_shapes import Sums, solve_ridge
 
 
 def ridge(A: np.ndarray, D: np.ndarray, value: float) -> np.ndarray:

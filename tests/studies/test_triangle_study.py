@@ -30,9 +30,9 @@ from workbench.studies.triangles.study import (
     difficult_poses,
 )
 from workbench.synthetic.fine_weights import teacher_of
-from workbench.training.plan import Plan as TrainingPlan
+from workbench.training.blocks import Plan as TrainingPlan
 from workbench.training.triangles.alternation import TriangleOptions
-from workbench.training.triangles.stitched_fit import Lsqr
+from workbench.training.triangles.learning import Lsqr
 
 pytestmark = pytest.mark.thorough
 

@@ -16,9 +16,15 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import Stitching
-from workbench.training.triangles.learning import PosedMeshes, learn_bends
-from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.stitched_fit import LSQR, ClosedEdges, LeastSquares, Measure
+from workbench.training.triangles.learning import (
+    LSQR,
+    ClosedEdges,
+    LeastSquares,
+    Measure,
+    PosedMeshes,
+    learn_bends,
+    learn_shapes,
+)
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,9 @@ from workbench.synthetic.made_up import (
     jointed_tube,
     random_smpl,
 )
-from workbench.training.conjugate_gradients import dot, solve
-from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
-from workbench.training.normal_equations import NormalEquations, within
+from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas, SkinningPass
+from workbench.training.normal_equations import NormalEquations, dot, solve, within
 from workbench.training.objective import Objective
-from workbench.training.skinning_pass import SkinningPass
 
 START = jointed_tube(7, 5)
 

@@ -23,21 +23,15 @@ from workbench.synthetic.made_up import (
 )
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
-from workbench.training.executor import Execution, Processes
-from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import fit_joint_regressor
+from workbench.training.execution import Execution, Processes, Progress
+from workbench.training.first_guess import SegmentMotions, Start, joint_guess, rotation_centres
 from workbench.training.normal_equations import NormalEquations, within
 from workbench.training.objective import Objective
-from workbench.training.pose_training import (
-    SegmentMotions,
-    joint_guess,
-    rotation_centres,
-)
 from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
-from workbench.training.progress import Progress
-from workbench.training.simplex import (
+from workbench.training.shares import (
     NoShares,
     few_shares,
+    fit_joint_regressor,
     kkt_residual,
     many_shares,
     shares,

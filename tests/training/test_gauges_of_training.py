@@ -11,7 +11,7 @@ from workbench.synthetic.made_up import draw_registrations, jointed_tube, random
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
-from workbench.training.symbolic_form import TERMS, SymbolicTraining
+from workbench.training.symbolic import TERMS, SymbolicTraining
 
 pytestmark = pytest.mark.thorough
 

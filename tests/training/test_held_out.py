@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from workbench.errors import BadArgument
-from workbench.synthetic.ground_truth import GroundTruth
-from workbench.synthetic.ideal_skinning import (
-    best_linear,
-    errors_of_ideal_skinning,
-    ideal_skinning_errors,
-)
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.evaluation import (
+    GroundTruth,
+    best_linear,
+    errors_of_ideal_skinning,
     evaluate_held_out,
     held_out_errors,
+    ideal_skinning_errors,
     shape_share,
     shapes_explained,
 )

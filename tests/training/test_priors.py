@@ -18,10 +18,9 @@ from workbench.problem import Problem
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import trusted
-from workbench.training.pose_prior import PosePrior
+from workbench.training.priors import PLACE, PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
-from workbench.training.symbolic_form import SymbolicTraining
-from workbench.training.template_prior import PLACE, smooth_prior
+from workbench.training.symbolic import SymbolicTraining
 
 PRIOR = smooth_prior(START.faces, BODY.shapedirs, 0.01)
 RNG = np.random.default_rng(5)

@@ -16,7 +16,7 @@ from workbench.synthetic.made_up import (
 )
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.objective import Objective
-from workbench.training.symbolic_form import TERMS, SymbolicTraining
+from workbench.training.symbolic import TERMS, SymbolicTraining
 
 START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3)

@@ -13,13 +13,15 @@ from workbench import LevenbergMarquardt, Problem, diagnose, solve
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.geometry.triangles import gradients
-from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
-from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.stitched_fit import (
+from workbench.training.triangles.learning import (
     CentredVertices,
+    PosedMeshes,
+    learn_bends,
+    learn_person,
+    learn_shapes,
     neighbour_differences,
 )
-from workbench.training.triangles.symbolic_form import SymbolicTriangles, shape_term
+from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
 
 RIDGE, SMOOTHNESS = 1e-3, 1e-4  # m^2
 RNG = np.random.default_rng(0)

@@ -21,11 +21,18 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training import blocks
-from workbench.training.blocks import BlockInput, BlockOptions, BlockResult
+from workbench.training.blocks import (
+    BlockInput,
+    BlockOptions,
+    BlockResult,
+    Plan,
+    Stage,
+    alternation,
+    without_blend_shapes,
+)
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.plan import Plan, Stage, alternation, without_blend_shapes
-from workbench.training.progress import NotLowered, Progress
+from workbench.training.execution import NotLowered, Progress
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train

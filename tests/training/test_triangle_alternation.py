@@ -20,7 +20,7 @@ from workbench.training.triangles.alternation import (
     train_triangles,
     unposed,
 )
-from workbench.training.triangles.stitched_fit import neighbour_differences
+from workbench.training.triangles.learning import neighbour_differences
 
 SMALL = wb.load_body("small")
 BY = Direct()

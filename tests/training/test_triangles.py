@@ -18,17 +18,19 @@ from workbench.studies.triangles.explained_variance import (
     explained_by_vertices,
 )
 from workbench.studies.triangles.measures import additivity_gap, unposed
-from workbench.training.triangles.learning import PosedMeshes, learn_person
-from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
-from workbench.training.triangles.stitched_fit import (
+from workbench.training.triangles.learning import (
     CentredVertices,
     ClosedEdges,
     LeastSquares,
     Lsqr,
     Measure,
     NotConverged,
+    PosedMeshes,
     StitchedFit,
+    learn_person,
+    learn_shapes,
     neighbour_differences,
+    stitched_directions,
 )
 
 SMALL = wb.load_body("small")

@@ -15,10 +15,10 @@ from workbench.cli.output import print_page, rich_table, say
 from workbench.errors import BadArgument
 from workbench.motions import save_motion
 from workbench.reports.tables import Table
-from workbench.training.rigging.mesh_sequences import read_meshes
+from workbench.training.folder import read_meshes
+from workbench.training.rigging.joints import in_words
 from workbench.training.rigging.rig import Rigged, pose_rms
 from workbench.training.rigging.rig import rig as find_rig
-from workbench.training.rigging.words import in_words
 
 MOST_HELD_OUT = 20  # meshes on which the body is measured
 

@@ -16,18 +16,23 @@ from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
-from workbench.synthetic.ground_truth import CARD, read_ground_truth
-from workbench.synthetic.ground_truth import FILE as TRUTH
-from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
 from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
+from workbench.training.blocks import REACH, alternation, without_blend_shapes
 from workbench.training.checkpoint import FILE as CHECKPOINT
-from workbench.training.evaluation import check_held_out, held_out_errors, shapes_explained
-from workbench.training.executor import Execution, Processes
+from workbench.training.evaluation import (
+    CARD,
+    best_linear,
+    check_held_out,
+    held_out_errors,
+    ideal_skinning_errors,
+    read_ground_truth,
+    shapes_explained,
+)
+from workbench.training.evaluation import FILE as TRUTH
+from workbench.training.execution import Execution, Processes, Progress
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
-from workbench.training.plan import REACH, alternation, without_blend_shapes
-from workbench.training.progress import Progress
 from workbench.training.registrations import Registrations
 from workbench.training.training import train as train_body
 

@@ -21,9 +21,8 @@ from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.triangles import gradients
 from workbench.problem import Problem
 from workbench.synthetic.made_up import limb, random_smpl
-from workbench.training.triangles.learning import PosedMeshes
-from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.symbolic_form import SymbolicTriangles, shape_term
+from workbench.training.triangles.learning import PosedMeshes, learn_shapes
+from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
 
 SYNTHETIC = (
     "the meshes are those of a random triangle body on a tube of 9 vertices, with noise; nobody "

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from workbench.plots.palette import LINES, MARKERS
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 
 SMALL = 1e-3  # of the largest cost: terms that are always smaller are left out
 

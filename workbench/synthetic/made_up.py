@@ -8,8 +8,9 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.geometry.solids import heat
-from workbench.training.first_guess import Start, at_most
+from workbench.training.first_guess import Start
 from workbench.training.registrations import Batch, InMemory, Registrations
+from workbench.training.shares import at_most
 
 
 def jointed_tube(rings: int = 25, around: int = 8) -> Start:

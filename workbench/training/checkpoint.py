@@ -17,7 +17,7 @@ from workbench.errors import BadFile, listed, shown
 from workbench.reading.arrays import doubles, nothing_else, opened, optional, read_expected, texts
 from workbench.reading.facts import amount, facts, facts_in, number
 from workbench.training.estimate import Estimate
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 

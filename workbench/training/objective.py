@@ -16,11 +16,9 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.geometry.mirror import REFLECTION, Mirror
-from workbench.training.estimate import Change, Estimate, Sigmas
-from workbench.training.pose_prior import PosePrior
+from workbench.training.estimate import Change, Estimate, Sigmas, SkinningPass
+from workbench.training.priors import PosePrior, TemplatePrior
 from workbench.training.registrations import Batch, Registrations, over_halves, pieces
-from workbench.training.skinning_pass import SkinningPass
-from workbench.training.template_prior import TemplatePrior
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, edges, gaussian
 from workbench.solvers import LevenbergMarquardt
 from workbench.training.estimate import Estimate
-from workbench.training.executor import SERIAL, Execution
+from workbench.training.execution import SERIAL, Execution
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 
 JOB_SIZE = 64  # registrations whose poses one job finds

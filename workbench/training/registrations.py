@@ -117,40 +117,6 @@ class RegistrationSubset:
         return replace(_joined(each), some=some)
 
 
-@dataclass(frozen=True, eq=False)
-class VertexSubset:
-    """Some of the vertices of every registration of a source.
-
-    Attributes:
-        source: the registrations that are chosen from.
-        vertices: (n,) the numbers of the chosen vertices.
-    """
-
-    source: Registrations
-    vertices: Index
-
-    @property
-    def subject(self) -> Index:
-        """The number of each registration's subject, (J,)."""
-        return self.source.subject
-
-    @property
-    def n_vertices(self) -> int:
-        """The number of chosen vertices, n."""
-        return len(self.vertices)
-
-    def read(self, some: slice) -> Batch:
-        """The registrations of these rows. Raises BadArgument for one without a visible vertex."""
-        batch = self.source.read(some)
-        confidence = batch.confidence[:, self.vertices]
-        for j in np.flatnonzero(~confidence.reshape(len(confidence), -1).any(axis=1)):
-            raise BadArgument(
-                f"registration {batch.some.start + j} shows so little of its mesh that none of "
-                f"{self.n_vertices} vertices spread over it is seen; leave it out"
-            )
-        return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
-
-
 def check_registrations(registrations: Registrations, n_vertices: int) -> None:
     """Raise BadArgument unless meshes have N vertices, and subjects the numbers 0 to S - 1.
 

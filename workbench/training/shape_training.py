@@ -13,13 +13,12 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.unposing import unpose
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
-from workbench.training.executor import SERIAL, Execution
-from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import JointRegressor, fit_joint_regressor
-from workbench.training.pose_training import FIRST_SIGMA, KKT, PoseModel
+from workbench.training.execution import SERIAL, Execution, NotLowered
+from workbench.training.first_guess import FIRST_SIGMA, Start
+from workbench.training.pose_training import KKT, PoseModel
 from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, ShapePrior, poses_of_segments
-from workbench.training.progress import NotLowered
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
+from workbench.training.shares import JointRegressor, fit_joint_regressor
 from workbench.training.subsampling import subsample
 
 STEPS = 6  # of the fit of one pose in a round

@@ -8,15 +8,13 @@ import numpy as np
 
 from workbench.bodies import SkinnedBody
 from workbench.threads import limited_threads
-from workbench.training.executor import Execution, Executor
+from workbench.training.blocks import Plan, alternation
+from workbench.training.execution import SILENT, Execution, Executor, Report
 from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import JointRegressor
-from workbench.training.plan import Plan, alternation
-from workbench.training.pose_training import PoseModel
-from workbench.training.progress import SILENT, Report
+from workbench.training.pose_training import PoseModel, train_coarse_first
 from workbench.training.registrations import Registrations, check_registrations
 from workbench.training.shape_training import ShapeModel, learn_shapes, start_shape
-from workbench.training.upsampling import train_coarse_first
+from workbench.training.shares import JointRegressor
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.training.rigging.made_motion import compared, driven
 from workbench.errors import BadArgument
-from workbench.training.rigging.bones import Bones
+from workbench.training.rigging.bones import Bones, refined_at_once, together
 from workbench.training.rigging.decomposition import alternated, least_rms
 from workbench.training.rigging.rig import pose_rms, rig
-from workbench.training.rigging.together import refined_at_once, together
 
 
 def test_tube_is_rigged_and_explains_held_out_meshes() -> None:

@@ -16,14 +16,15 @@ from workbench.synthetic.motions_made_up import made_up_motion
 from workbench.training.soft_tissue import (
     TissueClip,
     TissuePlan,
+    one_step_of,
     one_step_problem,
     one_step_start,
     score_tissue,
+    soft_parts,
     stabilized,
+    still_inputs,
     train_tissue,
 )
-from workbench.training.soft_tissue.symbolic_form import still_inputs
-from workbench.training.soft_tissue.training import one_step_of, soft_parts
 
 SMALL = wb.load_body("small")
 PLAN = TissuePlan(components=8, parts=12)

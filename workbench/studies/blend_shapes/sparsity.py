@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.geometry.solids import along_edges, mesh_edges
-from workbench.training.ridge import Sums, solve_ridge
+from workbench.training.blend_shapes import Sums, solve_ridge
 
 STEPS = 400  # of the accelerated proximal gradient method, at most
 SETTLED = 1e-5  # a step that changes |P| by less ends it: within a thousandth of the minimum

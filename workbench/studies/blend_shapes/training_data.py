@@ -21,8 +21,8 @@ from workbench.bodies.forward.kernel_features import (
 )
 from workbench.bodies.forward.skinning import unskinned
 from workbench.synthetic.teacher import Teacher
-from workbench.training.ridge import Sums, solve_ridge
-from workbench.training.skinning_pass import bent
+from workbench.training.blend_shapes import Sums, solve_ridge
+from workbench.training.estimate import bent
 
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # that are tried, per pose
 WIDTHS = (0.15, 0.25, 0.5, 1.0, 2.0, 4.0)  # of kernels, in median distances between two poses

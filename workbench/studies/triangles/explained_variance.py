@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
-from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
+from workbench.training.triangles.learning import learn_shapes, stitched_directions
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ from workbench.problem import Problem
 from workbench.residuals import vertices as on_vertices
 from workbench.training.evaluation import VertexErrors
 from workbench.training.poses import Fits
-from workbench.training.triangles.fitting import AnyBody, fit_held_out
-from workbench.training.triangles.stitched_fit import neighbour_differences
+from workbench.training.triangles.alternation import AnyBody, fit_held_out
+from workbench.training.triangles.learning import neighbour_differences
 
 REPEATS = 7  # of what is timed; the least time counts
 

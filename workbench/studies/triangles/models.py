@@ -10,23 +10,22 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.studies.pages import Report
 from workbench.studies.triangles.people import TriangleData
-from workbench.training.blocks import BLOCKS, BlockInput
+from workbench.training.blend_shapes import Selection
+from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.execution import BlockLines
 from workbench.training.objective import Objective
-from workbench.training.plan import QUICK, REACH, Plan, alternation
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.progress import BlockLines
 from workbench.training.registrations import InMemory, training_and_held_out
-from workbench.training.ridge import Selection
 from workbench.training.training import train
 from workbench.training.triangles.alternation import QUICK as QUICK_BLOCKS
 from workbench.training.triangles.alternation import (
+    AnyBody,
     TriangleEstimate,
     TriangleOptions,
     choose_ridge,
     train_triangles,
 )
-from workbench.training.triangles.fitting import AnyBody
 
 SMPL, SCAPE, BLEND_SCAPE = "SMPL", "SCAPE", "BlendSCAPE"
 LBS = "linear blend skinning"

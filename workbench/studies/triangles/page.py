@@ -17,7 +17,7 @@ from workbench.studies.triangles import figures
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.models import BLEND_SCAPE, SCAPE, SMPL, without_bends
 from workbench.studies.triangles.study import SHOWN, ModelResult, TriangleStudy
-from workbench.training.ridge import Selection
+from workbench.training.blend_shapes import Selection
 
 SKINNED = "smpl.glb"
 REMARKS = (

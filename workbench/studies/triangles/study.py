@@ -42,8 +42,8 @@ from workbench.studies.triangles.people import (
     draw_people,
     register,
 )
-from workbench.training.ridge import Selection
-from workbench.training.triangles.fitting import AnyBody
+from workbench.training.blend_shapes import Selection
+from workbench.training.triangles.alternation import AnyBody
 
 SHOWN = (SMPL, SCAPE, BLEND_SCAPE)
 DIFFICULT, APART = 5, 0.25  # poses that are drawn; their least rms distance, rad per joint

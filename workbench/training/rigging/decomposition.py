@@ -21,9 +21,10 @@ from workbench.errors import BadArgument
 from workbench.training.rigging.bones import (
     Bones,
     frames,
+    one_turn,
+    refined_at_once,
     rigid_motions,
 )
-from workbench.training.rigging.together import one_turn, refined_at_once
 
 Report = Callable[[str, int, int], None]
 PATCH = 8  # vertices whose motion a new bone begins with

@@ -21,8 +21,7 @@ from workbench.blocks.functions import sparse_constant
 from workbench.bodies.triangles import TriangleBody
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, vertices
-from workbench.training.triangles.learning import PosedMeshes
-from workbench.training.triangles.stitched_fit import neighbour_differences
+from workbench.training.triangles.learning import PosedMeshes, neighbour_differences
 
 
 @dataclass(frozen=True, eq=False)

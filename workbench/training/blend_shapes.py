@@ -1,4 +1,4 @@
-"""Pose blend shapes by ridge regression of the un-posed errors of linear blend skinning."""
+"""B"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -6,10 +6,61 @@ from functools import reduce
 from operator import add
 
 import numpy as np
+import scipy.linalg
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array, Index, Mask
 from workbench.geometry.mirror import Mirror
-from workbench.training.locality import MaskedCholesky
+
+CARRIED_FROM = 0.02  # the least weight with which a joint counts as moving a vertex
+
+
+def local_features(weights: Array, parents: Sequence[int], reach: int) -> Mask:
+    """Which of the pose features (N, 9 (K - 1)) a vertex may depend on.
+
+    They are those of the joints at most `reach` bones away from a joint that moves the vertex.
+    """
+    near = np.eye(len(parents), dtype=bool)
+    for k, parent in enumerate(parents[1:], start=1):
+        near[k, parent] = near[parent, k] = True
+    found = weights >= CARRIED_FROM
+    for _ in range(reach):
+        found = found @ near
+    return np.repeat(found[:, 1:], 9, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class MaskedCholesky:
+    """Cholesky factors of one matrix, of which each vertex has some rows and columns only.
+
+    Attributes:
+        groups: the vertices that share their rows, these rows, and the factor of these rows and
+            columns.
+    """
+
+    groups: tuple[tuple[Index, Index, Array], ...]
+
+    @staticmethod
+    def of(gram: Array, own: Mask) -> "MaskedCholesky":
+        """The factors of a matrix (n, n), given which rows belong to each vertex, (N, n)."""
+        patterns, group = np.unique(own, axis=0, return_inverse=True)
+        found = []
+        for g, pattern in enumerate(patterns):
+            if not pattern.any():
+                continue
+            rows = np.flatnonzero(pattern)
+            L = scipy.linalg.cholesky(gram[np.ix_(rows, rows)], lower=True)
+            found.append((np.flatnonzero(group.ravel() == g), rows, L))
+        return MaskedCholesky(tuple(found))
+
+    def solved(self, right: Array) -> Array:
+        """The solutions for right sides (N, 3, n), zero in the rows that are not the vertex's."""
+        found = np.zeros_like(right)
+        for vertices, rows, L in self.groups:
+            flat = right[vertices][:, :, rows].reshape(-1, len(rows)).T
+            solved = scipy.linalg.cho_solve((L, True), flat).T
+            found[np.ix_(vertices, np.arange(3), rows)] = solved.reshape(len(vertices), 3, -1)
+        return found
+
 
 Pair = tuple[Array, Array]  # of n poses: features (n, F), and un-posed errors (n, N, 3) m
 
