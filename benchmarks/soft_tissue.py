@@ -33,11 +33,11 @@ from workbench.motions import Motion, SoftTissue
 from workbench.training.soft_tissue import (
     TissueClip,
     coefficients_of,
+    factor_names,
     one_step_of,
     one_step_problem,
     one_step_start,
     score_tissue,
-    still_inputs,
     train_tissue,
 )
 
@@ -162,7 +162,11 @@ def main() -> None:
             "spectral_radius": tissue.spectral_radius,
             "power_of_body_mass_index": tissue.power,
             "one_step_error": one_step(tissue, body, test),
-            "inputs_that_never_move": still_inputs(one, tissue),
+            "inputs_that_never_move": [
+                name
+                for name, x in zip(factor_names(tissue), one.regressors.T, strict=True)
+                if not x.any()
+            ],
             "unknowns_of_a_coefficient": one.regressors.shape[1],
             "rank": one_step_problem(one, tissue).linearize(one_step_start(tissue)).rank,
             "violent_motion_mm": 1e3 * float(np.linalg.norm(shaken, axis=-1).max()),

@@ -4,7 +4,6 @@ Least squares by QR are exact to the last digit, even for unknowns that blended 
 million times less clearly than the others.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +14,9 @@ from scipy.sparse.linalg import LinearOperator
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.geometry.triangles import Stitching
 from workbench.training.triangles.learning import (
     LSQR,
-    ClosedEdges,
-    LeastSquares,
-    Measure,
+    Lsqr,
     PosedMeshes,
     learn_bends,
     learn_shapes,
@@ -28,7 +24,7 @@ from workbench.training.triangles.learning import (
 
 
 @dataclass(frozen=True)
-class Direct:
+class Direct(Lsqr):
     """By QR with pivots of the matrix itself. Raises BadArgument for more than `most` unknowns."""
 
     cutoff: float = 1e-13  # of the largest singular value: smaller ones count as zero
@@ -53,8 +49,7 @@ def learn(
     *,
     n_betas: int,
     ridge: float,
-    by: LeastSquares = LSQR,
-    measure: Callable[[Stitching], Measure] = ClosedEdges,
+    by: Lsqr = LSQR,
 ) -> TriangleBody:
     """Learn SCAPE or BlendSCAPE, depending on the weights of `start`, from two sets of meshes.
 
@@ -65,4 +60,4 @@ def learn(
     shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
     if posed.person.min() < 0 or posed.person.max() >= len(shapes.betas):
         raise BadArgument(f"posed meshes are of persons 0 to {len(shapes.betas) - 1}, no others")
-    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, by=by, measure=measure)
+    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, by=by)

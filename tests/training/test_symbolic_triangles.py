@@ -14,7 +14,6 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.geometry.triangles import gradients
 from workbench.training.triangles.learning import (
-    CentredVertices,
     PosedMeshes,
     learn_bends,
     learn_person,
@@ -99,9 +98,7 @@ def test_terms_are_those_of_the_blocks() -> None:
 def test_learned_bends_are_a_minimum_of_the_problem() -> None:
     form, (D, posed) = symbolic(), meshes()
     shaped = replace(generator(), shapedirs=np.moveaxis(D - np.eye(3), 0, 3))
-    learned = learn_bends(
-        shaped, posed, np.eye(2), ridge=RIDGE, by=Direct(most=10_000), measure=CentredVertices
-    )
+    learned = learn_bends(shaped, posed, np.eye(2), ridge=RIDGE, by=Direct(most=10_000))
     terms = [*form.data(), *form.small_posedirs(RIDGE)]
     free = ["posedirs", *(f"mesh {j}/trans" for j in range(8))]
     problem = form.problem(terms, free)
@@ -114,9 +111,7 @@ def test_learned_bends_are_a_minimum_of_the_problem() -> None:
 def test_learned_person_is_a_minimum_of_the_problem() -> None:
     form, (_, posed) = symbolic(), meshes()
     own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
-    learned = learn_person(
-        generator(), own, smoothness=SMOOTHNESS, by=Direct(most=10_000), measure=CentredVertices
-    )
+    learned = learn_person(generator(), own, smoothness=SMOOTHNESS, by=Direct(most=10_000))
     terms = [*form.data()[:4], *form.smooth_subjects(SMOOTHNESS)[:1]]
     free = ["subject 0/shapedirs", *(f"mesh {j}/trans" for j in range(4))]
     problem = form.problem(terms, free)

@@ -32,7 +32,7 @@ from workbench.training.blocks import (
 )
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.execution import NotLowered, Progress
+from workbench.training.execution import NotLowered, Progress, Report
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
@@ -51,7 +51,7 @@ def short_plan() -> Plan:
 
 
 @dataclass
-class Told:
+class Told(Report):
     """Remembers what it is told."""
 
     blocks: list[Progress]

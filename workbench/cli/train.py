@@ -30,7 +30,7 @@ from workbench.training.evaluation import (
     shapes_explained,
 )
 from workbench.training.evaluation import FILE as TRUTH
-from workbench.training.execution import Execution, Processes, Progress
+from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
 from workbench.training.registrations import Registrations
@@ -223,7 +223,7 @@ def _origin(folder: Path | None) -> dict[str, Any]:
     return {"provenance": ["Synthetic: see registrations."], "registrations": told}
 
 
-class Lines:
+class Lines(Report):
     """A line for each block, and further lines within blocks that take long."""
 
     def __init__(self, console: Console) -> None:

@@ -1,13 +1,12 @@
-"""The blocks of the alternation: each frees other names, and only `cut` may raise the cost.
+"""The blocks of the alternation, each of which frees other names, and the plans that order them.
 
 rest       templates and joints, the pose blend shapes held: a linear least-squares problem
-poses      theta_j, one registration at a time (Levenberg and Marquardt on a Problem)
+poses      theta_j, one registration at a time (Levenberg-Marquardt on a Problem)
 surfaces   templates, pose blend shapes and joints: one linear least-squares problem
 weights    one vertex at a time: least squares over shares, at most four above zero
 regressor  joints from templates: least squares over shares, one joint at a time
-cut        only the largest four weights are kept, where more were allowed before
-people     templates, joints and poses at once: steps of Gauss and Newton in a trust region
-together   all names at once: steps of Gauss and Newton in a trust region
+people     templates, joints and poses at once: Gauss-Newton steps in a trust region
+together   all names at once: Gauss-Newton steps in a trust region
 skinning   all names but the pose blend shapes, which are held, in the same way
 skeleton   joints, poses and weights at once, in the same way
 """
@@ -26,7 +25,7 @@ from workbench.training.execution import SERIAL, Execution
 from workbench.training.normal_equations import NormalEquations, solve
 from workbench.training.objective import Objective, weight_grams
 from workbench.training.poses import VertexTerm, fitted_poses
-from workbench.training.shares import MOST_WEIGHTS, at_most, few_shares, fit_joint_regressor
+from workbench.training.shares import MOST_WEIGHTS, few_shares, fit_joint_regressor
 from workbench.training.subsampling import ENOUGH, subsample
 
 REST = ("templates", "joints")
@@ -34,7 +33,7 @@ PEOPLE = ("templates", "joints", "poses")
 SKELETON = ("joints", "poses", "weights")
 SKINNING = ("templates", *SKELETON)
 SURFACES = ("templates", "posedirs", "joints")
-POSE_STEPS = 2  # of Levenberg and Marquardt in a round: the next round changes the model anyway
+POSE_STEPS = 2  # of Levenberg-Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
 GOOD, POOR = 0.75, 0.25  # gain ratios above which the region grows, and below which it shrinks
 SMALLEST_RADIUS = 1e-8  # of the longest step: no further decrease is to be expected
@@ -61,7 +60,7 @@ class BlockOptions:
         linear_tolerance: relative tolerance of the linear equations in the blocks `surfaces` and
             `rest`, measured by the preconditioned gradient.
         together_tolerance: the same for the blocks `together` and `people`.
-        together_steps: the largest number of steps of Gauss and Newton.
+        together_steps: the largest number of Gauss-Newton steps.
         together_stop: a step that lowers the cost by a smaller share is the last.
         enough: in metres; no step is made once the root mean square of E_D is below it.
         products: the largest number of passes over all registrations in one step.
@@ -162,17 +161,6 @@ def fit_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
     return BlockResult(replace(estimate, weights=weights), {"kkt": float(kkt.max())})
 
 
-def cut_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
-    """Keep only the largest weights of each vertex; only this block may raise the cost.
-
-    From here on fewer weights are allowed than before. On noiseless data the others are zero by
-    then, and nothing changes.
-    """
-    weights = at_most(estimate.weights, given.options.most_weights)
-    change = float(np.abs(weights - estimate.weights).max())
-    return BlockResult(replace(estimate, weights=weights), {"largest change": change})
-
-
 def fit_in_trust_region(
     names: tuple[str, ...], given: BlockInput, estimate: Estimate
 ) -> BlockResult:
@@ -184,7 +172,9 @@ def fit_in_trust_region(
     objective, options = given.objective, given.options
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
-    while facts["steps"] < options.together_steps and not _near(objective, estimate, options):
+    while facts["steps"] < options.together_steps:
+        if options.enough > 0 and objective.rms(estimate) < options.enough:
+            break
         equations = NormalEquations(objective, estimate, names)
         slope = equations.slope
         while True:
@@ -222,11 +212,6 @@ def fit_in_trust_region(
     return BlockResult(estimate, facts)
 
 
-def _near(objective: Objective, estimate: Estimate, options: BlockOptions) -> bool:
-    """Whether the data are fitted closely enough; asking takes a pass over them."""
-    return options.enough > 0 and objective.rms(estimate) < options.enough
-
-
 def _as_shares(weights: Array) -> Array:
     kept = weights.clip(0)
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
@@ -239,13 +224,11 @@ BLOCKS: dict[str, Block] = {
     "surfaces": partial(fit_linear, SURFACES),
     "regressor": fit_regressor,
     "weights": fit_weights,
-    "cut": cut_weights,
     "people": partial(fit_in_trust_region, PEOPLE),
     "together": partial(fit_in_trust_region, NAMES),
     "skinning": partial(fit_in_trust_region, SKINNING),
     "skeleton": partial(fit_in_trust_region, SKELETON),
 }
-MAY_RISE = ("cut",)  # blocks that may raise the cost
 
 
 Names = tuple[str, ...]  # of blocks, in order

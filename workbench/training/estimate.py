@@ -1,4 +1,6 @@
-"""The unknowns of training, and the standard deviation of each of its terms."""
+"""The unknowns of training, the sigma of each of its terms, and linear blend skinning of a few
+registrations with its derivative and the adjoint of that.
+"""
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, reduce

@@ -3,6 +3,10 @@
 `evaluate_held_out` allows each held-out person a rest shape of their own: half of a person's
 registrations show it, with the body's posedirs, weights and regressor held; in the other half
 only poses are fitted, and the errors of these registrations count.
+
+The least errors that linear blend skinning can have are those of `ideal_skinning_errors`: it is
+given the ground truth of synthetic registrations, alone and with the best linear predictor of blend
+shapes, which is learned from the true un-posed errors.
 """
 
 from collections.abc import Iterator
@@ -25,7 +29,6 @@ from workbench.training.execution import SERIAL, Execution
 from workbench.training.first_guess import Start, first_estimate, first_poses
 from workbench.training.folder import FolderRegistrations
 from workbench.training.objective import Objective
-from workbench.training.poses import ShapePrior
 from workbench.training.registrations import (
     Registrations,
     RegistrationSubset,
@@ -172,7 +175,7 @@ def evaluate_held_out(
 
     def first_of(some: Registrations) -> Estimate:
         first = first_estimate(some, start, weights=body.weights, rings=R)
-        return replace(first_poses(first, some, start, None, execution), posedirs=body.posedirs)
+        return replace(first_poses(first, some, start, execution=execution), posedirs=body.posedirs)
 
     def after(some: Registrations, estimate: Estimate, blocks: tuple[str, ...]) -> Estimate:
         objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
@@ -222,7 +225,7 @@ def shapes_explained(
 
     They are brought into the rest pose in the same way as the people in the training.
     """
-    work = partial(unposed_people, body, ShapePrior())
+    work = partial(unposed_people, body, 1.0)
     found = execution.executor(work, unposing_jobs(registrations))
     people = np.concatenate([rest for _, rest in found])
     return {

@@ -1,4 +1,4 @@
-"""E"""
+"""How a training is carried out: jobs in this process or in several, progress, log entries."""
 
 import os
 import signal
@@ -70,8 +70,8 @@ class Progress:
         return Progress(number, of, entry, each * (of - number))
 
 
-class Report(Protocol):
-    """Follows the progress of a training."""
+class Report:
+    """Follows the progress of a training; this one shows nothing."""
 
     def block(self, progress: Progress) -> None:
         """Called when a block has ended."""
@@ -80,21 +80,11 @@ class Report(Protocol):
         """Called within something long, when `done` of `of` parts are finished."""
 
 
-class Silent:
-    """A report that shows nothing."""
-
-    def block(self, progress: Progress) -> None:
-        """Take the end of a block, and show nothing of it."""
-
-    def part(self, doing: str, done: int, of: int) -> None:
-        """Take how far something long has come, and show nothing of it."""
-
-
-SILENT = Silent()
+SILENT = Report()
 
 
 @dataclass(frozen=True)
-class BlockLines:
+class BlockLines(Report):
     """A report that calls a function with a line of text when a block has ended."""
 
     print_line: Callable[[str], object]
@@ -106,9 +96,6 @@ class BlockLines:
             f"  {progress.number}/{progress.of} {entry.block} {sum(entry.before.values()):.6g} -> "
             f"{sum(entry.after.values()):.6g}, {entry.seconds:.0f} s"
         )
-
-    def part(self, doing: str, done: int, of: int) -> None:
-        """Do nothing, because only whole blocks are reported."""
 
 
 Job = TypeVar("Job")
@@ -149,19 +136,14 @@ class Processes:
             initargs=(os.getpid(),),
         )
         with _interrupts_blocked():
-            results: Iterator[Result] = parallel(
-                delayed(partial(_limited, work))(job) for job in jobs
-            )
-        return results
+            return _results(parallel, work, jobs)
 
 
 def by_backend(work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
     """An executor by what `joblib.parallel_config` has chosen, such as a Dask cluster: the result
     of each job.
     """
-    parallel = Parallel(n_jobs=-1, return_as="generator")
-    results: Iterator[Result] = parallel(delayed(partial(_limited, work))(job) for job in jobs)
-    return results
+    return _results(Parallel(n_jobs=-1, return_as="generator"), work, jobs)
 
 
 @dataclass(frozen=True)
@@ -212,6 +194,13 @@ def _start_process(parent: int) -> None:
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     end_with(parent)
+
+
+def _results(
+    parallel: Parallel, work: Callable[[Job], Result], jobs: Iterable[Job]
+) -> Iterator[Result]:
+    results: Iterator[Result] = parallel(delayed(partial(_limited, work))(job) for job in jobs)
+    return results
 
 
 def _limited(work: Callable[[Job], Result], job: Job) -> Result:

@@ -1,5 +1,6 @@
 """What training starts from: a template that is divided into segments."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
@@ -216,13 +217,13 @@ def first_poses(
     first: Estimate,
     registrations: Registrations,
     start: Start,
-    data_term: DataTerm | None = None,
+    data_term: Callable[[Index], DataTerm] = EdgeTerm,
     execution: Execution = SERIAL,
 ) -> Estimate:
     """Poses by turning each segment onto its vertices, then by fitting edges of the template.
 
     Edges ignore where the body stands, and distinguish a bent knee from a long shin better than
-    vertices do.
+    vertices do; another `data_term` of the faces (F, 3) may take their place.
     """
     few = subsample(start.template, start.faces)
     registrations, sparse = few.registrations(registrations), few.estimate(first)
@@ -232,32 +233,20 @@ def first_poses(
         for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
             guess = poses_of_segments(template, weights, start.parents, V, confidence)
             poses[batch.some.start + at] = guess
-    term = EdgeTerm(few.faces) if data_term is None else data_term.on(few.faces)
     execution = replace(execution, task="first poses")
     turned = replace(sparse, poses=poses)
     found = fitted_poses(
-        turned, registrations, few.faces, term, FIRST_SIGMA, FIRST_STEPS, execution
+        turned, registrations, few.faces, data_term(few.faces), FIRST_SIGMA, FIRST_STEPS, execution
     )
     return replace(first, poses=found.poses)
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentMotions:
-    """The rigid motion of each segment of a template in each registration.
-
-    Attributes:
-        R: (J, K, 3, 3) the rotations.
-        t: (J, K, 3) the translations in metres.
-    """
-
-    R: Array
-    t: Array
-
-
 def motions_of_segments(
     start: Start, weights: Array, registrations: Registrations
-) -> SegmentMotions:
-    """The motions that take each segment of the template to its vertices in each registration."""
+) -> tuple[Array, Array]:
+    """The rotations (J, K, 3, 3) and translations (J, K, 3) m that take each segment of the
+    template to its vertices in each registration.
+    """
     J, K = len(registrations.subject), len(start.parents)
     R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
     for batch in batches(registrations):
@@ -265,15 +254,16 @@ def motions_of_segments(
             for k, trusted in enumerate(weights.T * confidence + 1e-9 * confidence):
                 motion = procrustes(start.template, V, trusted)
                 R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t
-    return SegmentMotions(R, t)
+    return R, t
 
 
 def rotation_centres(
-    motions: SegmentMotions, subject: Index, parents: tuple[int, ...], rings: Array
+    R: Array, t: Array, subject: Index, parents: tuple[int, ...], rings: Array
 ) -> Array:
     """Joints (K, 3) m on the template, as means over all subjects.
 
-    `rings` (K, 3) m are the means of the joints' priors.
+    `R` and `t` are the motions of the segments, and `rings` (K, 3) m the means of the joints'
+    priors.
     """
     found = rings.copy()
     prior = (FIT / RING) * np.eye(6)
@@ -282,8 +272,8 @@ def rotation_centres(
         centres = []
         for s in np.unique(subject):
             own = subject == s
-            A = np.concatenate([motions.R[own, parent], -motions.R[own, k]], axis=2).reshape(-1, 6)
-            gap = (motions.t[own, k] - motions.t[own, parent]).ravel() - A @ both
+            A = np.concatenate([R[own, parent], -R[own, k]], axis=2).reshape(-1, 6)
+            gap = (t[own, k] - t[own, parent]).ravel() - A @ both
             step = np.linalg.solve(A.T @ A + prior.T @ prior, A.T @ gap)
             centres.append(rings[k] + step.reshape(2, 3).mean(axis=0))
         found[k] = np.mean(centres, axis=0)
@@ -308,6 +298,6 @@ def means_at(template: Array, points: Array) -> csr_array:
 def joint_guess(start: Start, weights: Array, registrations: Registrations) -> csr_array:
     """The first guess of the joint regressor (K, N), which E_J uses until one is learned."""
     middles = start.rings() @ start.template
-    motions = motions_of_segments(start, weights, registrations)
-    centres = rotation_centres(motions, registrations.subject, start.parents, middles)
+    R, t = motions_of_segments(start, weights, registrations)
+    centres = rotation_centres(R, t, registrations.subject, start.parents, middles)
     return means_at(start.template, centres)

@@ -3,6 +3,10 @@
 A `Linearization` stores its Jacobian, and `LevenbergMarquardt` factorizes J'J. In training every
 pose is coupled with every number of every vertex, so the factors fill in: their size grows with
 vertices times registrations. A product needs one piece of the registrations at a time.
+
+They are solved by conjugate gradients within a trust region (Steihaug 1983), on named arrays. The
+step grows with every iteration. It ends where it leaves the region, where the residual is small
+enough, or where rounding leaves no curvature.
 """
 
 from collections.abc import Callable, Sequence
@@ -364,7 +368,7 @@ def _inverses(blocks: Array) -> Array:
     n = blocks.shape[-1]
     sizes = np.trace(blocks, axis1=1, axis2=2) / n
     ridge = np.where(sizes > 0, 1e-9 * sizes, 1.0)  # a block of which nothing is known is zero
-    return np.linalg.inv(blocks + ridge[:, None, None] * np.eye(n))
+    return np.asarray(np.linalg.inv(blocks + ridge[:, None, None] * np.eye(n)))
 
 
 def _solved(inverses: Array, right: Array) -> Array:

@@ -3,13 +3,15 @@
 The input are registrations of some people in many poses; blocks of unknowns are optimised in turn
 (Loper et al., SMPL, section 4.1; the lectures Body Models II). The equations are published, but
 the code is not.
+
+A large mesh is trained on some of its vertices first: poses and joints belong to the people, not to
+the mesh, and templates, blend shapes and weights are interpolated between the coarse vertices.
 """
 
 import logging
 import time
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import isfinite
 from pathlib import Path
 
 from workbench.errors import BadFile
@@ -19,7 +21,6 @@ from workbench.threads import limited_threads
 from workbench.training.blend_shapes import local_features
 from workbench.training.blocks import (
     BLOCKS,
-    MAY_RISE,
     NO_LIMIT,
     BlockInput,
     Plan,
@@ -109,7 +110,7 @@ def train_poses(
     with limited_threads():
         if at is None:
             if initial is None:
-                first = first_poses(first, registrations, start, None, execution)
+                first = first_poses(first, registrations, start, execution=execution)
             at = Checkpoint(first, (), identity)
             if folder:
                 keep(partial(at.save, folder))
@@ -143,8 +144,7 @@ def _after_block(
     found = BLOCKS[block](given, at.estimate)
     after = objective.costs(found.estimate)
     entry = LogEntry(block, before, after, found.facts, time.perf_counter() - began)
-    if block not in MAY_RISE or not isfinite(sum(after.values())):
-        entry.check_lowered()
+    entry.check_lowered()
     if found.facts.get("kkt", 0.0) > KKT:
         raise NotLowered(
             f"block {block!r} left weights with a KKT residual of {found.facts['kkt']:.1e}, "

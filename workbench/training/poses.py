@@ -1,4 +1,4 @@
-"""The pose of each registration, by Levenberg and Marquardt on a `Problem` of its subject.
+"""The pose of each registration, by Levenberg-Marquardt on a `Problem` of its subject.
 
 The free names are `pose` and `trans`; templates, blend shapes, joints and weights are fixed at
 those of the estimate.
@@ -41,10 +41,6 @@ class VertexTerm:
 
     free: tuple[str, ...] = ("pose", "trans")
 
-    def on(self, faces: Index) -> "VertexTerm":
-        """The same term on another mesh, with faces (F, 3)."""
-        return self
-
     def residual(
         self, points: Points, observed: Block, confidence: Block, sigma: float
     ) -> Residual:
@@ -69,10 +65,6 @@ class EdgeTerm:
 
     faces: Index
     free: tuple[str, ...] = ("pose",)
-
-    def on(self, faces: Index) -> "EdgeTerm":
-        """The same term on another mesh, with faces (F, 3)."""
-        return EdgeTerm(faces, self.free)
 
     @cached_property
     def pairs(self) -> Index:
@@ -118,17 +110,6 @@ def body_of_subjects(estimate: Estimate, faces: Index) -> SkinnedBody:
     )
 
 
-@dataclass(frozen=True)
-class ShapePrior:
-    """A prior that makes betas free as well.
-
-    Attributes:
-        sigma: in standard deviations of the population, from zero.
-    """
-
-    sigma: float = 1.0
-
-
 @dataclass(frozen=True, eq=False)
 class Fits:
     """A body fitted to M meshes.
@@ -157,8 +138,9 @@ class PoseFit:
         n_vertices: N.
         data_term: what of a mesh is compared.
         sigma: the standard deviation of the data term, in metres.
-        steps: the largest number of steps of Levenberg and Marquardt for a mesh.
-        shapes: the prior on betas; None holds them at given values.
+        steps: the largest number of Levenberg-Marquardt steps for a mesh.
+        shape_sigma: of the prior on betas, in standard deviations of the population; None holds
+            them at given values.
         tolerance: on the gradient, see `LevenbergMarquardt`.
     """
 
@@ -167,7 +149,7 @@ class PoseFit:
     data_term: DataTerm
     sigma: float
     steps: int
-    shapes: ShapePrior | None = None
+    shape_sigma: float | None = None
     tolerance: float = TOLERANCE
 
     @cached_property
@@ -184,8 +166,8 @@ class PoseFit:
         points = self.body.points(*symbols, vertices=range(self.n_vertices))
         residuals = [self.data_term.residual(points, observed, confidence, self.sigma)]
         free = self.data_term.free
-        if self.shapes is not None:
-            residuals.append(gaussian(symbols[1], covariance=self.shapes.sigma**2))
+        if self.shape_sigma is not None:
+            residuals.append(gaussian(symbols[1], covariance=self.shape_sigma**2))
             free = (*free, "betas")
         return Problem(residuals, free, blocks=self._blocks)
 

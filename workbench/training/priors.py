@@ -1,4 +1,11 @@
-"""P"""
+"""Priors that scans need and meshes do not: E_pose on poses, and E_T on the edges of templates.
+
+Scans show where a surface is, and hardly how it slides within itself. A prior that holds every
+vertex for itself lets templates slide: a vertex that moved along the surface costs the same
+whether or not its neighbours came along. A prior on edges makes displacements smooth. A smooth
+field is determined by its normal component on surfaces of many directions, such as the front, the
+back and the sides of an arm, so that most of the tangential component follows from it.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property

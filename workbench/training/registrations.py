@@ -179,22 +179,18 @@ def rows_of_jobs(count: int, size: int) -> list[slice]:
     return [slice(first, min(first + size, count)) for first in range(0, count, size)]
 
 
-def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
-    """The items for the first thread and those for the second.
+def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
+    """The results of a function for each half of the items, on two threads where there are any.
 
     Each thread adds up its half in order, and the two sums are added at the end, so that the result
     does not depend on which thread is faster. A single item is not divided.
     """
     middle = len(items) // 2
-    return [items[:middle], items[middle:]] if middle else [items]
-
-
-def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
-    """The results of a function for each half of the items, on two threads where there are any."""
+    halves = [items[:middle], items[middle:]] if middle else [items]
     if in_browser():
-        return [work(half) for half in halves(items)]
+        return [work(half) for half in halves]
     with ThreadPoolExecutor() as threads:
-        return list(threads.map(work, halves(items)))
+        return list(threads.map(work, halves))
 
 
 def _joined(read: Iterator[Batch]) -> Batch:

@@ -16,7 +16,7 @@ from workbench.geometry.solids import volume
 from workbench.training.execution import SERIAL, Execution, NotLowered
 from workbench.training.first_guess import FIRST_SIGMA, Start
 from workbench.training.pose_training import KKT, PoseModel
-from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, ShapePrior, poses_of_segments
+from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, poses_of_segments
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 from workbench.training.shares import JointRegressor, fit_joint_regressor
 from workbench.training.subsampling import subsample
@@ -128,17 +128,17 @@ def unposing_jobs(
 
 
 def unposed_people(
-    body: SkinnedBody, prior: ShapePrior | None, job: UnposingJob
+    body: SkinnedBody, shape_sigma: float | None, job: UnposingJob
 ) -> tuple[Array, Array]:
     """The poses (c, K, 3) rad of people, and the people at rest (c, N, 3) m.
 
-    The poses are fitted, and the betas too if a `prior` is given. If no pose is known, the segments
-    are turned first. Vertices that were not scanned are taken from the body.
+    The poses are fitted, and the betas too if a sigma of their prior is given. If no pose is known,
+    the segments are turned first. Vertices that were not scanned are taken from the body.
     """
     batch, starts = job
     few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, prior)
+    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, shape_sigma)
     poses, people = [], []
     for i, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]
@@ -174,11 +174,11 @@ def learn_shapes(
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
     space: ShapeSpace | None = None
     for number in range(rounds):
-        shaped, shapes = body, None
+        shaped, shape_sigma = body, None
         if space is not None:
             shaped = replace(body, template=space.template, shapedirs=space.shapedirs)
-            shapes = ShapePrior()
-        work = partial(unposed_people, shaped, shapes)
+            shape_sigma = 1.0
+        work = partial(unposed_people, shaped, shape_sigma)
         jobs = unposing_jobs(registrations, poses if number else None)
         done = 0
         for own_poses, own_people in execution.executor(work, jobs):

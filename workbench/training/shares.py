@@ -1,4 +1,10 @@
-"""S"""
+"""Least squares over shares, numbers that are not negative and sum to one; the joint regressor.
+
+An active-set method that ends at the exact solution (Nocedal and Wright, Numerical Optimization,
+2nd ed., algorithm 16.3). It solves the Lagrange equations for the shares above zero. A share that
+would become negative is fixed at zero; of the shares at zero, the one that lowers the cost most is
+freed. Every change lowers the cost, so that no active set occurs twice.
+"""
 
 from dataclasses import dataclass
 

@@ -300,13 +300,6 @@ def factor_names(tissue: SoftTissue) -> tuple[str, ...]:
     return (*before, *input_names(tissue.joint_names, n_parts, tissue.n_betas))
 
 
-def still_inputs(one: OneStep, tissue: SoftTissue) -> tuple[str, ...]:
-    """The inputs that no clip moved: any factor explains them, and training leaves it at zero."""
-    size = np.sqrt((one.regressors**2).mean(axis=0))
-    names = factor_names(tissue)
-    return tuple(names[i] for i in np.flatnonzero(size <= NOTHING * size.max()))
-
-
 def _scaled(one: OneStep) -> Array:
     """The regressors, each divided by its root mean square; those that never move are zero."""
     sizes = np.sqrt((one.regressors**2).mean(axis=0))

@@ -22,7 +22,6 @@ from workbench.training.soft_tissue import (
     score_tissue,
     soft_parts,
     stabilized,
-    still_inputs,
     train_tissue,
 )
 
@@ -132,9 +131,6 @@ def test_rank_tells_which_inputs_moved(clips: list[TissueClip]) -> None:
         held.append(replace(clip, motion=replace(clip.motion, pose=pose)))
     tissue = train_tissue(SMALL, held, replace(PLAN, components=3, parts=2))
     one = one_step_of(tissue, SMALL, held)
-    assert set(still_inputs(one, tissue)) == {
-        f"{what} of left_hand, {axis}" for what in ("velocity", "acceleration") for axis in "xyz"
-    }
     problem = one_step_problem(one, tissue)
     line = problem.linearize(one_step_start(tissue))
     # the root's own velocity and acceleration may follow from others; the six do not

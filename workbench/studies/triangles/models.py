@@ -91,7 +91,7 @@ def train_models(
 ) -> TrainedModels:
     """Train SMPL by the training pipeline, and the others from where it ended by their own blocks.
 
-    SCAPE and BlendSCAPE compare vertices, as SMPL does, not edges (see CentredVertices).
+    SCAPE and BlendSCAPE compare vertices about their mean, as SMPL does.
     """
     report("choosing how freely SMPL's blend shapes follow the pose")
     start = data.start

@@ -14,6 +14,23 @@ bones    with the weights held, one bone after another is what the others leave 
          w_ik (R_k p_i + t_k). The best translation takes p* = sum w^2 p / sum w^2 to
          q* = sum w q / sum w^2, and the best rotation is the one nearest to
          M = sum_i w_ik q_i (p_i - p*)'.
+
+Where several bones share much of a surface, as in a chest, a change of the weights pays only with a
+change of the bones, and alternation creeps: thousands of turns lower the cost by a little each. A
+Levenberg-Marquardt step (`together`) changes both at once. With c as all residuals of one frame, J
+its derivatives by the turns and shifts of the K bones, and A those by the weights, it solves
+
+    [ J'J  J'A ] [ d_bones   ]     [ J'c ]
+    [ A'J  A'A ] [ d_weights ] = - [ A'c ]     summed over the frames, with a damped diagonal.
+
+Each frame has bones of its own, so that these are eliminated frame by frame: with J'J = L L' and
+X = L^-1 J'A, what is left for the weights is (A'A - X'X) d_weights = - (A'c - X' L^-1 J'c), summed
+over the frames. (Golub and Pereyra, Inverse Problems 19(2), 2003, tell of such eliminations.) Only
+weights above zero are unknowns; the largest of each vertex is one minus the others. A turn of the
+alternation after each step lets a weight leave zero, and makes all of them shares again.
+
+A vertex that has four weights of the wrong bones holds them where they are. So each vertex first
+has up to seven weights, and the largest four are kept afterwards (`refined_at_once`).
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,10 @@
-"""A body from meshes in motion: bones, weights, joints and a tree that nobody gave."""
+"""A body from meshes in motion: bones, weights, joints and a tree that nobody gave.
+
+A tree takes away what bones by themselves are free to do: the translations follow from the joints
+and the rotations. What is left are the unknowns of training without blend shapes, one subject
+being in all meshes, and the blocks of training find them (`Refinement`): Gauss-Newton steps in all
+names, and in turn with them the weights of each vertex, exactly, which lets a weight leave zero.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

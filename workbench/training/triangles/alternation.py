@@ -26,15 +26,12 @@ from workbench.training.poses import (
     EdgeTerm,
     Fits,
     PoseFit,
-    ShapePrior,
     VertexTerm,
     poses_of_segments,
 )
 from workbench.training.registrations import InMemory, training_and_held_out
 from workbench.training.training import Trained
 from workbench.training.triangles.learning import (
-    CentredVertices,
-    LeastSquares,
     Lsqr,
     PosedMeshes,
     learn_bends,
@@ -58,7 +55,7 @@ def fit_held_out(body: AnyBody, first: SkinnedBody, meshes: Array) -> Fits:
     N = body.n_vertices
     by_edges = PoseFit(body, N, EdgeTerm(first.faces), FIRST_SIGMA, FIRST_STEPS)
     near = by_edges.fits(turned, meshes).poses
-    return PoseFit(body, N, VertexTerm(), SIGMA, STEPS, ShapePrior()).fits(near, meshes)
+    return PoseFit(body, N, VertexTerm(), SIGMA, STEPS, 1.0).fits(near, meshes)
 
 
 SMOOTHNESS = 1e-6  # m^2, E_D
@@ -79,8 +76,8 @@ class TriangleOptions:
 
     rounds: int = 2
     ridges: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5)
-    bends: LeastSquares = ROUGH
-    persons: LeastSquares = FINE
+    bends: Lsqr = ROUGH
+    persons: Lsqr = FINE
 
 
 QUICK = TriangleOptions()
@@ -145,34 +142,26 @@ def shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -> Tria
     roughly = _with_shapes(estimate, standing, n_betas)
     body = roughly.body
     term = EdgeTerm(body.faces)
-    fit = PoseFit(body, body.n_vertices, term, FIRST_SIGMA, POSE_STEPS, ShapePrior())
+    fit = PoseFit(body, body.n_vertices, term, FIRST_SIGMA, POSE_STEPS, 1.0)
     poses = fit.fits(estimate.standing, standing.vertices).poses
     return _with_shapes(replace(roughly, standing=poses), standing, n_betas)
 
 
-def bends(
-    estimate: TriangleEstimate, posed: InMemory, ridge: float, by: LeastSquares
-) -> TriangleEstimate:
+def bends(estimate: TriangleEstimate, posed: InMemory, ridge: float, by: Lsqr) -> TriangleEstimate:
     """Learn posedirs, all else being held."""
     meshes = PosedMeshes(posed.vertices, estimate.poses, posed.subject)
     each = np.eye(len(estimate.D))
-    learned = learn_bends(
-        estimate.subjects, meshes, each, ridge=ridge, by=by, measure=CentredVertices
-    )
+    learned = learn_bends(estimate.subjects, meshes, each, ridge=ridge, by=by)
     return replace(estimate, body=replace(estimate.body, posedirs=learned.posedirs))
 
 
-def persons(estimate: TriangleEstimate, posed: InMemory, by: LeastSquares) -> TriangleEstimate:
+def persons(estimate: TriangleEstimate, posed: InMemory, by: Lsqr) -> TriangleEstimate:
     """Learn each subject's D from all registrations of the subject."""
     D = []
     for i in range(len(estimate.D)):
         own = np.flatnonzero(posed.subject == i)
         meshes = PosedMeshes(posed.vertices[own], estimate.poses[own], posed.subject[own])
-        D.append(
-            learn_person(
-                estimate.body, meshes, smoothness=SMOOTHNESS, by=by, measure=CentredVertices
-            )
-        )
+        D.append(learn_person(estimate.body, meshes, smoothness=SMOOTHNESS, by=by))
     return replace(estimate, D=np.stack(D))
 
 

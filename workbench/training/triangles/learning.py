@@ -1,8 +1,17 @@
-"""Learning the three factors of X_f = B_f D_f Q_f from meshes in known poses."""
+"""Learning the three factors of X_f = B_f D_f Q_f from meshes in known poses.
 
-from collections.abc import Callable
+Fitting X_f to each triangle of a mesh alone would be wrong: the triangles that a model predicts
+do not fit together exactly, and a mesh shows them only after stitching. The unknown C_f (3, q) of
+
+    minimise  sum over meshes |S(L_f C_f h_fi) - S(r_fi)|^2
+              + smoothness sum over neighbours |C_f - C_g|^2 + ridge sum |C_f|^2
+
+are therefore found for all triangles at once, because stitching couples each with every other. LSQR
+(Paige and Saunders 1982) never forms a matrix, and can be used for whole people. S is linear: the
+vertices of the stitched mesh about their mean.
+"""
+
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import scipy.linalg
@@ -18,13 +27,6 @@ from workbench.geometry.triangles import Stitching, edges, gradient_derivatives
 
 class NotConverged(WorkbenchError):
     """The least squares were stopped before they reached their tolerance."""
-
-
-class LeastSquares(Protocol):
-    """A way to minimise |A x - b|^2; where that leaves x open, the shortest."""
-
-    def solve(self, A: LinearOperator, b: Array) -> Array:
-        """The x (n,) that minimises |A x - b|^2, for A (m, n) and b (m,)."""
 
 
 @dataclass(frozen=True)
@@ -50,47 +52,6 @@ class Lsqr:
 LSQR = Lsqr()
 
 
-class Measure(Protocol):
-    """What is compared of a stitched mesh, as a linear function of the given edges (2 F, k)."""
-
-    def observed(self, edges: Array) -> Array:
-        """The quantities that are compared, (rows, k) m."""
-
-    def adjoint(self, pull: Array) -> Array:
-        """The gradient (2 F, k) of sum(pull * observed(edges)) by the edges."""
-
-
-@dataclass(frozen=True, eq=False)
-class ClosedEdges:
-    """The edges of the stitched mesh: Pi = A (A'A)^-1 A', an orthogonal projection."""
-
-    stitching: Stitching
-
-    def observed(self, edges: Array) -> Array:
-        """The edges of the stitched mesh, (2 F, k) m."""
-        return np.asarray(self.stitching.A @ self.stitching.solve(self.stitching.A.T @ edges))
-
-    def adjoint(self, pull: Array) -> Array:
-        """The adjoint of Pi, which is Pi itself."""
-        return self.observed(pull)
-
-
-@dataclass(frozen=True, eq=False)
-class CentredVertices:
-    """The vertices of the stitched mesh about their mean."""
-
-    stitching: Stitching
-
-    def observed(self, edges: Array) -> Array:
-        """The centred vertices, (N, k) m."""
-        V = self.stitching.solve(self.stitching.A.T @ edges)
-        return np.asarray(V - V.mean(axis=0))
-
-    def adjoint(self, pull: Array) -> Array:
-        """The gradient (2 F, k) by the edges, see `Measure`."""
-        return np.asarray(self.stitching.A @ self.stitching.solve(pull - pull.mean(axis=0)))
-
-
 @dataclass(frozen=True, eq=False)
 class StitchedFit:
     """The least-squares problem of M meshes, whose C_f are unknown.
@@ -100,16 +61,14 @@ class StitchedFit:
         left: (F, M, 3, 3) L.
         features: (F, 2, M, q) h.
         wanted: (F, 2, M, 3) r in metres, the edges of the meshes minus the known part.
-        measure: what of the stitched mesh is compared.
     """
 
     stitching: Stitching
     left: Array
     features: Array
     wanted: Array
-    measure: Callable[[Stitching], Measure] = ClosedEdges
 
-    def solve(self, ridge: float = 0.0, smoothness: float = 0.0, by: LeastSquares = LSQR) -> Array:
+    def solve(self, ridge: float = 0.0, smoothness: float = 0.0, by: Lsqr = LSQR) -> Array:
         """C (F, 3, q); `ridge` and `smoothness` are in m^2 per squared unit of C."""
         F, _, M, q = self.features.shape
         h = self.features.reshape(F, 2 * M, q)
@@ -120,8 +79,7 @@ class StitchedFit:
         U = np.linalg.inv(np.linalg.cholesky(gram + tiny * np.where(size > 0, size, 1.0)))
         white = h @ U.transpose(0, 2, 1)
         tied = neighbour_differences(self.stitching.faces)[: None if smoothness else 0]
-        measure = self.measure(self.stitching)
-        target = measure.observed(self.wanted.reshape(2 * F, 3 * M))
+        target = self.stitched(self.wanted.reshape(2 * F, 3 * M))
         compared, held = target.size, 3 * q * F if ridge else 0
         rows = compared + held + 3 * q * tied.shape[0]
 
@@ -129,7 +87,7 @@ class StitchedFit:
             X = x.reshape(F, 3, q)
             C = (X @ U).reshape(F, 3 * q)
             parts = [
-                measure.observed(self._edges(X, white)),
+                self.stitched(self._edges(X, white)),
                 np.sqrt(ridge) * C[: F if ridge else 0],
                 np.sqrt(smoothness) * (tied @ C),
             ]
@@ -141,12 +99,22 @@ class StitchedFit:
             if ridge:
                 by_C += np.sqrt(ridge) * on_C.reshape(F, 3 * q)
             by_C = by_C.reshape(F, 3, q) @ U.transpose(0, 2, 1)
-            on_edges = measure.adjoint(on_edges.reshape(target.shape))
+            on_edges = self.stitched_adjoint(on_edges.reshape(target.shape))
             return np.asarray(self._back(on_edges, white) + by_C).ravel()
 
         operator = LinearOperator((rows, 3 * q * F), matvec=forth, rmatvec=back, dtype=np.float64)
         right = np.concatenate([target.ravel(), np.zeros(rows - compared)])
         return by.solve(operator, right).reshape(F, 3, q) @ U
+
+    def stitched(self, edges: Array) -> Array:
+        """The vertices (N, k) m about their mean that given edges (2 F, k) m are stitched to."""
+        V = self.stitching.solve(self.stitching.A.T @ edges)
+        return np.asarray(V - V.mean(axis=0))
+
+    def stitched_adjoint(self, cotangent: Array) -> Array:
+        """The gradient (2 F, k) of sum(cotangent * stitched(edges)) by the edges."""
+        centred = cotangent - cotangent.mean(axis=0)
+        return np.asarray(self.stitching.A @ self.stitching.solve(centred))
 
     def _edges(self, X: Array, white: Array) -> Array:
         moved = (white @ X.transpose(0, 2, 1)).reshape(self.wanted.shape)
@@ -206,8 +174,7 @@ def learn_bends(
     betas: Array,
     *,
     ridge: float,
-    by: LeastSquares = LSQR,
-    measure: Callable[[Stitching], Measure] = ClosedEdges,
+    by: Lsqr = LSQR,
 ) -> TriangleBody:
     """The body with the posedirs that fit the meshes best; everything else is held.
 
@@ -226,7 +193,7 @@ def learn_bends(
     F, M, T = twists.shape
     features = np.einsum("fiu,fmt->fimut", flat, twists).reshape(F, 2, M, 2 * T)
     known = np.einsum("fmac,fic->fima", left, body.arithmetic.packed.edges)
-    fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known), measure)
+    fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known))
     C = fit.solve(ridge, by=by).reshape(F, 3, 2, T)
     return replace(body, posedirs=np.einsum("faut,fcu->fact", C, in_plane))
 
@@ -237,8 +204,7 @@ def learn_person(
     *,
     smoothness: float,
     ridge: float = 0.0,
-    by: LeastSquares = LSQR,
-    measure: Callable[[Stitching], Measure] = ClosedEdges,
+    by: Lsqr = LSQR,
 ) -> Array:
     """D_f (F, 3, 3) of one person from posed meshes alone, with the Q of the body.
 
@@ -249,7 +215,7 @@ def learn_person(
     left = np.stack([at.B for at in here], axis=1)
     bent = np.stack([at.bent for at in here], axis=2)  # (F, 2, M, 3)
     known = np.einsum("fmac,fimc->fima", left, bent)
-    fit = StitchedFit(body.stitching, left, bent, _missing(body, posed, known), measure)
+    fit = StitchedFit(body.stitching, left, bent, _missing(body, posed, known))
     return np.eye(3) + fit.solve(ridge, smoothness, by)
 
 
