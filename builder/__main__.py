@@ -15,11 +15,10 @@ from scipy.sparse import csr_array
 from builder.bodies import Builder
 from builder.fine_weights import write_fine_weights
 from builder.held_out import PEOPLE, SEED, write_held_out_people
+from builder.population import gather_sources
 from builder.sets import SetRecipe
-from builder.torch_file import read_tensors
+from builder.wheel import Wheel, read_tensors
 from workbench.priors.mocap import read_mocap
-from workbench.synthetic.population import gather_sources
-from workbench.synthetic.wheel import Wheel
 
 
 def main() -> None:

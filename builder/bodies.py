@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from builder.base_mesh import read_topology
 from builder.card import TrainedOn, card_of
 from builder.packing import BuiltBody, write_body
+from builder.population import SEARCH_RADIUS, Sources
 from builder.regressors import regress
 from builder.rigs import BODY
 from builder.sets import ABOUT, SetRecipe, make_sets, recipe_text
@@ -28,8 +30,6 @@ from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.unposing import unpose
 from workbench.errors import BadFile
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
-from workbench.synthetic.population import SEARCH_RADIUS, Sources
-from workbench.synthetic.topology import read_topology
 from workbench.threads import limited_threads
 from workbench.training.blocks import REACH, alternation
 from workbench.training.checkpoint import fingerprint

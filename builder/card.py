@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder import wheel
+from builder.base_mesh import FILES
 from builder.packing import BuiltBody
+from builder.population import Population, Sources
 from builder.sets import SetRecipe
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.synthetic import wheel
-from workbench.synthetic.population import Population, Sources
-from workbench.synthetic.topology import FILES
 from workbench.training.blocks import REACH
 from workbench.training.pose_training import PoseModel
 

@@ -6,10 +6,10 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder.base_mesh import Topology
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.geometry.solids import mesh_edges
-from workbench.synthetic.topology import Topology
 
 UPRIGHT = 0.2  # cosine: a triangle that turns farther is not allowed
 

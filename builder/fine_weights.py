@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from builder.base_mesh import read_base_mesh, read_rig, read_topology
 from builder.packing import write_arrays
-from workbench.synthetic.base_mesh import read_base_mesh
-from workbench.synthetic.fine_weights import BODIES, FILE_NAME, SHARES
-from workbench.synthetic.rig import read_rig
-from workbench.synthetic.topology import read_topology
-from workbench.synthetic.wheel import Wheel
+from builder.wheel import Wheel
+from workbench.synthetic.teacher import BODIES, FILE_NAME, SHARES
 
 
 def write_fine_weights(wheel: Wheel, folder: Path) -> Path:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.base_mesh import read_topology
 from builder.packing import write_arrays
-from workbench.synthetic.fine_weights import BODIES
-from workbench.synthetic.population import Sources
-from workbench.synthetic.topology import read_topology
+from builder.population import Sources
+from workbench.synthetic.teacher import BODIES
 
 PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, Index
 from workbench.geometry.mirror import opposites
-from workbench.synthetic.fine_weights import SHARES
-from workbench.synthetic.skeleton import JOINT_NAMES, MIRRORED_JOINTS, PARENTS
+from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS, PARENTS, SHARES
 from workbench.writing import replacing
 
 SHAPE_STEP = 5e-6  # m

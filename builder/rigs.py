@@ -9,8 +9,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
-from workbench.synthetic.teacher import Teacher
+from workbench.synthetic.teacher import JOINT_NAMES, PARENTS, Teacher
 
 
 class Posable(Protocol):

@@ -19,20 +19,20 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder.base_mesh import FILES, Topology, read_topology
 from builder.collapsing import collapsed
+from builder.population import JITTER, Report, Sources, gather_sources
 from builder.regressors import regress
 from builder.rigs import BODY, Rig
+from builder.wheel import Wheel
 from workbench.arrays import Array, Index, Mask
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE
-from workbench.synthetic.population import JITTER, Report, Sources, gather_sources
-from workbench.synthetic.rig import at_most_four
-from workbench.synthetic.topology import FILES, Topology, read_topology
-from workbench.synthetic.wheel import Wheel
-from workbench.training.evaluation import CARD, GroundTruth
+from workbench.synthetic.teacher import at_most_four
+from workbench.training.evaluation import AT_REST, CARD, GroundTruth
 from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
-from workbench.writing import replacing
+from workbench.writing import replacing, write_arrays
 
 ABOUT = __doc__
 COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
@@ -160,6 +160,8 @@ def write_sets(
     last = [("poses", names), ("shapes", [*range(len(subjects.female), len(everyone.female))])]
     _table(folder / "held_out", last, everyone)
     of_held_out.save(folder / "held_out")
+    at_rest = {"train": subjects.rest[: recipe.people], "held_out": newcomers.rest}
+    write_arrays(folder / AT_REST, {k: v.astype(np.float32) for k, v in at_rest.items()})
     start = _start(subjects, recipe.people, faces)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")

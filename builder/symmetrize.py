@@ -6,13 +6,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.local_blends import local_posedirs
+from builder.population import SEARCH_RADIUS
 from builder.regressors import regress
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.population import SEARCH_RADIUS
-from workbench.synthetic.rig import at_most_four
+from workbench.synthetic.teacher import at_most_four
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
 from workbench.training.pose_training import PoseModel

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder.base_mesh import N_BODY, BaseMesh
 from builder.collapsing import collapsed_part
+from builder.wheel import Wheel
 from workbench.arrays import Array, Index
 from workbench.bodies.files.joint_names import FINGERS, joint_names
-from workbench.synthetic.base_mesh import N_BODY, BaseMesh
-from workbench.synthetic.wheel import Wheel
 from workbench.training.shares import at_most
 
 JOINT_NAMES = joint_names(16)

@@ -4,12 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.base_mesh import BaseMesh
 from builder.hands.anatomy import HandMesh
 from builder.hands.rest import to_flat
+from builder.population import Person, Report, ShapeTargets, draw_person
 from workbench.arrays import Array, Mask
-from workbench.synthetic.base_mesh import BaseMesh
-from workbench.synthetic.population import Report, draw_person
-from workbench.synthetic.shape_targets import Person, ShapeTargets
 
 SPREAD = 0.3  # of the local changes of hands and arms, which every person has
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from builder.hands.anatomy import JOINT_NAMES
 from builder.hands.rest import INDEX, MIDDLE, PINKY, RING, THUMB
+from builder.population import direction
 from workbench.arrays import Array
 from workbench.bodies.files.joint_names import FINGERS
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-from workbench.synthetic.population import direction
 
 DIP = 2 / 3  # of the flexion of the joint before it
 SHARES = (0.60, 0.21)  # of the variance of the fifteen angles; a rest of 19 % is left

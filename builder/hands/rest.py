@@ -3,9 +3,9 @@
 import numpy as np
 
 from builder.hands.anatomy import PARENTS
+from builder.population import FRONT, RestPose, X, direction, frame, smallest_rotation, unskin
 from workbench.arrays import Array
-from workbench.synthetic.population import FRONT, RestPose, X, direction, frame, smallest_rotation
-from workbench.synthetic.skeleton import joint_positions, offsets, unskin
+from workbench.synthetic.teacher import joint_positions, offsets
 
 INDEX, MIDDLE, PINKY, RING, THUMB = 1, 4, 7, 10, 13  # the first joint of each finger
 

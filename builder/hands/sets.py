@@ -6,20 +6,18 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder.base_mesh import read_base_mesh
 from builder.hands.anatomy import JOINT_NAMES, PARENTS, HandMesh, read_hand
 from builder.hands.people import Hands, draw_hands
 from builder.hands.poses import HandPoses
+from builder.population import Report, read_shape_targets
 from builder.regressors import regress
 from builder.rigs import Rig
 from builder.sets import SetRecipe, Subjects, write_sets
+from builder.wheel import Wheel
 from workbench.arrays import Array
 from workbench.bodies.forward.posing import Posing
-from workbench.synthetic.base_mesh import read_base_mesh
-from workbench.synthetic.population import Report
-from workbench.synthetic.shape_targets import read_shape_targets
-from workbench.synthetic.skeleton import joint_positions, offsets
-from workbench.synthetic.teacher import dual_quaternion_skinned
-from workbench.synthetic.wheel import Wheel
+from workbench.synthetic.teacher import dual_quaternion_skinned, joint_positions, offsets
 
 ABOUT = (
     "Synthetic hands: people from the artists' open shape targets, poses from a distribution that "

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder import wheel as published
+from builder.base_mesh import read_base_mesh
 from builder.bodies import already_made, unposed
 from builder.card import LICENCE
 from builder.hands.anatomy import HandMesh, read_hand
@@ -27,13 +29,11 @@ from builder.priced_blends import (
 )
 from builder.regressors import regress
 from builder.sets import SetRecipe
+from builder.wheel import Wheel
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.landmarks import Landmarks
-from workbench.synthetic import wheel as published
-from workbench.synthetic.base_mesh import read_base_mesh
-from workbench.synthetic.wheel import Wheel
 from workbench.threads import limited_threads
 from workbench.training.blocks import alternation
 from workbench.training.evaluation import held_out_errors, read_ground_truth, shapes_explained

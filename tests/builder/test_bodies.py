@@ -4,19 +4,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from builder.base_mesh import DISTAL_HALVES, _triangulated, carrier
 from builder.mirrored_poses import mirrored_pose
+from builder.population import Person, ShapeTargets, to_t_pose
 from builder.regressors import regress
 from builder.symmetrize import regression_errors
+from builder.wheel import parse_obj
 from tests.synthetic.test_teacher import skinned
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.geometry.mirror import REFLECTION, Mirror
-from workbench.synthetic.population import to_t_pose
-from workbench.synthetic.rig import at_most_four, carrier
-from workbench.synthetic.shape_targets import Person, ShapeTargets
-from workbench.synthetic.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
-from workbench.synthetic.topology import _triangulated
-from workbench.synthetic.wheel import parse_obj
+from workbench.synthetic.teacher import (
+    HALF_OF,
+    JOINT,
+    JOINT_NAMES,
+    MIRRORED_JOINTS,
+    PARENTS,
+    at_most_four,
+)
 from workbench.training.blend_shapes import Sums, solve_ridge
 from workbench.training.shape_training import learn_shape_space
 
@@ -55,6 +60,10 @@ def _arms_down() -> Array:
     pose[JOINT["left_elbow"]], pose[JOINT["right_elbow"]] = (0, -0.3, 0), (0, 0.3, 0)
     matrices: Array = Rotation.from_rotvec(pose).as_matrix()
     return matrices
+
+
+def test_halves_of_limbs_are_those_of_the_rig() -> None:
+    assert [carrier(f"{half}{side}") for half in DISTAL_HALVES for side in (".L", ".R")] == HALF_OF
 
 
 def test_limbs_of_the_t_pose_are_straight(small) -> None:  # type: ignore[no-untyped-def]

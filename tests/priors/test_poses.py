@@ -23,7 +23,7 @@ from workbench.priors.poses import (
     shipped_gaussian,
 )
 from workbench.priors.tailed_poses import shipped_student
-from workbench.synthetic.skeleton import JOINT_NAMES, MIRRORED_JOINTS
+from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 

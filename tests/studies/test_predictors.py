@@ -27,7 +27,7 @@ from workbench.studies.blend_shapes.study import PredictorPlan
 from workbench.studies.blend_shapes.training_data import (
     feature_matrix,
 )
-from workbench.synthetic.fine_weights import teacher_of
+from workbench.synthetic.teacher import teacher_of
 from workbench.training.blend_shapes import Sums, solve_ridge
 
 

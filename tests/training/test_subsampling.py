@@ -9,11 +9,11 @@ import trimesh
 from scipy.sparse import csr_array, eye_array
 
 import workbench as wb
+from builder.base_mesh import Topology
 from builder.collapsing import collapsed
 from workbench.errors import BadArgument
 from workbench.geometry.mirror import find_mirror
 from workbench.geometry.solids import mesh_edges
-from workbench.synthetic.topology import Topology
 from workbench.training.blend_shapes import MaskedCholesky, local_features
 from workbench.training.blocks import QUICK, BlockInput, BlockOptions, Plan, Stage, fit_poses
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass

@@ -42,6 +42,7 @@ from workbench.writing import write_arrays
 
 FILE = "truth.npz"
 CARD = "made.json"  # beside it: how the registrations were made
+AT_REST = "people.npz"  # above both sets: everybody at rest, `train` and `held_out` (P, N, 3) m
 EXPECTED = {
     "rest": reals("S", "N", 3),
     "joints": reals("S", "K", 3),

@@ -12,7 +12,7 @@ from workbench.motions import Motion, SoftTissue
 from workbench.motions.soft_tissue import companion
 from workbench.motions.tissue_inputs import input_names
 from workbench.synthetic import simulate_tissue
-from workbench.synthetic.motions_made_up import made_up_motion
+from workbench.synthetic.made_up import made_up_motion
 from workbench.training.soft_tissue import (
     TissueClip,
     TissuePlan,

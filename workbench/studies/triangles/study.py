@@ -39,7 +39,7 @@ from workbench.studies.triangles.people import (
     People,
     TriangleData,
     TrianglePlan,
-    draw_people,
+    read_people,
     register,
 )
 from workbench.training.blend_shapes import Selection
@@ -138,13 +138,13 @@ class TriangleStudy:
 
 
 def triangle_study(
-    plan: TrianglePlan, wheel: Path, mocap: Path | None, report: Report
+    plan: TrianglePlan, folder: Path, mocap: Path | None, report: Report
 ) -> TriangleStudy:
-    """Draw people, train the models, and measure them.
+    """Read people, train the models, and measure them.
 
     Without a recording they are tested on further draws of the pose prior.
     """
-    people = draw_people(plan, wheel, load_skinned(plan.body), report)
+    people = read_people(plan, folder, load_skinned(plan.body))
     return compare_models(plan, register(plan, people, mocap), report, TrainingOptions())
 
 
