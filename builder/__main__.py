@@ -13,10 +13,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.bodies import Builder
-from builder.fine_weights import write_fine_weights
-from builder.held_out import PEOPLE, SEED, write_held_out_people
 from builder.population import gather_sources
 from builder.sets import SetRecipe
+from builder.stored import PEOPLE, SEED, write_fine_weights, write_held_out_people
 from builder.wheel import Wheel, read_tensors
 from workbench.priors.mocap import read_mocap
 

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 import workbench as wb
-from builder.site.inventory import FRONT_DOOR, Entry, resolve
+from builder.site.reference import FRONT_DOOR, Entry, resolve
 from workbench.cli.app import app
 
 FILE = Path(__file__).parents[1] / "COMMANDS.md"

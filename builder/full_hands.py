@@ -14,8 +14,8 @@ import numpy as np
 
 import workbench as wb
 from builder.base_mesh import N_BODY, read_base_mesh, read_topology
-from builder.hands.anatomy import read_hand
-from builder.packing import write_arrays
+from builder.hands.mesh import read_hand
+from builder.stored import write_arrays
 from builder.wheel import Wheel
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody

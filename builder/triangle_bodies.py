@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.packing import in_steps, write_arrays
+from builder.stored import in_steps, write_arrays
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import SYNTHETIC, UNTRAINED

@@ -7,10 +7,8 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from builder.base_mesh import read_base_mesh
-from builder.hands.anatomy import PARENTS, read_hand
-from builder.hands.people import draw_hands
-from builder.hands.poses import HandPoses
-from builder.hands.sets import HandTeacher
+from builder.hands.mesh import PARENTS, read_hand
+from builder.hands.sets import HandPoses, HandTeacher, draw_hands
 from builder.population import read_shape_targets
 from builder.wheel import Wheel
 from workbench.arrays import Array

@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from builder.base_mesh import DISTAL_HALVES, _triangulated, carrier
-from builder.mirrored_poses import mirrored_pose
+from builder.bodies import regression_errors
 from builder.population import Person, ShapeTargets, to_t_pose
-from builder.regressors import regress
-from builder.symmetrize import regression_errors
+from builder.pose_priors import mirrored_pose
+from builder.sets import regress
 from builder.wheel import parse_obj
 from tests.synthetic.test_teacher import skinned
 from workbench.arrays import Array

@@ -6,11 +6,9 @@ from scipy.sparse import csr_array
 
 from builder.collapsing import collapsed_part
 from builder.full_hands import held_fingers
-from builder.hands.anatomy import JOINT_NAMES
-from builder.hands.poses import ANGLES, DIP, HandPoses, draw_angles
-from builder.hands.rest import to_flat
-from builder.hands.sets import HandTeacher
-from builder.priced_blends import far_share, solved
+from builder.hands.mesh import JOINT_NAMES, to_flat
+from builder.hands.sets import ANGLES, DIP, HandPoses, HandTeacher, draw_angles
+from builder.hands.training import far_share, solved
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.errors import BadArgument

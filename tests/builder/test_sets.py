@@ -8,9 +8,8 @@ import pytest
 from scipy.sparse import csr_array
 
 from builder import sets
-from builder.bodies import already_made
+from builder.bodies import already_made, even_body, pose_parts, regressor_from
 from builder.sets import SetRecipe, Subjects, _stack, _table
-from builder.symmetrize import even_body, pose_parts, regressor_from
 from workbench import load_body
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror, opposites

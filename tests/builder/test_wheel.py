@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import workbench
-from builder.packing import (
+from builder.stored import (
     POSE_STEP,
     SHAPE_STEP,
     SHARES,

