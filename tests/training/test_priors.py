@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.training.test_symbolic_form import BODY, ESTIMATE, OBJECTIVE, START
+from tests.training.test_symbolic import BODY, ESTIMATE, OBJECTIVE, START
 from workbench.errors import BadArgument
 from workbench.fitting import pose_prior
 from workbench.fitting.body_priors import pose_gaussian
