@@ -215,7 +215,7 @@ DISTAL_HALVES = ("upperarm02", "lowerarm02", "upperleg02", "lowerleg02")
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class MakeHumanRig:
     """Joints and skinning weights of the base mesh.
 
     Attributes:
@@ -234,7 +234,7 @@ class Rig:
         return coarse(self.fine_weights)
 
 
-def read_rig(wheel: Wheel, mesh: BaseMesh) -> Rig:
+def read_rig(wheel: Wheel, mesh: BaseMesh) -> MakeHumanRig:
     """The rig of the wheel."""
     bones = wheel.json("mpfb2/rigs/standard/rig.default.json")
     influences = wheel.json("mpfb2/rigs/standard/weights.default.json")["weights"]
@@ -246,7 +246,7 @@ def read_rig(wheel: Wheel, mesh: BaseMesh) -> Rig:
 
     places = [mean_of_heads(_bones_of(name)) for name in JOINT_NAMES[1:]]
     pelvis = _mean_of(mesh.groups["joint-pelvis"], mesh)
-    return Rig(
+    return MakeHumanRig(
         joints=csr_array(np.array([pelvis, *places])),
         knuckles=csr_array(np.array([mean_of_heads([f"finger{i}-1.L"]) for i in (2, 3, 5)])),
         fine_weights=_fine_weights(influences),

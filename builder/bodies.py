@@ -36,7 +36,7 @@ from workbench.geometry.mirror import Mirror
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
 from workbench.synthetic.teacher import at_most_four
 from workbench.threads import limited_threads
-from workbench.training.blend_shapes import Pair, Sums, local_features, ridge_learned
+from workbench.training.blend_shapes import Pair, RidgeSums, local_features, ridge_learned
 from workbench.training.blocks import REACH, alternation
 from workbench.training.checkpoint import fingerprint
 from workbench.training.estimate import Estimate, SkinningPass
@@ -127,7 +127,7 @@ def local_posedirs(
 ) -> tuple[Array, float]:
     """Posedirs (N, 3, F) m, and the ridge, which is chosen on held-out subjects."""
     learned, held_out = (
-        Sums.of(errors_at_rest(objective, estimate, rows)).with_reflections(mirror)
+        RidgeSums.of(errors_at_rest(objective, estimate, rows)).with_reflections(mirror)
         for rows in training_and_held_out(objective.registrations.subject)
     )
     support = local_features(estimate.weights, estimate.parents, REACH)
@@ -151,7 +151,7 @@ N_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class MeshResult:
     """What the other meshes take over from the first.
 
     Attributes:
@@ -165,7 +165,7 @@ class Known:
     people: Array
 
 
-class Builder:
+class BodyBuilder:
     """Trains bodies and writes them to `out`; stopped, it goes on from what is in `work`.
 
     `recorded` are held-out poses (F, 24, 3) rad of people, or None for further draws.
@@ -189,7 +189,7 @@ class Builder:
         """Print a message after the seconds since the builder began."""
         print(f"{time.perf_counter() - self.began:6.1f} s  {message}", flush=True)
 
-    def train(self, name: str, before: Known | None = None) -> Known:
+    def train(self, name: str, before: MeshResult | None = None) -> MeshResult:
         """All bodies of one mesh. Raises BadFile if `work` holds those of another recipe."""
         folder, recipe = self.work / name, SetRecipe(body=name)
         if not already_made(folder, recipe, self.recorded):
@@ -219,7 +219,7 @@ class Builder:
             for ending, gender in GENDERS.items():
                 if name != "small" or not ending:
                     self._write(f"{name}{ending}", gender, people, model, parts, poses, shapes)
-        return Known(model, parts, known)
+        return MeshResult(model, parts, known)
 
     def _poses_of(
         self, body: SkinnedBody, shapes: FolderRegistrations, parts: PoseParts, run: Path

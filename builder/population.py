@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from scipy.sparse import csr_array
 
-from builder.base_mesh import N_BODY, BaseMesh, Rig, read_base_mesh, read_rig
+from builder.base_mesh import N_BODY, BaseMesh, MakeHumanRig, read_base_mesh, read_rig
 from builder.wheel import Wheel
 from workbench.arrays import Array, Mask
 from workbench.bodies.forward.skinning import blend_matrices
@@ -50,7 +50,7 @@ GIRTH_WORDS = ("fat", "circ", "volume", "scale-depth", "scale-horiz")
 
 
 @dataclass(frozen=True)
-class Person:
+class Traits:
     """The traits of one adult, each from 0 (least) to 1 (most), as Anny names them.
 
     Attributes:
@@ -122,7 +122,7 @@ class ShapeTargets:
         thicker = (any(word in name for word in GIRTH_WORDS) for name in self.local)
         return np.array([float(a and b) for a, b in zip(sections, thicker, strict=True)])
 
-    def coefficients(self, person: Person) -> Array:
+    def coefficients(self, person: Traits) -> Array:
         """How much of each displacement makes this person, (T,): products of factors."""
         factors = person.factors()
         macro = [np.prod([factors[level] for level in levels]) for levels in self.combinations]
@@ -218,7 +218,7 @@ class Population:
     masses: Array
 
 
-def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Person:
+def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Traits:
     """One adult at random; `thicker` (L,) says which local changes grow with girth."""
     lean = min(abs(rng.normal(0, 0.08)), 0.3)
 
@@ -228,7 +228,7 @@ def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Perso
     has = rng.random(len(thicker)) < LOCAL_SHARE
     girth = trait(GIRTH_MEANS["female" if female else "male"], GIRTH_SPREAD, -0.25, 0.45)
     changes = rng.normal(0, LOCAL_SPREAD, len(thicker)) * has + girth * thicker
-    return Person(
+    return Traits(
         gender=1 - lean if female else lean,
         age=float(rng.beta(1.2, 2.0)),
         muscle=trait(0.5, 0.16, 0.05, 0.95),
@@ -244,7 +244,7 @@ def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Perso
 
 def draw_population(
     mesh: BaseMesh,
-    rig: Rig,
+    rig: MakeHumanRig,
     weights: Array,
     targets: ShapeTargets,
     keypoints: csr_array,

@@ -46,7 +46,7 @@ class Posable(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class RigRecipe:
     """Joints, the teacher of what pose does to skin, and the poses that people are in.
 
     Attributes:
@@ -71,7 +71,7 @@ def _of_the_mixture(count: int, rng: np.random.Generator) -> Array:
     return draw_poses(shipped_mixture(), count, rng)
 
 
-BODY = Rig(JOINT_NAMES, PARENTS, Teacher, _of_the_mixture, 0.25, "draws of the mixture")
+BODY = RigRecipe(JOINT_NAMES, PARENTS, Teacher, _of_the_mixture, 0.25, "draws of the mixture")
 
 
 ROW_SUM_FIRMNESS = 10.0  # m: how strongly a row is held to the sum one before it is scaled to it
@@ -184,7 +184,7 @@ class Subjects:
     weights: Array
     fine_weights: csr_array
     regressor: Array
-    rig: Rig = BODY
+    rig: RigRecipe = BODY
 
     def posed(self, person: int, pose: Array, trans: Array) -> Array:
         """The teacher's surface (N, 3) m of one person."""

@@ -20,7 +20,7 @@ from workbench.bodies.files.embedded import SYNTHETIC, UNTRAINED
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.training.triangles.learning import Lsqr, PosedMeshes, learn_bends
+from workbench.training.triangles.learning import Lsqr, PosedMeshes, learn_pose_deformations
 
 LEARNED_FROM, VALIDATED_ON, TESTED_ON = 600, 100, 100  # people, each in one pose
 RIDGES = (1e-1, 1e-2, 1e-3, 1e-4)  # m^2, from which that of Q is chosen on the validation set
@@ -69,7 +69,9 @@ def build(name: str) -> tuple[TriangleBody, dict[str, Any]]:
     meshes = PosedMeshes(training.surfaces, training.poses, np.arange(LEARNED_FROM))
     errors, found = [], []
     for ridge in RIDGES:
-        learned = learn_bends(untrained, meshes, training.betas, ridge=ridge, by=Lsqr(3e-3))
+        learned = learn_pose_deformations(
+            untrained, meshes, training.betas, ridge=ridge, by=Lsqr(3e-3)
+        )
         found.append(learned)
         errors.append(validation.rms(learned))
     best = int(np.argmax(np.array(errors) <= ALLOWED * min(errors)))  # the largest ridge of these

@@ -27,14 +27,14 @@ from builder.hands.mesh import (
     to_flat,
 )
 from builder.population import (
-    Person,
     Report,
     ShapeTargets,
+    Traits,
     direction,
     draw_person,
     read_shape_targets,
 )
-from builder.sets import Rig, SetRecipe, Subjects, regress, write_sets
+from builder.sets import RigRecipe, SetRecipe, Subjects, regress, write_sets
 from builder.wheel import Wheel
 from workbench.arrays import Array, Mask
 from workbench.bodies.files.joint_names import FINGERS
@@ -83,7 +83,7 @@ def draw_hands(
     return Hands(np.arange(n) % 2 == 0, vertices, joints, ends)
 
 
-def with_hands(person: Person, own: Mask, rng: np.random.Generator) -> Person:
+def with_hands(person: Traits, own: Mask, rng: np.random.Generator) -> Traits:
     """The person with local changes of hands and arms drawn anew; `own` (L,) says which are."""
     changes = np.where(own, rng.normal(0, SPREAD, len(own)).clip(-0.8, 0.8), person.local)
     return replace(person, local=tuple(changes))
@@ -254,7 +254,9 @@ def hand_subjects(people: Hands, hand: HandMesh, recipe: SetRecipe) -> Subjects:
     return Subjects(people.vertices, joints, people.female, hand.weights, fine, regressor, rig)
 
 
-def hand_rig(joints: Array, ends: Array) -> Rig:
+def hand_rig(joints: Array, ends: Array) -> RigRecipe:
     """The rig of the right hand; `joints` (16, 3) m and `ends` (5, 3) m of the mean one."""
     draw = HandPoses(joints, ends).draw
-    return Rig(JOINT_NAMES, PARENTS, HandTeacher, draw, RADIUS, "synthetic draws of hand poses")
+    return RigRecipe(
+        JOINT_NAMES, PARENTS, HandTeacher, draw, RADIUS, "synthetic draws of hand poses"
+    )

@@ -32,7 +32,7 @@ from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.landmarks import Landmarks
 from workbench.geometry.solids import along_edges
 from workbench.threads import limited_threads
-from workbench.training.blend_shapes import Sums, local_features
+from workbench.training.blend_shapes import RidgeSums, local_features
 from workbench.training.blocks import alternation
 from workbench.training.estimate import Estimate
 from workbench.training.evaluation import held_out_errors, read_ground_truth, shapes_explained
@@ -113,7 +113,7 @@ def priced_posedirs(
     `MOST` farther than `FAR` from their joints; if none has, the most local ones are taken.
     """
     learned, held_out = (
-        Sums.of(errors_at_rest(objective, estimate, rows))
+        RidgeSums.of(errors_at_rest(objective, estimate, rows))
         for rows in training_and_held_out(objective.registrations.subject)
     )
     mean = estimate.templates.mean(axis=0), estimate.joints.mean(axis=0)
@@ -132,7 +132,7 @@ def priced_posedirs(
     return PricedBlends(posedirs, ridge, price, far_share(posedirs, distances))
 
 
-def solved(sums: Sums, support: Mask, distances: Array, ridge: float, price: float) -> Array:
+def solved(sums: RidgeSums, support: Mask, distances: Array, ridge: float, price: float) -> Array:
     """Posedirs (N, 3, F) m by ridge regression, with a ridge of its own for each entry.
 
     It is ridge (1 + price (d / FAR)^4) for a vertex at the distance d (N, K - 1) m from the joint.

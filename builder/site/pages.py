@@ -224,7 +224,7 @@ COVERED = re.compile(r"((?:\w+, )*\w+): (.*)", re.S)  # the names that a referen
 
 
 @dataclass(frozen=True)
-class Example:
+class ExampleRun:
     """One script, with what it printed and the figures it drew.
 
     Attributes:
@@ -269,7 +269,7 @@ class Example:
         return _capital(text)
 
 
-def run_example(script: Path) -> Example:
+def run_example(script: Path) -> ExampleRun:
     """Run a script in the folder that it lies in.
 
     Raises BadFile if it stops with an error, or takes more than ten minutes.
@@ -292,12 +292,12 @@ def run_example(script: Path) -> Example:
         raise BadFile(f"the example {script.name} stops with an error:\n{done.stderr}")
     figures = sorted(set(script.parent.glob("*.png")) - before, key=os.path.getmtime)
     source = script.read_text(encoding="utf-8")
-    return Example(script.stem, source, done.stdout.rstrip(), tuple(figures))
+    return ExampleRun(script.stem, source, done.stdout.rstrip(), tuple(figures))
 
 
 def run_all(
     folder: Path, pattern: str, scratch: Path, tell: Callable[[str], None]
-) -> list[Example]:
+) -> list[ExampleRun]:
     """Run the scripts of a folder that match the pattern, each from a copy in `scratch`."""
     scratch.mkdir(parents=True, exist_ok=True)
     found = []
@@ -310,7 +310,7 @@ def run_all(
     return found
 
 
-def write_example_pages(examples: list[Example], pages: Path) -> None:
+def write_example_pages(examples: list[ExampleRun], pages: Path) -> None:
     """Write a page for each example, and their index."""
     pages.mkdir(parents=True, exist_ok=True)
     rows = []
@@ -342,7 +342,7 @@ def fenced(text: str, language: str) -> str:
     return f"{'`' * 12}{language}\n{text}\n{'`' * 12}"
 
 
-def _page(example: Example) -> str:
+def _page(example: ExampleRun) -> str:
     prose = rendered(example.docstring, lambda name: None)
     shown = [raw(prose)]
     shown += [f"![{figure.stem.replace('_', ' ')}]({figure.name})" for figure in example.figures]

@@ -11,7 +11,7 @@ from itertools import chain, repeat
 from pathlib import Path
 
 import workbench
-from builder.site.pages import Example, Link, fenced, inline, raw, rendered, summary
+from builder.site.pages import ExampleRun, Link, fenced, inline, raw, rendered, summary
 
 FRONT_DOOR = "workbench"
 ARRAYS = "workbench.arrays"  # the kinds of arrays need no page
@@ -21,7 +21,7 @@ Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Assign 
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class PublicName:
     """A public name and its definition.
 
     Attributes:
@@ -64,13 +64,13 @@ class Entry:
         return summary(self.docstring)
 
 
-def inventory() -> list[Entry]:
+def inventory() -> list[PublicName]:
     """All public names, by room and name.
 
     These are the names in the `__all__` of every package, all errors, and the types that the
     arguments and results of `workbench.__all__` are annotated with.
     """
-    found: dict[tuple[str, str], Entry] = {}
+    found: dict[tuple[str, str], PublicName] = {}
     for package, name in _exported():
         module, definition = resolve(package, name)
         place = (module, name)
@@ -78,14 +78,14 @@ def inventory() -> list[Entry]:
         if place in found or foreign:
             continue
         public = package == FRONT_DOOR
-        found[place] = Entry(name, module, definition, public, package)
+        found[place] = PublicName(name, module, definition, public, package)
     for entry in [entry for entry in found.values() if entry.public]:
         for module, name, definition in annotated(entry):
-            found.setdefault((module, name), Entry(name, module, definition, False, module))
+            found.setdefault((module, name), PublicName(name, module, definition, False, module))
     return sorted(found.values(), key=lambda e: (e.room, e.name.casefold(), e.name))
 
 
-def annotated(entry: Entry) -> Iterator[tuple[str, str, Definition]]:
+def annotated(entry: PublicName) -> Iterator[tuple[str, str, Definition]]:
     """What of ours the arguments and results of a function or a class name, with its module."""
     node = entry.definition
     parts: list[ast.expr | None] = []
@@ -312,13 +312,13 @@ INTRODUCTION = (
 class Reference:
     """The public names, their pages, and the examples that show them."""
 
-    def __init__(self, examples: list[Example]) -> None:
+    def __init__(self, examples: list[ExampleRun]) -> None:
         self.entries = inventory()
-        self.rooms: dict[str, list[Entry]] = defaultdict(list)
+        self.rooms: dict[str, list[PublicName]] = defaultdict(list)
         for entry in self.entries:
             self.rooms[entry.room].append(entry)
         self.examples = {name: example for example in examples for name in example.names}
-        self.pages: dict[Entry, str] = {}
+        self.pages: dict[PublicName, str] = {}
         taken: set[str] = set()
         for entry in self.entries:
             page = f"{entry.room}/{entry.name}"
@@ -338,7 +338,7 @@ class Reference:
         for entry, page in self.pages.items():
             (folder / f"{page}.md").write_text(self._page(entry), encoding="utf-8")
 
-    def link(self, entry: Entry) -> Link:
+    def link(self, entry: PublicName) -> Link:
         """The links of an entry's page: names of its own room come first, then public ones."""
 
         def to(name: str) -> str | None:
@@ -404,7 +404,7 @@ class Reference:
         table = f'<p>{inline(_about(room), _nowhere)}</p><table class="names">{rows}</table>'
         return f"# {room}\n\n{raw(table)}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
 
-    def _page(self, entry: Entry) -> str:
+    def _page(self, entry: PublicName) -> str:
         link, node = self.link(entry), entry.definition
         call = f"wb.{entry.name}" if entry.public else f"from {entry.exported} import {entry.name}"
         head = [f'<p class="facts"><code>{call}</code></p>']
@@ -431,7 +431,7 @@ class Reference:
             parts.append(raw(self._contents(entry, link)))
         return "\n\n".join(parts) + "\n"
 
-    def _contents(self, entry: Entry, link: Link) -> str:
+    def _contents(self, entry: PublicName, link: Link) -> str:
         """The names of a module that is itself a public name."""
         rows = []
         for name in listed(entry.module):
@@ -481,7 +481,7 @@ def _linked(signature: str, link: Link) -> str:
     return f'<pre class="signature">{text}</pre>' if signature else ""
 
 
-def _members(entry: Entry) -> set[str]:
+def _members(entry: PublicName) -> set[str]:
     node = entry.definition
     if not isinstance(node, ast.ClassDef):
         return set()
@@ -496,7 +496,7 @@ def _members(entry: Entry) -> set[str]:
     }
 
 
-def _argument_names(entry: Entry) -> set[str]:
+def _argument_names(entry: PublicName) -> set[str]:
     node = entry.definition
     if isinstance(node, ast.ClassDef):
         made = [each for each in node.body if isinstance(each, ast.FunctionDef)]

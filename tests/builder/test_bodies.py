@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from builder.base_mesh import DISTAL_HALVES, _triangulated, carrier
 from builder.bodies import regression_errors
-from builder.population import Person, ShapeTargets, to_t_pose
+from builder.population import ShapeTargets, Traits, to_t_pose
 from builder.pose_priors import mirrored_pose
 from builder.sets import regress
 from builder.wheel import parse_obj
@@ -22,7 +22,7 @@ from workbench.synthetic.teacher import (
     PARENTS,
     at_most_four,
 )
-from workbench.training.blend_shapes import Sums, solve_ridge
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.shape_training import learn_shape_space
 
 
@@ -129,7 +129,7 @@ def test_cutting_to_four_weights_is_symmetric() -> None:
 
 
 def test_levels_of_a_trait_share_one() -> None:
-    person = Person(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
+    person = Traits(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
     factors = person.factors()
     assert (factors["male"], factors["female"]) == pytest.approx((0.2, 0.8))
     assert (factors["averagemuscle"], factors["maxmuscle"]) == pytest.approx((0.5, 0.5))
@@ -140,7 +140,7 @@ def test_levels_of_a_trait_share_one() -> None:
 
 def test_targets_are_weighed_by_products() -> None:
     targets = ShapeTargets((("female", "old"), ("male",)), ("a", "b"), np.zeros((6, 3)))
-    person = Person(0.8, 0.25, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, (1, 0, 0), (0.3, -0.2))
+    person = Traits(0.8, 0.25, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, (1, 0, 0), (0.3, -0.2))
     expected = [0.8 * 0.25, 0.2, 0.3, 0, 0, 0.2]
     assert targets.coefficients(person) == pytest.approx(expected)
 
@@ -190,7 +190,7 @@ def test_ridge_finds_posedirs_within_their_support() -> None:
     true = rng.normal(size=(4, 3, 207)) * support[:, None]
     features = rng.normal(size=(400, 207))
     errors = np.einsum("ncf,pf->pnc", true, features)
-    sums = Sums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
+    sums = RidgeSums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
     assert sums.energy == pytest.approx(np.vdot(errors, errors))
     assert sums.n_poses == 400
     found = solve_ridge(sums, support, ridge=1e-12)
@@ -199,7 +199,7 @@ def test_ridge_finds_posedirs_within_their_support() -> None:
     assert abs(sums.error(found)) < 1e-9
     assert sums.error(np.zeros_like(found)) == pytest.approx(1)
     everywhere = solve_ridge(
-        Sums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
+        RidgeSums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
     )
     assert not everywhere[~support[:, None].repeat(3, axis=1)].any()
     norms = [np.linalg.norm(solve_ridge(sums, support, r)) for r in (0.01, 0.1, 1.0)]

@@ -13,7 +13,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.training.blend_shapes import Sums
+from workbench.training.blend_shapes import RidgeSums
 
 pytestmark = pytest.mark.thorough
 
@@ -81,7 +81,7 @@ def test_teacher_of_hands_moves_rigidly() -> None:
 def test_higher_price_makes_blend_shapes_local() -> None:
     rng = np.random.default_rng(5)
     features, errors = rng.standard_normal((60, 18)), rng.standard_normal((60, 4, 3))
-    sums = Sums.of([(features, errors)])
+    sums = RidgeSums.of([(features, errors)])
     distances = np.array([[0.0, 0.1], [0.1, 0.0], [0.02, 0.06], [0.05, 0.05]])
     support = np.ones((4, 18), dtype=bool)
     found = [solved(sums, support, distances, 1e-3, price) for price in (0.0, 1.0, 100.0)]

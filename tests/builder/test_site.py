@@ -13,7 +13,7 @@ from builder import lite
 from builder.site import pages as site_pages
 from builder.site import write_site
 from builder.site.__main__ import main
-from builder.site.pages import Example, rendered
+from builder.site.pages import ExampleRun, rendered
 from builder.site.reference import annotated, inventory
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
@@ -42,9 +42,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def stand_in(script: Path, figure: Path) -> Example:
+def stand_in(script: Path, figure: Path) -> ExampleRun:
     figures = (figure,) if script.stem[:1].isdigit() else ()
-    return Example(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
+    return ExampleRun(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
 
 
 @pytest.mark.thorough
@@ -95,7 +95,7 @@ def test_example_of_the_reference_runs(script: Path, capsys: pytest.CaptureFixtu
     source = script.read_text(encoding="utf-8")
     exec(compile(source, str(script), "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out.strip()
-    example = Example(script.stem, source, "", ())
+    example = ExampleRun(script.stem, source, "", ())
     assert example.names, "the docstring begins with the names that it shows: `solve, Status: ...`"
     assert set(example.names) <= set(wb.__all__)
     assert len(example.code.splitlines()) <= 40

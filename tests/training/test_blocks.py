@@ -25,7 +25,7 @@ from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas, SkinningPass
 from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, joint_guess, rotation_centres
-from workbench.training.normal_equations import NormalEquations, dot, solve, within
+from workbench.training.normal_equations import NormalEquations, dot, steihaug, within
 from workbench.training.objective import Objective
 from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
 from workbench.training.shares import (
@@ -163,7 +163,7 @@ def test_surfaces_are_solved_in_one_linear_step() -> None:
         BlockInput(held, START.faces, BlockOptions(linear_tolerance=1e-11)), away
     ).estimate
     names = ("templates", "posedirs", "joints")
-    before, after = (NormalEquations(held, e, names).slope for e in (away, found))
+    before, after = (NormalEquations(held, e, names).negative_gradient for e in (away, found))
     for name in names:
         assert np.abs(after[name]).max() < 1e-7 * np.abs(before[name]).max()
 
@@ -377,7 +377,9 @@ def test_slope_is_that_of_the_cost_and_curvature_symmetric(mirror: bool) -> None
     change = a_change(estimate, 1e-3)
     h = 1e-3
     ahead, behind = (held.cost(estimate.moved(change, s)) for s in (h, -h))
-    assert -dot(equations.slope, change) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5)
+    assert -dot(equations.negative_gradient, change) == pytest.approx(
+        (ahead - behind) / (2 * h), rel=1e-5
+    )
     other = {n: np.roll(c, 1, axis=0) for n, c in change.items()}
     other["weights"] = within(other["weights"], estimate.weights > 0)
     left, right = dot(equations.product(change), other), dot(change, equations.product(other))
@@ -415,11 +417,11 @@ def test_conjugate_gradients_solve_and_stay_inside() -> None:
     def product(x: dict[str, Array]) -> dict[str, Array]:
         return {"x": H @ x["x"]}
 
-    free = solve(product, lambda r: r, {"x": b}, tolerance=1e-12)
+    free = steihaug(product, lambda r: r, {"x": b}, tolerance=1e-12)
     np.testing.assert_allclose(free.change["x"], np.linalg.solve(H, b), rtol=1e-8)
     cost = 0.5 * free.change["x"] @ H @ free.change["x"] - b @ free.change["x"]
     assert free.predicted == pytest.approx(-cost, rel=1e-9)
-    near = solve(product, lambda r: r, {"x": b}, radius=0.3 * free.length)
+    near = steihaug(product, lambda r: r, {"x": b}, radius=0.3 * free.length)
     assert np.linalg.norm(near.change["x"]) == pytest.approx(0.3 * free.length, rel=1e-9)
     assert not near.inside
     assert 0 < near.predicted < free.predicted

@@ -13,20 +13,20 @@ from workbench.errors import BadArgument
 from workbench.geometry.rigid import procrustes
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.rigging.bones import (
-    Bones,
+    RigidBones,
     fit_bone_weights,
     fit_bones,
+    joint_steps,
     refined_at_once,
     rigid_motions,
-    together,
 )
 from workbench.training.rigging.decomposition import (
-    alike,
     alternated,
     bones_needed,
-    clusters,
     least_rms,
+    merged_where_alike,
     noise_of,
+    rigid_clusters,
     without_least,
 )
 from workbench.training.rigging.joints import joint_tree
@@ -94,8 +94,8 @@ def compared(found: SkinnedBody, truth: SkinnedBody) -> Compared:
 GIVEN = driven(12, seed=3)
 
 
-def rough() -> Bones:
-    return clusters(GIVEN.body.template, GIVEN.meshes, 5)
+def rough() -> RigidBones:
+    return rigid_clusters(GIVEN.body.template, GIVEN.meshes, 5)
 
 
 def test_rigid_motions_of_whole_weights_are_procrustes() -> None:
@@ -156,14 +156,14 @@ def test_bones_that_move_alike_are_merged() -> None:
     twice = bones.with_bone(bones.rotations[:, 0], bones.translations[:, 0])
     weights = twice.weights.copy()
     weights[:, -1] = weights[:, 0] = weights[:, 0] / 2
-    twice = Bones(twice.rotations, twice.translations, weights)
+    twice = RigidBones(twice.rotations, twice.translations, weights)
     rest = GIVEN.body.template
-    for fewer in (alike(twice, rest, 1e-9), without_least(twice, rest)):
+    for fewer in (merged_where_alike(twice, rest, 1e-9), without_least(twice, rest)):
         assert fewer.count == bones.count
         assert fewer.rms(rest, GIVEN.meshes) == pytest.approx(bones.rms(rest, GIVEN.meshes))
 
 
-def bones_of(body_poses: np.ndarray) -> Bones:
+def bones_of(body_poses: np.ndarray) -> RigidBones:
     """The true bones of the tube in some poses."""
     body = GIVEN.body
     joints, K = body.joints(), body.n_joints
@@ -177,7 +177,7 @@ def bones_of(body_poses: np.ndarray) -> Bones:
                 turn = rotation(pose[at]) @ turn
                 at = body.parents[at]
             R[i, k], t[i, k] = turn, world[k] - turn @ joints[k]
-    return Bones(R, t, body.weights)
+    return RigidBones(R, t, body.weights)
 
 
 def rotation(vector: np.ndarray) -> np.ndarray:
@@ -316,7 +316,7 @@ def test_impossible_rigs_are_refused(wrong: dict[str, object], said: str) -> Non
 TWELVE = driven(12, seed=3)
 
 
-def disturbed() -> Bones:
+def disturbed() -> RigidBones:
     """The true bones of the meshes, with weights that are mixed with those of neighbours."""
     found = rig(TWELVE.meshes, TWELVE.body.faces, rest=TWELVE.body.template)
     body, T = found.body, len(TWELVE.meshes)
@@ -330,14 +330,14 @@ def disturbed() -> Bones:
             U, _, Vh = np.linalg.svd((world - end).T @ (own[:, None] * (body.template - middle)))
             R[i, k] = U @ np.diag([1, 1, np.linalg.det(U @ Vh)]) @ Vh
             t[i, k] = end - R[i, k] @ middle
-    return Bones(R, t, body.weights)
+    return RigidBones(R, t, body.weights)
 
 
 @pytest.mark.thorough
 def test_joint_steps_reach_rounding_where_alternation_creeps() -> None:
     rest, bones = TWELVE.body.template, disturbed()
     crept = alternated(bones, rest, TWELVE.meshes).rms(rest, TWELVE.meshes)
-    stepped = together(bones, rest, TWELVE.meshes)
+    stepped = joint_steps(bones, rest, TWELVE.meshes)
     assert crept > 1e-4  # m
     assert stepped.rms(rest, TWELVE.meshes) < 1e-8
     np.testing.assert_allclose(stepped.weights.sum(axis=1), 1, atol=1e-12)

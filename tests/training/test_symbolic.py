@@ -61,7 +61,7 @@ def test_terms_are_those_of_the_blocks() -> None:
 
 def test_gradient_of_priors_is_that_of_the_blocks() -> None:
     names = ("templates", "posedirs", "joints", "weights")
-    expected = OBJECTIVE.prior_slope(ESTIMATE, names)
+    expected = OBJECTIVE.prior_negative_gradient(ESTIMATE, names)
     problem = SYMBOLIC.problem([term for term in TERMS if term != "E_D"])
     found = problem.free.unpack(problem.linearize(VALUES).gradient)
     for array in ("posedirs", "weights"):

@@ -28,20 +28,20 @@ from workbench.training.triangles.alternation import (
     SMOOTHNESS,
     TriangleEstimate,
     TriangleOptions,
-    bends,
-    persons,
-    shapes,
+    fit_pose_deformations,
+    fit_shapes,
+    fit_subjects,
     train_triangles,
 )
 from workbench.training.triangles.learning import (
     LSQR,
     Lsqr,
-    NotConverged,
+    LsqrNotConverged,
     PosedMeshes,
     StitchedFit,
-    learn_bends,
-    learn_person,
-    learn_shapes,
+    learn_gradient_shapes,
+    learn_pose_deformations,
+    learn_subject,
     neighbour_differences,
     stitched_directions,
 )
@@ -72,9 +72,9 @@ def learn(
     `people` (P, N, 3) m at rest give the template and D; `posed` meshes of them give Q, with the
     betas that each person has at rest. SCAPE also has one set of people and one of poses.
     """
-    shapes = learn_shapes(people, start.faces, n_betas)
+    shapes = learn_gradient_shapes(people, start.faces, n_betas)
     shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
-    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, by=by)
+    return learn_pose_deformations(shaped, posed, shapes.betas, ridge=ridge, by=by)
 
 
 SMALL = wb.load_body("small")
@@ -117,7 +117,7 @@ def test_generators_are_learned_back(blended: bool) -> None:
         untrained(true), people, posed, n_betas=B, ridge=0.0, by=Direct()
     )  # LSQR: minutes
     # the learned betas are the true ones in another basis
-    found = learn_shapes(people, true.faces, B).betas
+    found = learn_gradient_shapes(people, true.faces, B).betas
     change = np.linalg.lstsq(betas, found)[0]
     rng = np.random.default_rng(2)
     new, poses = rng.normal(size=(20, B)), rng.normal(scale=0.5, size=(20, 3, 3))
@@ -134,7 +134,7 @@ def test_one_person_is_learned_from_posed_meshes() -> None:
     rng = np.random.default_rng(4)
     poses = rng.normal(scale=0.7, size=(12, 3, 3))
     posed = PosedMeshes(true.vertices(poses, beta), poses, np.zeros(12, dtype=np.int64))
-    D = learn_person(true, posed, smoothness=1e-12, by=Lsqr(1e-9))
+    D = learn_subject(true, posed, smoothness=1e-12, by=Lsqr(1e-9))
     one = replace(true, shapedirs=(D - np.eye(3))[..., None])
     new = rng.normal(scale=0.5, size=(10, 3, 3))
     apart = one.vertices(new, [1.0]) - true.vertices(new, beta)
@@ -142,7 +142,7 @@ def test_one_person_is_learned_from_posed_meshes() -> None:
     # and the smoother, the more alike are neighbours, at the cost of the fit
     roughness = []
     for smoothness in (1e-6, 1e-3, 1.0):
-        D = learn_person(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
+        D = learn_subject(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
         roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
     assert roughness[0] > roughness[1] > roughness[2]
 
@@ -167,7 +167,7 @@ def test_stitched_fit_is_dense_least_squares() -> None:
     right = np.concatenate([target, np.zeros(len(J) - target.size)])
     np.testing.assert_allclose(C.ravel(), np.linalg.lstsq(J, right)[0], atol=1e-9)
     np.testing.assert_allclose(fit.solve(ridge, smoothness, Direct()), C, atol=1e-9)
-    with pytest.raises(NotConverged, match="24 unknowns were stopped after 2 iterations"):
+    with pytest.raises(LsqrNotConverged, match="24 unknowns were stopped after 2 iterations"):
         fit.solve(by=Lsqr(most=2))
 
 
@@ -190,7 +190,7 @@ def test_k_dimensional_people_have_k_components() -> None:
     rng = np.random.default_rng(8)
     betas = rng.normal(size=(12, 10))
     people = SMALL.vertices(betas=betas)
-    shapes = learn_shapes(people, SMALL.faces, 11)
+    shapes = learn_gradient_shapes(people, SMALL.faces, 11)
     assert (shapes.explained[:10] > 1e-5).all()
     assert abs(shapes.explained[10]) < 1e-12
     np.testing.assert_allclose(shapes.explained.sum(), 1)
@@ -205,7 +205,7 @@ def test_mismatched_meshes_are_refused() -> None:
     true = generator()
     betas, posed = drawn(true, 3, 9)
     with pytest.raises(BadArgument, match="6 people tell up to 5 shape directions apart, not 6"):
-        learn_shapes(true.vertices(betas=betas), true.faces, 6)
+        learn_gradient_shapes(true.vertices(betas=betas), true.faces, 6)
     with pytest.raises(BadArgument, match="must be as many"):
         PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
 
@@ -322,7 +322,7 @@ def test_terms_are_those_of_the_blocks() -> None:
 def test_learned_bends_are_a_minimum_of_the_problem() -> None:
     form, (D, posed) = symbolic(), meshes()
     shaped = replace(generator(blended=True), shapedirs=np.moveaxis(D - np.eye(3), 0, 3))
-    learned = learn_bends(shaped, posed, np.eye(2), ridge=SYMBOLIC_RIDGE, by=Direct())
+    learned = learn_pose_deformations(shaped, posed, np.eye(2), ridge=SYMBOLIC_RIDGE, by=Direct())
     terms = [*form.data(), *form.small_posedirs(SYMBOLIC_RIDGE)]
     free = ["posedirs", *(f"mesh {j}/trans" for j in range(8))]
     problem = form.problem(terms, free)
@@ -335,7 +335,7 @@ def test_learned_bends_are_a_minimum_of_the_problem() -> None:
 def test_learned_person_is_a_minimum_of_the_problem() -> None:
     form, (_, posed) = symbolic(), meshes()
     own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
-    learned = learn_person(
+    learned = learn_subject(
         generator(blended=True), own, smoothness=SYMBOLIC_SMOOTHNESS, by=Direct()
     )
     terms = [*form.data()[:4], *form.smooth_subjects(SYMBOLIC_SMOOTHNESS)[:1]]
@@ -350,7 +350,7 @@ def test_learned_person_is_a_minimum_of_the_problem() -> None:
 def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
     """S alone leaves k^2 + k directions open: a matrix between them, and where the mean is."""
     k, people = 2, tube_body(rings=3).vertices(betas=RNG.normal(size=(6, 2)))
-    shapes = learn_shapes(people, generator(blended=True).faces, k)
+    shapes = learn_gradient_shapes(people, generator(blended=True).faces, k)
     D = np.stack([gradients(shapes.template, one, generator(blended=True).faces) for one in people])
     residual, blocks = shape_term(D, k)
     problem = Problem([residual], [block.name for block in blocks], blocks=blocks)
@@ -384,13 +384,13 @@ def made(blended: bool) -> tuple[TriangleBody, TriangleEstimate, InMemory, InMem
 @pytest.mark.thorough
 def test_training_cost_is_monotone() -> None:
     true, state, standing, posed = made(blended=True)
-    state = shapes(state, standing, B)
+    state = fit_shapes(state, standing, B)
     E, left = [np.inf], []
     for _ in range(2):
         for block in (
-            lambda s: bends(s, posed, RIDGE, BY),
+            lambda s: fit_pose_deformations(s, posed, RIDGE, BY),
             lambda s: replace(s, poses=s.fits(posed).poses),
-            lambda s: persons(s, posed, BY),
+            lambda s: fit_subjects(s, posed, BY),
         ):
             state = block(state)
             E.append(cost(true, state, posed))
@@ -422,7 +422,7 @@ def test_rounds_find_a_model_of_the_meshes() -> None:
 
 def test_changed_template_changes_no_subject() -> None:
     _, begun, standing, _ = made(blended=True)
-    after = shapes(begun, standing, B)
+    after = fit_shapes(begun, standing, B)
     assert abs(after.body.template - begun.body.template).max() > 0.01
     still = [s.subjects.vertices(0 * s.poses[:P], np.eye(P)) for s in (begun, after)]
     shown = [V - V.mean(axis=1, keepdims=True) for V in still]

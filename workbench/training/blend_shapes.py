@@ -71,7 +71,7 @@ Pair = tuple[Array, Array]  # of n poses: features (n, F), and un-posed errors (
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class RidgeSums:
     """Sums over poses of features f and un-posed errors, which is all that least squares needs.
 
     Attributes:
@@ -87,16 +87,16 @@ class Sums:
     n_poses: int
 
     @staticmethod
-    def of(pairs: Iterable[Pair]) -> "Sums":
+    def of(pairs: Iterable[Pair]) -> "RidgeSums":
         """The sums over pairs, each of some poses."""
         each = (
-            Sums(f.T @ f, np.tensordot(e, f, (0, 0)), float(np.vdot(e, e)), len(f))
+            RidgeSums(f.T @ f, np.tensordot(e, f, (0, 0)), float(np.vdot(e, e)), len(f))
             for f, e in pairs
         )
         return reduce(add, each)
 
-    def __add__(self, other: "Sums") -> "Sums":
-        return Sums(
+    def __add__(self, other: "RidgeSums") -> "RidgeSums":
+        return RidgeSums(
             self.features + other.features,
             self.products + other.products,
             self.energy + other.energy,
@@ -108,17 +108,17 @@ class Sums:
         explained = 2 * self.products - posedirs @ self.features
         return float(1 - np.vdot(posedirs, explained) / self.energy)
 
-    def with_reflections(self, mirror: Mirror | None) -> "Sums":
+    def with_reflections(self, mirror: Mirror | None) -> "RidgeSums":
         """The sums as if every pose had a mirror image too; unchanged without a mirror."""
         if mirror is None:
             return self
         turned = self.features[np.ix_(mirror.features, mirror.features)]
         turned *= np.outer(mirror.feature_signs, mirror.feature_signs)
         products = self.products + mirror.posedirs(self.products)
-        return Sums(self.features + turned, products, 2 * self.energy, 2 * self.n_poses)
+        return RidgeSums(self.features + turned, products, 2 * self.energy, 2 * self.n_poses)
 
 
-def solve_ridge(sums: Sums, support: Mask, ridge: float) -> Array:
+def solve_ridge(sums: RidgeSums, support: Mask, ridge: float) -> Array:
     """Posedirs (N, 3, F) m by least squares on the features that each vertex has (N, F).
 
     The other posedirs are zero. `ridge` is per pose.
@@ -128,7 +128,7 @@ def solve_ridge(sums: Sums, support: Mask, ridge: float) -> Array:
 
 
 def ridge_learned(
-    learned: Sums, held_out: Sums, support: Mask, ridges: Sequence[float]
+    learned: RidgeSums, held_out: RidgeSums, support: Mask, ridges: Sequence[float]
 ) -> tuple[Array, float]:
     """Posedirs (N, 3, F) m from all sums, and the ridge that explains the held-out ones best."""
     ridge = min(ridges, key=lambda r: held_out.error(solve_ridge(learned, support, r)))
@@ -136,7 +136,7 @@ def ridge_learned(
 
 
 @dataclass(frozen=True)
-class Selection:
+class RidgeChoice:
     """The values of a hyperparameter that were tried, and their errors.
 
     Attributes:

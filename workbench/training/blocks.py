@@ -22,7 +22,7 @@ from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, check_known
 from workbench.training.estimate import NAMES, Estimate, Sigmas
 from workbench.training.execution import SERIAL, Execution
-from workbench.training.normal_equations import NormalEquations, solve
+from workbench.training.normal_equations import NormalEquations, steihaug
 from workbench.training.objective import Objective, weight_grams
 from workbench.training.poses import VertexTerm, fitted_poses
 from workbench.training.shares import MOST_WEIGHTS, few_shares, fit_joint_regressor
@@ -123,16 +123,16 @@ def fit_linear(names: tuple[str, ...], given: BlockInput, estimate: Estimate) ->
     """
     objective, options = given.objective, given.options
     equations = NormalEquations(objective, estimate, names)
-    step = solve(
+    step = steihaug(
         equations.product,
         equations.preconditioned,
-        equations.slope,
+        equations.negative_gradient,
         tolerance=options.linear_tolerance,
         most=options.products,
     )
     facts = {"products": float(step.iterations), "predicted": step.predicted}
     moved = estimate.moved(step.change)
-    if objective.cost(moved) > objective.cost(estimate):  # the slope was rounding
+    if objective.cost(moved) > objective.cost(estimate):  # the gradient was rounding
         return BlockResult(estimate, facts)
     return BlockResult(moved, facts)
 
@@ -176,12 +176,12 @@ def fit_in_trust_region(
         if options.enough > 0 and objective.rms(estimate) < options.enough:
             break
         equations = NormalEquations(objective, estimate, names)
-        slope = equations.slope
+        negative_gradient = equations.negative_gradient
         while True:
-            step = solve(
+            step = steihaug(
                 equations.product,
                 equations.preconditioned,
-                slope,
+                negative_gradient,
                 radius=radius,
                 tolerance=options.together_tolerance,
                 most=options.products,

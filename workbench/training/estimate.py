@@ -202,11 +202,11 @@ class SkinningPass:
             moved += change["weights"] @ ancestors(self.estimate.parents) @ self.shifts
         return moved
 
-    def adjoint(self, pull: Array, into: Change) -> None:
-        """Add the gradients of sum(pull * points), for pull (c, N, 3), to the names of `into`."""
-        names, c = into.keys(), len(pull)
+    def adjoint(self, cotangent: Array, into: Change) -> None:
+        """Add the gradients of sum(cotangent * points), cotangent (c, N, 3), to those of `into`."""
+        names, c = into.keys(), len(cotangent)
         if names & {"templates", "posedirs", "poses"}:
-            on_rest = np.einsum("jnab,jna->jnb", self.blended, pull, optimize=False)
+            on_rest = np.einsum("jnab,jna->jnb", self.blended, cotangent, optimize=False)
         if "templates" in into:
             for s in np.unique(self.subject):
                 into["templates"][s] += on_rest[self.subject == s].sum(axis=0)
@@ -214,18 +214,18 @@ class SkinningPass:
             flat = on_rest.reshape(c, -1).T @ self.features
             into["posedirs"] += flat.reshape(into["posedirs"].shape)
         if names & {"joints", "poses"}:
-            on_shifts = self.estimate.subtree_weights.T @ pull  # (c, K, 3)
+            on_shifts = self.estimate.subtree_weights.T @ cotangent  # (c, K, 3)
         if "joints" in into:
             on_joints = _each(self.posing.levers.swapaxes(-1, -2), on_shifts)
             np.add.at(into["joints"], self.subject, on_joints)
         if names & {"poses", "weights"}:
-            outer = (pull[..., :, None] * self.rest[..., None, :]).reshape(c, -1, 9)
+            outer = (cotangent[..., :, None] * self.rest[..., None, :]).reshape(c, -1, 9)
         if "poses" in into:
             into["poses"][self.some] += self._on_poses(outer, on_shifts, on_rest)
         if "weights" in into:
             world = self.posing.world.reshape(c, -1, 9)
             into["weights"] += _summed(outer, world)
-            below = _summed(pull, self.shifts) @ ancestors(self.estimate.parents).T
+            below = _summed(cotangent, self.shifts) @ ancestors(self.estimate.parents).T
             into["weights"] += below
 
     def _on_poses(self, outer: Array, on_shifts: Array, on_rest: Array) -> Array:
@@ -243,25 +243,25 @@ class SkinningPass:
         on_local[:, 1:] = on_features.reshape(c, K - 1, 3, 3)
         return self.posing.turning_back(on_world, on_local)
 
-    def by_each(self) -> Array:
+    def by_joint(self) -> Array:
         """Where each joint alone would take each vertex, (c, N, K, 3) m."""
         moved = np.einsum("jkab,jnb->jnka", self.posing.world, self.rest, optimize=True)
         moved += (ancestors(self.estimate.parents) @ self.shifts)[:, None]
         return np.asarray(moved)
 
-    def arms(self) -> Array:
+    def lever_arms(self) -> Array:
         """The vectors from each posed joint to the vertices below it, weighted, (c, N, K, 3) m.
 
         A small turn u of joint k in the world moves vertex i by u x arm_ik.
         """
         A = ancestors(self.estimate.parents)
         offsets = A @ self.shifts  # of the binding motions
-        posed = self.by_each() * self.estimate.weights[..., None]
+        posed = self.by_joint() * self.estimate.weights[..., None]
         at = _each(self.posing.world, self.estimate.joints[self.subject]) + offsets
         below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
         return np.asarray(below - self.estimate.subtree_weights[..., None] * at[:, None])
 
-    def bulging(self) -> Array:
+    def blend_shape_turn_derivatives(self) -> Array:
         """How small turns of all joints but the root move vertices by pose blend shapes.
 
         The shape is (c, N, K - 1, 3, 3) in metres per radian; the last axis is that of the turn.

@@ -22,7 +22,7 @@ from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile, some
 from workbench.geometry.mirror import Mirror, opposites
 from workbench.reading.arrays import check_numbers, opened, read_expected, reals, wholes
-from workbench.training.blend_shapes import Pair, Sums, ridge_learned
+from workbench.training.blend_shapes import Pair, RidgeSums, ridge_learned
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.execution import SERIAL, Execution
@@ -97,7 +97,7 @@ def read_ground_truth(folder: Path) -> GroundTruth:
     return GroundTruth(**arrays)
 
 
-STEPS = 4  # of Gauss and Newton for a held-out person's rest shape and poses
+STEPS = 4  # of Gauss-Newton for a held-out person's rest shape and poses
 ROUNDS = 4  # of fitting the poses of the registrations that count
 REGRESSED = 0.0005  # m: how far joints may be from the regressor's
 
@@ -309,7 +309,7 @@ def best_linear(truth: GroundTruth, registrations: Registrations, start: Start) 
     The ridge is chosen by the errors on a fifth of the subjects, which is held out until then.
     """
     learned, held_out = (
-        Sums.of(_errors(truth, registrations, start, rows)).with_reflections(start.mirror())
+        RidgeSums.of(_errors(truth, registrations, start, rows)).with_reflections(start.mirror())
         for rows in training_and_held_out(truth.subject)
     )
     whole = np.ones_like(learned.products[:, 0], dtype=bool)

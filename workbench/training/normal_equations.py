@@ -28,7 +28,7 @@ Operator = Callable[[Change], Change]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class TrustRegionStep:
     """A step of conjugate gradients.
 
     Attributes:
@@ -46,21 +46,21 @@ class Step:
     inside: bool
 
 
-def solve(
+def steihaug(
     product: Operator,
     preconditioned: Operator,
-    slope: Change,
+    negative_gradient: Change,
     *,
     radius: float = inf,
     tolerance: float = 1e-10,
     most: int = 500,
-) -> Step:
-    """The step x that minimises -slope . x + x . A x / 2 within the radius.
+) -> TrustRegionStep:
+    """The step x that minimises g . x + x . A x / 2 within the radius, for the gradient g.
 
-    `tolerance` is on |r| / |slope| in the norm of the preconditioner, `most` on the iterations.
+    `tolerance` is on |r| / |g| in the norm of the preconditioner, `most` on the iterations.
     """
-    x = {name: np.zeros_like(g) for name, g in slope.items()}
-    r = slope
+    x = {name: np.zeros_like(g) for name, g in negative_gradient.items()}
+    r = negative_gradient
     z = preconditioned(r)
     p = z
     rz = first = dot(r, z)
@@ -78,7 +78,7 @@ def solve(
             alpha = (-xp + sqrt(max(xp**2 + pp * (radius**2 - xx), 0.0))) / pp
             x = plus(x, p, alpha)
             predicted += alpha * rz - 0.5 * alpha**2 * curvature
-            return Step(x, radius, predicted, iterations, inside=False)
+            return TrustRegionStep(x, radius, predicted, iterations, inside=False)
         x, r = plus(x, p, alpha), plus(r, Ap, -alpha)
         predicted += 0.5 * alpha * rz
         z = preconditioned(r)
@@ -86,7 +86,7 @@ def solve(
         beta = rz / before
         xx, xp, pp = ahead, beta * (xp + alpha * pp), rz + beta**2 * pp
         p = plus(z, p, beta)
-    return Step(x, sqrt(xx), predicted, iterations, inside=True)
+    return TrustRegionStep(x, sqrt(xx), predicted, iterations, inside=True)
 
 
 def dot(a: Change, b: Change) -> float:
@@ -107,7 +107,7 @@ RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """(J'J) step = slope for the named parts of an estimate; each product passes over the data.
+    """(J'J) step = -gradient for the named parts of an estimate; a product passes over the data.
 
     Weights change only where they are above zero, and their sums stay one.
     """
@@ -122,14 +122,14 @@ class NormalEquations:
         return self.estimate.weights > 0
 
     @cached_property
-    def slope(self) -> Change:
+    def negative_gradient(self) -> Change:
         """Minus the gradient of the cost."""
-        found = self.objective.prior_slope(self.estimate, self.names)
+        found = self.objective.prior_negative_gradient(self.estimate, self.names)
 
         def of_data(some: Sequence[slice]) -> Change:
             data = self.estimate.zero_change(self.names)
-            for passed, pull, _ in self.objective.residuals(self.estimate, some):
-                passed.adjoint(pull, data)
+            for passed, cotangent, _ in self.objective.residuals(self.estimate, some):
+                passed.adjoint(cotangent, data)
             return data
 
         data = over_halves(of_data, pieces(self.objective.registrations))
@@ -147,7 +147,7 @@ class NormalEquations:
             return data
 
         data = over_halves(of_data, self._passes)
-        return self._sum(self.objective.prior_curvature(self.estimate, change), data)
+        return self._sum(self.objective.prior_hessian_product(self.estimate, change), data)
 
     def _passed(self, some: slice) -> Passed:
         batch = self.objective.registrations.read(some)
@@ -179,7 +179,7 @@ class NormalEquations:
         if {"templates", "posedirs"} & set(self.names):
             found |= self._surfaces(change)
         if "joints" in self.names:
-            pull, X = change["joints"], self._answers
+            pull, X = change["joints"], self._template_response
             if X is not None:
                 at_rest = change["templates"].reshape(len(X), -1, 1)
                 pull = pull - (X.swapaxes(1, 2) @ at_rest).reshape(pull.shape)
@@ -275,8 +275,8 @@ class NormalEquations:
             flat = D[j].transpose(1, 0, 2).reshape(3, 3 * K)
             blocks[subject] += flat.T @ flat
         blocks *= np.kron(away.T @ away, np.ones((3, 3)))
-        if self._answers is not None:
-            for n, block, X in zip(counts, blocks, self._answers, strict=True):
+        if self._template_response is not None:
+            for n, block, X in zip(counts, blocks, self._template_response, strict=True):
                 block -= n * (X.T @ X)
         blocks /= s.data**2
         held = 1 / s.rings**2
@@ -294,7 +294,7 @@ class NormalEquations:
         return np.asarray(weights - weights.mean(axis=0))
 
     @cached_property
-    def _answers(self) -> Array | None:
+    def _template_response(self) -> Array | None:
         """How a template answers best when its joints move, (S, 3 N, 3 K), with opposite sign.
 
         Skinning shifts vertex i by sum_m c_im D_m j_m, and M_i t_i can compensate for that. The
@@ -328,8 +328,8 @@ class NormalEquations:
                     at = batch.some.start + j
                     only, subject = slice(at, at + 1), batch.subject[j : j + 1]
                     one = SkinningPass.of(self.estimate, only, subject)
-                    turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
-                    turns[:, 1:] += one.bulging()[0]
+                    turns = -crossed(one.lever_arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
+                    turns[:, 1:] += one.blend_shape_turn_derivatives()[0]
                     turns -= np.average(turns, axis=0, weights=share[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
                     blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)

@@ -27,7 +27,7 @@ from workbench.training.blocks import (
     Stage,
     alternation,
 )
-from workbench.training.checkpoint import Checkpoint, fingerprint, read_checkpoint
+from workbench.training.checkpoint import TrainingCheckpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.execution import SERIAL, Execution, LogEntry, NotLowered, Progress
 from workbench.training.first_guess import (
@@ -111,7 +111,7 @@ def train_poses(
         if at is None:
             if initial is None:
                 first = first_poses(first, registrations, start, execution=execution)
-            at = Checkpoint(first, (), identity)
+            at = TrainingCheckpoint(first, (), identity)
             if folder:
                 keep(partial(at.save, folder))
         sigmas = steps[0][0].sigmas
@@ -132,12 +132,12 @@ def train_poses(
 
 def _after_block(
     objective: Objective,
-    at: Checkpoint,
+    at: TrainingCheckpoint,
     block: str,
     start: Start,
     stage: Stage,
     execution: Execution,
-) -> Checkpoint:
+) -> TrainingCheckpoint:
     began = time.perf_counter()
     before = objective.costs(at.estimate)
     given = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))

@@ -111,7 +111,7 @@ def body_of_subjects(estimate: Estimate, faces: Index) -> SkinnedBody:
 
 
 @dataclass(frozen=True, eq=False)
-class Fits:
+class FittedMeshes:
     """A body fitted to M meshes.
 
     Attributes:
@@ -200,7 +200,7 @@ class PoseFit:
         *,
         confidence: Array | None = None,
         betas: Array | None = None,
-    ) -> Fits:
+    ) -> FittedMeshes:
         """The body fitted to each mesh (M, N, 3) m, from poses (M, K, 3) rad.
 
         `confidence` (M, N) is one and betas (M, B) are zero where they are not given.
@@ -212,7 +212,7 @@ class PoseFit:
         found = [self.values(*one) for one in each]
         poses, of_shape = (np.stack([v[name] for v in found]) for name in ("pose", "betas"))
         surfaces = [self.body.vertices(v["pose"], v["betas"], v["trans"]) for v in found]
-        return Fits(poses, of_shape, np.stack(surfaces))
+        return FittedMeshes(poses, of_shape, np.stack(surfaces))
 
     def _trans(self, values: Values, vertices: Array, confidence: Array) -> Array:
         """The best translation (3,) m of a given pose and shape."""

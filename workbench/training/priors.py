@@ -45,13 +45,13 @@ class PosePrior:
         """|W (phi - mean)|^2 / 2 of each of poses (J, K, 3) rad: (J,)."""
         return np.asarray(0.5 * np.sum((self._away(poses) @ self.whitening.T) ** 2, axis=1))
 
-    def slope(self, poses: Array) -> Array:
+    def negative_gradient(self, poses: Array) -> Array:
         """Minus the gradient of the cost by turns of the joints, (J, K, 3)."""
         pull = -self._away(poses) @ self.whitening.T @ self.whitening
         return self._back(poses, pull)
 
-    def curved(self, poses: Array, turns: Array) -> Array:
-        """The Hessian of Gauss and Newton times turns (J, K, 3) rad."""
+    def hessian_product(self, poses: Array, turns: Array) -> Array:
+        """The Gauss-Newton Hessian times turns (J, K, 3) rad."""
         moved = (inverse_left_jacobian(poses) @ turns[..., None])[:, 1:, :, 0]
         pull = moved.reshape(len(poses), -1) @ self.whitening.T @ self.whitening
         return self._back(poses, pull)
@@ -97,7 +97,7 @@ class TemplatePrior:
     stiffness: csr_array
     directions: Array
 
-    def curved(self, displacements: Array) -> Array:
+    def precision_product(self, displacements: Array) -> Array:
         """The precision times displacements (S, N, 3) m, the gradient of their cost, in 1/m."""
         n = len(displacements)
         flat = displacements.transpose(1, 0, 2).reshape(len(self.directions), -1)

@@ -25,7 +25,7 @@ STEPS = 6  # of the fit of one pose in a round
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeSpace:
+class LearnedShapes:
     """T(betas) = template + shapedirs betas; betas in standard deviations of the population.
 
     Attributes:
@@ -56,12 +56,14 @@ class ShapeModel:
         poses: (P, K, 3) in radians, in which the people stood.
     """
 
-    space: ShapeSpace
+    space: LearnedShapes
     people: Array
     poses: Array
 
 
-def body_of(model: PoseModel, start: Start, space: ShapeSpace, regressor: csr_array) -> SkinnedBody:
+def body_of(
+    model: PoseModel, start: Start, space: LearnedShapes, regressor: csr_array
+) -> SkinnedBody:
     """The body of what was learned."""
     estimate = model.estimate
     mirror = model.objective.active_mirror
@@ -95,7 +97,7 @@ def regressor_of(model: PoseModel) -> JointRegressor:
 
 def subjects_space(
     model: PoseModel, regressor: csr_array, faces: Index, n_betas: int, mirror: Mirror | None
-) -> ShapeSpace:
+) -> LearnedShapes:
     """The principal directions of the subjects' templates, with their root joints at zero.
 
     One subject has none: the template is the subject's own.
@@ -106,7 +108,7 @@ def subjects_space(
         own = about_root(templates, regressor)[0]
         if mirror is not None:
             own = (own + mirror.points(own)) / 2
-        return ShapeSpace(own, np.zeros((*own.shape, 0)), np.zeros(0))
+        return LearnedShapes(own, np.zeros((*own.shape, 0)), np.zeros(0))
     return learn_shape_space(about_root(templates, regressor), faces, mirror, n)
 
 
@@ -172,7 +174,7 @@ def learn_shapes(
     """
     J, N, K = len(registrations.subject), body.n_vertices, body.n_joints
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
-    space: ShapeSpace | None = None
+    space: LearnedShapes | None = None
     for number in range(rounds):
         shaped, shape_sigma = body, None
         if space is not None:
@@ -202,7 +204,7 @@ def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBo
 
 def learn_shape_space(
     people: Array, faces: Index, mirror: Mirror | None, n_betas: int = 10
-) -> ShapeSpace:
+) -> LearnedShapes:
     """The principal components of un-posed people (P, N, 3) m, symmetric if there is a mirror.
 
     The sign of the first makes a positive beta taller; those of the others make it heavier.
@@ -218,7 +220,7 @@ def learn_shape_space(
     directions = (deviations.T @ coordinates[:, order]).reshape(N, 3, -1) / np.sqrt(P - 1)
     if mirror is not None:
         directions = (directions + mirror.directions(directions)) / 2
-    return ShapeSpace(
+    return LearnedShapes(
         template=template,
         shapedirs=directions * _signs(template, directions, faces),
         explained=variances[order] / np.trace(gram),

@@ -10,7 +10,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.studies.pages import Report
 from workbench.studies.triangles.people import TriangleData
-from workbench.training.blend_shapes import Selection
+from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.execution import BlockLines
@@ -64,7 +64,7 @@ class TrainedModels:
 
     models: dict[str, AnyBody]
     training_rms: dict[str, float]
-    choices: dict[str, Selection]
+    choices: dict[str, RidgeChoice]
 
     @property
     def smpl(self) -> SkinnedBody:
@@ -128,7 +128,7 @@ def train_models(
     return TrainedModels(models, training_rms, choices)
 
 
-def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
+def choose_sigma(data: TriangleData, options: TrainingOptions) -> RidgeChoice:
     """The sigma of E_P, chosen by validation on some of the subjects.
 
     After the first stages of training, blend shapes are learned from the other subjects with each
@@ -148,7 +148,7 @@ def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
         given = BlockInput(objective, start.faces, QUICK)
         found = BLOCKS["poses"](given, bent).estimate
         left.append(_mm(objective, found))
-    return Selection(options.sigmas, tuple(left))
+    return RidgeChoice(options.sigmas, tuple(left))
 
 
 def _some(

@@ -42,7 +42,7 @@ from workbench.studies.triangles.people import (
     read_people,
     register,
 )
-from workbench.training.blend_shapes import Selection
+from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.triangles.alternation import AnyBody
 
 SHOWN = (SMPL, SCAPE, BLEND_SCAPE)
@@ -125,7 +125,7 @@ class TriangleStudy:
     results: tuple[ModelResult, ...]
     true_seam_jump: float
     n_seams: int
-    choices: Mapping[str, Selection]
+    choices: Mapping[str, RidgeChoice]
     timings: tuple[Timing, ...]
     smpl: SkinnedBody
     poses: Array

@@ -17,8 +17,8 @@ bones    with the weights held, one bone after another is what the others leave 
 
 Where several bones share much of a surface, as in a chest, a change of the weights pays only with a
 change of the bones, and alternation creeps: thousands of turns lower the cost by a little each. A
-Levenberg-Marquardt step (`together`) changes both at once. With c as all residuals of one frame, J
-its derivatives by the turns and shifts of the K bones, and A those by the weights, it solves
+Levenberg-Marquardt step (`joint_steps`) changes both at once. With c as all residuals of one frame,
+J its derivatives by the turns and shifts of the K bones, and A those by the weights, it solves
 
     [ J'J  J'A ] [ d_bones   ]     [ J'c ]
     [ A'J  A'A ] [ d_weights ] = - [ A'c ]     summed over the frames, with a damped diagonal.
@@ -50,7 +50,7 @@ LIGHTEST = 1e-9  # the sum of squared weights of a bone that is not moved
 
 
 @dataclass(frozen=True, eq=False)
-class Bones:
+class RigidBones:
     """K rigid bones in T frames, and the weights by which N vertices follow them.
 
     Attributes:
@@ -85,16 +85,16 @@ class Bones:
         """The root mean square distance of the vertices, in metres."""
         return float(np.sqrt(self.errors(rest, meshes).mean() / len(meshes)))
 
-    def only(self, some: Index) -> "Bones":
+    def only(self, some: Index) -> "RigidBones":
         """The bones of these numbers; what the others carried is shared out among them."""
         weights = self.weights[:, some]
         total = weights.sum(axis=1, keepdims=True)
         weights = np.where(total > 0, weights / np.where(total > 0, total, 1), 1 / len(some))
-        return Bones(self.rotations[:, some], self.translations[:, some], weights)
+        return RigidBones(self.rotations[:, some], self.translations[:, some], weights)
 
-    def with_bone(self, rotations: Array, translations: Array) -> "Bones":
+    def with_bone(self, rotations: Array, translations: Array) -> "RigidBones":
         """One bone more, with rotations (T, 3, 3) and translations (T, 3) m; it carries nothing."""
-        return Bones(
+        return RigidBones(
             np.concatenate([self.rotations, rotations[:, None]], axis=1),
             np.concatenate([self.translations, translations[:, None]], axis=1),
             np.concatenate([self.weights, np.zeros((len(self.weights), 1))], axis=1),
@@ -120,7 +120,7 @@ def rigid_motions(rest: Array, targets: Array, weights: Array) -> tuple[Array, A
     return R, ends - R @ middle
 
 
-def fit_bones(bones: Bones, rest: Array, meshes: Array, rounds: int = 3) -> Bones:
+def fit_bones(bones: RigidBones, rest: Array, meshes: Array, rounds: int = 3) -> RigidBones:
     """Each bone in turn, the weights held, a number of times."""
     R, t, W = bones.rotations.copy(), bones.translations.copy(), bones.weights
     carried = [np.flatnonzero(column) for column in W.T]
@@ -139,10 +139,10 @@ def fit_bones(bones: Bones, rest: Array, meshes: Array, rounds: int = 3) -> Bone
                 R[some, k], t[some, k] = rigid_motions(rest[own], left, w)
                 shares[k] = _share(rest[own], w, R[some, k], t[some, k])
                 missing[own] = left - shares[k]
-    return Bones(R, t, W)
+    return RigidBones(R, t, W)
 
 
-def bones_of_weights(weights: Array, rest: Array, meshes: Array) -> Bones:
+def bones_of_weights(weights: Array, rest: Array, meshes: Array) -> RigidBones:
     """The bones that weights (N, K) alone tell, in meshes of which no bones are known yet.
 
     Each begins as the motion of what it carries, as if it carried that alone.
@@ -150,7 +150,7 @@ def bones_of_weights(weights: Array, rest: Array, meshes: Array) -> Bones:
     targets = meshes.swapaxes(0, 1)
     each = [rigid_motions(rest, w[:, None, None] * targets, w) for w in weights.T]
     R, t = (np.stack(part, axis=1) for part in zip(*each, strict=True))
-    return fit_bones(Bones(R, t, weights), rest, meshes, ALONE)
+    return fit_bones(RigidBones(R, t, weights), rest, meshes, ALONE)
 
 
 def _share(rest: Array, weights: Array, R: Array, t: Array) -> Array:
@@ -160,7 +160,9 @@ def _share(rest: Array, weights: Array, R: Array, t: Array) -> Array:
     return np.asarray(weights[:, None, None] * moved)
 
 
-def fit_bone_weights(bones: Bones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS) -> Bones:
+def fit_bone_weights(
+    bones: RigidBones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS
+) -> RigidBones:
     """The weights of each vertex, the bones held, at most `most` of them above zero."""
     (N, K), T = bones.weights.shape, len(meshes)
     grams = np.zeros((N, K, K))
@@ -182,34 +184,38 @@ ENOUGH = 1e-9  # m, rms
 FLOOR = 1e-10  # of the largest entry of a diagonal: keeps what nothing determines where it is
 
 
-def one_turn(bones: Bones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS) -> Bones:
+def alternate_once(
+    bones: RigidBones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS
+) -> RigidBones:
     """A turn of the alternation: the weights, and then the bones."""
     return fit_bones(fit_bone_weights(bones, rest, meshes, most), rest, meshes)
 
 
-def refined_at_once(bones: Bones, rest: Array, meshes: Array) -> Bones:
+def refined_at_once(bones: RigidBones, rest: Array, meshes: Array) -> RigidBones:
     """Steps with more weights than a vertex may have, and then with as many; not worse."""
-    many = together(bones, rest, meshes, RELAXED)
-    fewer = together(_cut(many), rest, meshes)
+    many = joint_steps(bones, rest, meshes, RELAXED)
+    fewer = joint_steps(_cut(many), rest, meshes)
     if fewer.rms(rest, meshes) < bones.rms(rest, meshes):
         return fewer
-    return together(bones, rest, meshes)
+    return joint_steps(bones, rest, meshes)
 
 
-def _cut(bones: Bones) -> Bones:
+def _cut(bones: RigidBones) -> RigidBones:
     """The largest weights of each vertex, as many as it may have."""
     weights = bones.weights.copy()
     small = np.argsort(-weights, axis=1, kind="stable")[:, MOST_WEIGHTS:]
     np.put_along_axis(weights, small, 0.0, axis=1)
     weights /= weights.sum(axis=1, keepdims=True)
-    return Bones(bones.rotations, bones.translations, weights)
+    return RigidBones(bones.rotations, bones.translations, weights)
 
 
-def together(bones: Bones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS) -> Bones:
+def joint_steps(
+    bones: RigidBones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS
+) -> RigidBones:
     """Steps in bones and weights at once, `most` weights a vertex; none of them raises the cost."""
     rms, damping, flat = bones.rms(rest, meshes), DAMPING, 0
     for _ in range(STEPS):
-        tried = one_turn(_step(bones, rest, meshes, damping), rest, meshes, most)
+        tried = alternate_once(_step(bones, rest, meshes, damping), rest, meshes, most)
         before, after = rms, tried.rms(rest, meshes)
         if after < rms:
             bones, rms, damping = tried, after, max(EASED * damping, LEAST)
@@ -237,7 +243,7 @@ class _Unknowns:
     middles: Array
 
     @classmethod
-    def of(cls, bones: Bones, rest: Array) -> "_Unknowns":
+    def of(cls, bones: RigidBones, rest: Array) -> "_Unknowns":
         W = bones.weights
         first, others = W.argmax(axis=1), W > 0
         others[np.arange(len(W)), first] = False
@@ -260,7 +266,7 @@ class _Frame:
 
     @classmethod
     def of(
-        cls, bones: Bones, unknowns: _Unknowns, rest: Array, mesh: Array, frame: int
+        cls, bones: RigidBones, unknowns: _Unknowns, rest: Array, mesh: Array, frame: int
     ) -> "_Frame":
         R, t, W = bones.rotations[frame], bones.translations[frame], bones.weights
         (N, K), (vertex, bone) = W.shape, np.nonzero(W)
@@ -285,7 +291,7 @@ class _Frame:
         return mixed
 
 
-def _step(bones: Bones, rest: Array, meshes: Array, damping: float) -> Bones:
+def _step(bones: RigidBones, rest: Array, meshes: Array, damping: float) -> RigidBones:
     unknowns = _Unknowns.of(bones, rest)
     change, factors = _change_of_weights(bones, unknowns, rest, meshes, damping)
     vertex = unknowns.vertex
@@ -303,11 +309,11 @@ def _step(bones: Bones, rest: Array, meshes: Array, damping: float) -> Bones:
     weights[vertex, unknowns.bone] += change
     np.subtract.at(weights, (vertex, unknowns.first[vertex]), change)
     weights = weights.clip(0)
-    return Bones(R, t, weights / weights.sum(axis=1, keepdims=True))
+    return RigidBones(R, t, weights / weights.sum(axis=1, keepdims=True))
 
 
 def _change_of_weights(
-    bones: Bones, unknowns: _Unknowns, rest: Array, meshes: Array, damping: float
+    bones: RigidBones, unknowns: _Unknowns, rest: Array, meshes: Array, damping: float
 ) -> tuple[Array, list[Array]]:
     """The step (U,) in the weights, and L of each frame."""
     vertex = unknowns.vertex

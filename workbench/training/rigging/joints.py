@@ -22,7 +22,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from workbench.arrays import Array, Index
-from workbench.training.rigging.bones import Bones
+from workbench.training.rigging.bones import RigidBones
 
 NEAR = 1e-6  # of A'A's unit: how much the middle of the common surface counts
 APART = 3.0  # factor on the gap of two bones that share no surface
@@ -67,7 +67,7 @@ class JointCandidate:
         return np.asarray(self.directions[self.slides > SLIDE])
 
 
-def candidate(bones: Bones, rest: Array, a: int, b: int) -> JointCandidate:
+def candidate(bones: RigidBones, rest: Array, a: int, b: int) -> JointCandidate:
     """The joint of two bones of surface rest (N, 3) m."""
     T = len(bones.rotations)
     A = (bones.rotations[:, a] - bones.rotations[:, b]).reshape(-1, 3) / np.sqrt(T)
@@ -105,7 +105,7 @@ class JointTree:
         return frozenset(frozenset(joint.bones) for joint in self.joints)
 
 
-def joint_tree(bones: Bones, rest: Array) -> JointTree:
+def joint_tree(bones: RigidBones, rest: Array) -> JointTree:
     """The tree whose gaps are smallest together; its root is the bone in the middle.
 
     Pairs that share no surface are taken only if their gap is much smaller than those of others.

@@ -28,7 +28,7 @@ from workbench.training.objective import Objective
 from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
 from workbench.training.registrations import InMemory
 from workbench.training.rigging.bones import (
-    Bones,
+    RigidBones,
     bones_of_weights,
     fit_bone_weights,
     fit_bones,
@@ -36,12 +36,12 @@ from workbench.training.rigging.bones import (
 )
 from workbench.training.rigging.decomposition import (
     MOST,
-    Report,
-    alike,
+    RigProgress,
     alternated,
     bones_needed,
-    decomposed,
+    decompose,
     least_rms,
+    merged_where_alike,
     noise_of,
     one_more,
 )
@@ -126,7 +126,7 @@ class Refinement:
         estimate: Estimate,
         block: str,
         rounds: int,
-        report: Report,
+        report: RigProgress,
         options: BlockOptions = STEPS,
     ) -> Estimate:
         """Rounds of a block, `skeleton` or `skinning`, and of the weights; none raises the cost."""
@@ -155,7 +155,7 @@ def rig(
     rest: Array | None = None,
     bones: int | None = None,
     tolerance: float | None = None,
-    report: Report = silent,
+    report: RigProgress = silent,
     card: Mapping[str, Any] | None = None,
 ) -> Rigged:
     """Find a skeleton, its tree and skinning weights in meshes (T, N, 3) m of one topology.
@@ -222,7 +222,7 @@ def _without_travel(rest: Array, meshes: Array) -> tuple[Array, Array]:
 
 
 def _skeleton(
-    given: Refinement, rest: Array, count: int | None, tolerance: float, report: Report
+    given: Refinement, rest: Array, count: int | None, tolerance: float, report: RigProgress
 ) -> tuple[Estimate, int]:
     """An estimate with enough bones on the right tree, and how many of them were merged.
 
@@ -234,10 +234,10 @@ def _skeleton(
     some = np.unique(np.linspace(0, len(meshes) - 1, LOOKED_AT).round().astype(int))
     looked_at = meshes[some] if len(some) < len(meshes) else meshes
     target = bones_needed(meshes, tolerance) if count is None else count
-    found = decomposed(rest, looked_at, target, report)
+    found = decompose(rest, looked_at, target, report)
     kept: tuple[Estimate, int] | None = None
     while True:
-        different = alike(found, rest, tolerance)
+        different = merged_where_alike(found, rest, tolerance)
         merged = found.count - different.count
         if len(some) < len(meshes):
             different = bones_of_weights(different.weights, rest, meshes)
@@ -251,12 +251,12 @@ def _skeleton(
         if count is not None or given.rms(estimate) <= tolerance or found.count >= MOST:
             return estimate, merged
         kept = (estimate, merged)
-        found = one_more(alike(found, rest, tolerance), rest, looked_at, report)
+        found = one_more(merged_where_alike(found, rest, tolerance), rest, looked_at, report)
 
 
 def _settled(
-    given: Refinement, rest: Array, bones: Bones, report: Report
-) -> tuple[Bones, JointTree]:
+    given: Refinement, rest: Array, bones: RigidBones, report: RigProgress
+) -> tuple[RigidBones, JointTree]:
     """Refine bones on their tree, free them, and find the tree again, until it stays the same."""
     tree = joint_tree(bones, rest)
     for _ in range(TREES):
@@ -354,7 +354,7 @@ def _checked(
     return np.asarray(rest, dtype=float)
 
 
-def on_tree(bones: Bones, tree: JointTree, rest: Array) -> Estimate:
+def on_tree(bones: RigidBones, tree: JointTree, rest: Array) -> Estimate:
     """The estimate that bones are on a tree, in the tree's order, without blend shapes.
 
     No motion shows where the root's joint is, as turning about another point is a translation
@@ -370,15 +370,15 @@ def on_tree(bones: Bones, tree: JointTree, rest: Array) -> Estimate:
     return Estimate(rest[None], joints[None], none, weights, poses, tree.parents)
 
 
-def off_tree(estimate: Estimate, meshes: Array, rounds: int = 3) -> Bones:
+def off_tree(estimate: Estimate, meshes: Array, rounds: int = 3) -> RigidBones:
     """The bones of an estimate, each fitted to the meshes (T, N, 3) m without regard to joints."""
     T = len(meshes)
     passed = SkinningPass.of(estimate, slice(0, T), np.zeros(T, dtype=np.int64))
     trans = (meshes - passed.points).mean(axis=1)
-    origins = passed.by_each()[:, 0] - np.einsum(
+    origins = passed.by_joint()[:, 0] - np.einsum(
         "tkab,b->tka", passed.posing.world, estimate.templates[0, 0]
     )
-    bones = Bones(passed.posing.world, origins + trans[:, None], estimate.weights)
+    bones = RigidBones(passed.posing.world, origins + trans[:, None], estimate.weights)
     return fit_bones(bones, estimate.templates[0], meshes, rounds)
 
 

@@ -25,13 +25,13 @@ from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.triangles import Stitching, edges, gradient_derivatives
 
 
-class NotConverged(WorkbenchError):
+class LsqrNotConverged(WorkbenchError):
     """The least squares were stopped before they reached their tolerance."""
 
 
 @dataclass(frozen=True)
 class Lsqr:
-    """By LSQR, which asks for products only. Raises NotConverged after `most` iterations."""
+    """By LSQR, which asks for products only. Raises LsqrNotConverged after `most` iterations."""
 
     tolerance: float = 1e-10  # on what is left of b, or its part that could be explained, per |b|
     most: int = 4000
@@ -42,7 +42,7 @@ class Lsqr:
             A, b, atol=self.tolerance, btol=self.tolerance, conlim=0, iter_lim=self.most
         )[:3]
         if stopped == 7:
-            raise NotConverged(
+            raise LsqrNotConverged(
                 f"least squares in {A.shape[1]} unknowns were stopped after {count} iterations; "
                 "allow more of them, or raise the ridge or the tolerance"
             )
@@ -168,7 +168,7 @@ class PosedMeshes:
             )
 
 
-def learn_bends(
+def learn_pose_deformations(
     body: TriangleBody,
     posed: PosedMeshes,
     betas: Array,
@@ -198,7 +198,7 @@ def learn_bends(
     return replace(body, posedirs=np.einsum("faut,fcu->fact", C, in_plane))
 
 
-def learn_person(
+def learn_subject(
     body: TriangleBody,
     posed: PosedMeshes,
     *,
@@ -247,7 +247,7 @@ class TriangleShapes:
     explained: Array
 
 
-def learn_shapes(people: ArrayLike, faces: Index, n_betas: int) -> TriangleShapes:
+def learn_gradient_shapes(people: ArrayLike, faces: Index, n_betas: int) -> TriangleShapes:
     """Principal components of the gradients X_f of people (P, N, 3) at rest, about their mean.
 
     The third axis of X_f is taken to first order, so that X_f is linear in the vertices: people

@@ -5,8 +5,9 @@
     E_D     a subject's D_f against those of the faces next to it, by a smoothness
     S       a person's D_f at rest against the mean and the shape directions times betas
 
-(Anguelov et al., SCAPE, 2005; Hirshberg et al., Coregistration, 2012.) `learn_bends`,
-`learn_person` and `learn_shapes` minimise the same terms with all but one kind of unknown held.
+(Anguelov et al., SCAPE, 2005; Hirshberg et al., Coregistration, 2012.) `learn_pose_deformations`,
+`learn_subject` and `learn_gradient_shapes` minimise the same terms with all but one kind of unknown
+held.
 """
 
 from collections.abc import Iterable, Sequence
