@@ -18,6 +18,32 @@ from workbench.synthetic.teacher import JOINT, JOINT_NAMES, N_FINE, N_JOINTS, co
 N_BODY = 13380  # the rest are helpers: eyes, clothes, and cubes that mark the joints
 NIPPLES = (range(1778, 1794), range(8450, 8466))
 SMOOTHED_RINGS = 3  # rings of vertices around a nipple that are smoothed with it: about 2 cm
+FILES = {
+    "default": "topology/notoes_collapse10pc.obj",
+    "small": "topology/notoes_collapse3pc.obj",
+    "full": "topology/notoes.obj",
+}
+# Bones by the joint that carries them; the first pattern that matches a bone's name decides.
+CARRIED = (
+    (r"root|pelvis|spine0[45]", "pelvis"),
+    (r"spine03", "spine1"),
+    (r"spine02|breast", "spine2"),
+    (r"spine01", "spine3"),
+    (r"upperleg", "hip"),
+    (r"lowerleg", "knee"),
+    (r"foot", "ankle"),
+    (r"toe", "foot"),
+    (r"clavicle|shoulder01", "collar"),
+    (r"upperarm", "shoulder"),
+    (r"lowerarm", "elbow"),
+    (r"wrist|metacarpal|finger1", "wrist"),
+    (r"finger", "hand"),
+    (r"neck", "neck"),
+    (r"", "head"),  # jaw, tongue, eyes and all of the face
+)
+SIDES = {"left": ".L", "right": ".R"}
+# The distal halves of the limbs move on their own in the fine rig: bones 24, 25, ... 31.
+DISTAL_HALVES = ("upperarm02", "lowerarm02", "upperleg02", "lowerleg02")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +137,6 @@ def read_base_mesh(wheel: Wheel) -> BaseMesh:
     )
 
 
-FILES = {
-    "default": "topology/notoes_collapse10pc.obj",
-    "small": "topology/notoes_collapse3pc.obj",
-    "full": "topology/notoes.obj",
-}
-
-
 @dataclass(frozen=True, eq=False)
 class Topology:
     """N vertices, each a weighted mean of base vertices, and the triangles between them.
@@ -174,24 +193,6 @@ def _halves(polygon: tuple[int, ...], vertices: Array) -> list[tuple[int, ...]]:
     return [(a, b, d), (b, c, d)]
 
 
-# Bones by the joint that carries them; the first pattern that matches a bone's name decides.
-CARRIED = (
-    (r"root|pelvis|spine0[45]", "pelvis"),
-    (r"spine03", "spine1"),
-    (r"spine02|breast", "spine2"),
-    (r"spine01", "spine3"),
-    (r"upperleg", "hip"),
-    (r"lowerleg", "knee"),
-    (r"foot", "ankle"),
-    (r"toe", "foot"),
-    (r"clavicle|shoulder01", "collar"),
-    (r"upperarm", "shoulder"),
-    (r"lowerarm", "elbow"),
-    (r"wrist|metacarpal|finger1", "wrist"),
-    (r"finger", "hand"),
-    (r"neck", "neck"),
-    (r"", "head"),  # jaw, tongue, eyes and all of the face
-)
 # A joint stands at the mean of the heads of these bones.
 PLACED = {
     "spine1": ("spine03",),
@@ -209,9 +210,6 @@ PLACED = {
     "wrist": ("wrist",),
     "hand": tuple(f"finger{i}-1" for i in range(2, 6)),
 }
-SIDES = {"left": ".L", "right": ".R"}
-# The distal halves of the limbs move on their own in the fine rig: bones 24, 25, ... 31.
-DISTAL_HALVES = ("upperarm02", "lowerarm02", "upperleg02", "lowerleg02")
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,6 +63,10 @@ from workbench.training.shape_training import (
 )
 from workbench.writing import replacing
 
+RIDGES = (1e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # per pose
+GENDERS = {"": "neutral", "-female": "female", "-male": "male"}
+N_BETAS = 10
+
 
 @dataclass(frozen=True, eq=False)
 class PoseParts:
@@ -119,9 +123,6 @@ def even_body(parts: PoseParts, people: Array, regressor: csr_array) -> tuple[Sk
     return body, space.explained
 
 
-RIDGES = (1e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # per pose
-
-
 def local_posedirs(
     objective: Objective, estimate: Estimate, mirror: Mirror | None
 ) -> tuple[Array, float]:
@@ -144,10 +145,6 @@ def errors_at_rest(objective: Objective, estimate: Estimate, rows: Index) -> Ite
         _, trans = centred(batch, batch.vertices - whole.points)
         away = (batch.vertices - trans[:, None] - passed.points) * (batch.confidence > 0)[..., None]
         yield passed.features, passed.at_rest(away)
-
-
-GENDERS = {"": "neutral", "-female": "female", "-male": "male"}
-N_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,33 +37,6 @@ ASIDE = {  # abduction 25 is away from the middle finger, adduction 20 towards i
     "pinky": (-25, 20, "abduction 25, adduction 20"),
 }
 GIVES, TURNS = 10, 20  # degrees to either side
-
-
-def hand_limits() -> dict[str, Any]:
-    """The contents of `hand.json`."""
-    rows: list[dict[str, Any]] = []
-
-    def add(joint: str, motion: str, lower: float, upper: float, said: str, source: str) -> None:
-        ends = {"lower": lower, "upper": upper, "motions": said, "source": source}
-        rows.append({"joint": joint, "motion": motion} | ends)
-
-    for finger in FOUR:
-        add(f"{finger}1", FLEXION, -45, 90, "flexion 90, hyperextension 45", AAOS)
-        add(f"{finger}2", FLEXION, 0, 100, "flexion 100, extension 0", AAOS)
-        add(f"{finger}3", FLEXION, 0, 90, "flexion 90, extension 0", AAOS)
-        add(f"{finger}1", DEVIATION, *ASIDE[finger], MERCK)
-    add("thumb1", ABDUCTION, 0, 70, "abduction 70, adduction 0", AAOS)
-    add("thumb2", FLEXION, 0, 50, "flexion 50, extension 0", AAOS)
-    add("thumb3", FLEXION, -20, 80, "flexion 80, extension 20", AAOS)
-    for joint in (*(f"{finger}1" for finger in FOUR), "thumb2"):
-        add(joint, TWIST, -TURNS, TURNS, "twist to either side", ASSUMED)
-    add("thumb2", DEVIATION, -TURNS, TURNS, "deviation to either side", ASSUMED)
-    for joint in (*(f"{finger}{i}" for finger in FOUR for i in (2, 3)), "thumb3"):
-        for motion in (DEVIATION, TWIST):
-            add(joint, motion, -GIVES, GIVES, f"{motion} to either side", ASSUMED)
-    return {"unit": "degree", "sources": HAND_SOURCES, "limits": rows}
-
-
 AXES = "xyz"
 AAOS = "AAOS"
 MERCK = "Merck"
@@ -89,6 +62,31 @@ LEFT: tuple[tuple[str, str, float | None, float | None, str, str], ...] = (
     ("left_wrist", "y", -20, 30, "radial deviation 20, ulnar deviation 30", AAOS),
     ("left_wrist", "z", -80, 70, "flexion 80, extension 70", AAOS),
 )
+
+
+def hand_limits() -> dict[str, Any]:
+    """The contents of `hand.json`."""
+    rows: list[dict[str, Any]] = []
+
+    def add(joint: str, motion: str, lower: float, upper: float, said: str, source: str) -> None:
+        ends = {"lower": lower, "upper": upper, "motions": said, "source": source}
+        rows.append({"joint": joint, "motion": motion} | ends)
+
+    for finger in FOUR:
+        add(f"{finger}1", FLEXION, -45, 90, "flexion 90, hyperextension 45", AAOS)
+        add(f"{finger}2", FLEXION, 0, 100, "flexion 100, extension 0", AAOS)
+        add(f"{finger}3", FLEXION, 0, 90, "flexion 90, extension 0", AAOS)
+        add(f"{finger}1", DEVIATION, *ASIDE[finger], MERCK)
+    add("thumb1", ABDUCTION, 0, 70, "abduction 70, adduction 0", AAOS)
+    add("thumb2", FLEXION, 0, 50, "flexion 50, extension 0", AAOS)
+    add("thumb3", FLEXION, -20, 80, "flexion 80, extension 20", AAOS)
+    for joint in (*(f"{finger}1" for finger in FOUR), "thumb2"):
+        add(joint, TWIST, -TURNS, TURNS, "twist to either side", ASSUMED)
+    add("thumb2", DEVIATION, -TURNS, TURNS, "deviation to either side", ASSUMED)
+    for joint in (*(f"{finger}{i}" for finger in FOUR for i in (2, 3)), "thumb3"):
+        for motion in (DEVIATION, TWIST):
+            add(joint, motion, -GIVES, GIVES, f"{motion} to either side", ASSUMED)
+    return {"unit": "degree", "sources": HAND_SOURCES, "limits": rows}
 
 
 def anatomical() -> dict[str, Any]:

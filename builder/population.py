@@ -47,6 +47,16 @@ LEFT_OUT = (
 # Local changes that make trunk and limbs thicker: they grow together with a person's girth.
 GIRTH_SECTIONS = ("arms", "legs", "torso", "buttocks", "hip")
 GIRTH_WORDS = ("fat", "circ", "volume", "scale-depth", "scale-horiz")
+DENSITY = 985.0  # kg / m^3, of a human body with air in the lungs
+LOCAL_SHARE, LOCAL_SPREAD = 0.5, 0.18  # how many of the local changes a person has; how large
+# Found by trial, so that both genders have a body mass index of about 25 +- 4 kg / m^2: the
+# artists' bodies are thinner than people, and extending their weight much further looks wrong.
+WEIGHT_MEAN, WEIGHT_SPREAD = 0.9, 0.2
+GIRTH_MEANS, GIRTH_SPREAD = {"female": 0.15, "male": 0.02}, 0.14
+X, DOWN, FRONT = np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, 1.0])
+THIGH = np.array([0.05, -1.0, 0])  # the left thigh of the T-pose leaves the hip slightly outwards
+JITTER = 0.05  # rad, of every joint about every axis: no two people at rest stand alike
+SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 
 
 @dataclass(frozen=True)
@@ -186,17 +196,6 @@ def _sum(wheel: Wheel, paths: list[str], n_vertices: int) -> Array:
 
 
 Report = Callable[[str], None]
-
-DENSITY = 985.0  # kg / m^3, of a human body with air in the lungs
-LOCAL_SHARE, LOCAL_SPREAD = 0.5, 0.18  # how many of the local changes a person has; how large
-# Found by trial, so that both genders have a body mass index of about 25 +- 4 kg / m^2: the
-# artists' bodies are thinner than people, and extending their weight much further looks wrong.
-WEIGHT_MEAN, WEIGHT_SPREAD = 0.9, 0.2
-GIRTH_MEANS, GIRTH_SPREAD = {"female": 0.15, "male": 0.02}, 0.14
-X, DOWN, FRONT = np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, 1.0])
-THIGH = np.array([0.05, -1.0, 0])  # the left thigh of the T-pose leaves the hip slightly outwards
-JITTER = 0.05  # rad, of every joint about every axis: no two people at rest stand alike
-SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,17 @@ from workbench.priors.poses import (
 )
 from workbench.priors.tailed_poses import STUDENT_FILE, PoseStudent
 
+UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
+LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
+COMPONENTS = 8
+CLUSTER_ROUNDS = 30  # of k-means, to begin with
+ROUNDS, ENOUGH = 200, 1e-5  # of expectation and maximisation; gain per frame that ends them
+SHRUNK = 0.02  # towards the covariance of all frames: a component may see few of them
+DOF = 4.0  # while the scale is learned: near to what the parts that are left out then say
+ROUNDS = 40  # of expectation and maximisation
+PARTS = 8  # of the clips, each of which is left out once
+PEOPLE, PASSES, HIDDEN = 30_000, 200, (320, 320)
+
 
 def mirrored_pose(pose: Array, joints: Index) -> Array:
     """Poses (..., K, 3) rad as seen in a mirror; `joints` (K,) are the opposites."""
@@ -49,10 +60,6 @@ def both_ways(mocap: Mocap) -> tuple[Array, Mask]:
     both = np.concatenate([mocap.poses, turned])[:, 1:]
     still: Mask = (np.ptp(both, axis=0) < 1e-6).all(axis=1)
     return both.reshape(len(both), -1), still
-
-
-UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
-LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
 
 
 def learn_pose_gaussian(mocap: Mocap) -> PoseGaussian:
@@ -92,12 +99,6 @@ def build_gaussian(recording: Path | None, folder: Path) -> None:
     save_pose_gaussian(prior, folder / GAUSSIAN_FILE)
     print(f"{prior.n_frames} frames; not moved in them: {', '.join(prior.unmeasured)}")
     print(f"held out: {', '.join(prior.held_out)}")
-
-
-COMPONENTS = 8
-CLUSTER_ROUNDS = 30  # of k-means, to begin with
-ROUNDS, ENOUGH = 200, 1e-5  # of expectation and maximisation; gain per frame that ends them
-SHRUNK = 0.02  # towards the covariance of all frames: a component may see few of them
 
 
 def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0) -> PoseMixture:
@@ -190,11 +191,6 @@ def build_mixture(recording: Path | None, folder: Path) -> None:
     print(f"mean log density of held-out frames: {density:.2f}")
 
 
-DOF = 4.0  # while the scale is learned: near to what the parts that are left out then say
-ROUNDS = 40  # of expectation and maximisation
-PARTS = 8  # of the clips, each of which is left out once
-
-
 def learn_pose_student(mocap: Mocap) -> PoseStudent:
     """The scale of all frames and their mirror images, and the tails of clips that were left out.
 
@@ -265,9 +261,6 @@ def build_student(recording: Path | None, folder: Path) -> None:
     flat = both_ways(held_out)[0][:, columns]
     print(f"{prior.dof:.2f} degrees of freedom; {prior.n_frames} frames")
     print(f"mean log density of held-out frames: {prior.log_density(flat).mean():.2f}")
-
-
-PEOPLE, PASSES, HIDDEN = 30_000, 200, (320, 320)
 
 
 def build_regressor(recording: Path | None, folder: Path) -> None:

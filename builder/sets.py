@@ -37,6 +37,12 @@ from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing, write_arrays
 
+ROW_SUM_FIRMNESS = 10.0  # m: how strongly a row is held to the sum one before it is scaled to it
+FEWEST_CANDIDATES, MOST_CANDIDATES = 30, 600
+MOST_NONZEROS = 40
+ABOUT = __doc__
+COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
+
 
 class Posable(Protocol):
     """One person, whose surface a pose moves."""
@@ -72,11 +78,6 @@ def _of_the_mixture(count: int, rng: np.random.Generator) -> Array:
 
 
 BODY = RigRecipe(JOINT_NAMES, PARENTS, Teacher, _of_the_mixture, 0.25, "draws of the mixture")
-
-
-ROW_SUM_FIRMNESS = 10.0  # m: how strongly a row is held to the sum one before it is scaled to it
-FEWEST_CANDIDATES, MOST_CANDIDATES = 30, 600
-MOST_NONZEROS = 40
 
 
 def regress(
@@ -123,10 +124,6 @@ def _row(people: Array, points: Array, pairs: Index) -> Array:
     weights, _ = scipy.optimize.nnls(R, firm * Q[-1], maxiter=100 * len(pairs))
     scaled: Array = weights / weights.sum()
     return scaled
-
-
-ABOUT = __doc__
-COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
 
 
 @dataclass(frozen=True)

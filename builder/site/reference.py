@@ -18,6 +18,15 @@ ARRAYS = "workbench.arrays"  # the kinds of arrays need no page
 SHORT = 60  # characters of a value that stands for a description
 PACKAGE = Path(workbench.__file__).parent
 Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Assign | ast.AnnAssign
+WIDEST = 76  # characters of a signature on one line
+LONGEST = 60  # characters of a default that is shown
+WORD = re.compile(r"[A-Za-z_]\w*")
+PLOT, CAPTION = "plot_", "caption_"  # the names of a figure's functions begin so
+INTRODUCTION = (
+    "Every public name of the workbench has a page, under the package that defines it. The "
+    "names in the first table are what most programs need: after `import workbench as wb` they are "
+    "`wb.solve` and so on, and each has an example that was run when this site was built."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,10 +215,6 @@ def _comment(module: str, node: ast.stmt) -> str:
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') or not text else '.'}"
 
 
-WIDEST = 76  # characters of a signature on one line
-LONGEST = 60  # characters of a default that is shown
-
-
 def of_function(node: ast.FunctionDef | ast.AsyncFunctionDef, name: str, method: bool) -> str:
     """`name(arguments) -> result`; a method is shown without `self`."""
     arguments = _arguments(node.args)
@@ -298,15 +303,6 @@ def _arguments(given: ast.arguments) -> list[str]:
 def _argument(given: ast.arg, default: ast.expr | None) -> str:
     annotation = "" if given.annotation is None else f": {ast.unparse(given.annotation)}"
     return given.arg + annotation + _default(default)
-
-
-WORD = re.compile(r"[A-Za-z_]\w*")
-PLOT, CAPTION = "plot_", "caption_"  # the names of a figure's functions begin so
-INTRODUCTION = (
-    "Every public name of the workbench has a page, under the package that defines it. The "
-    "names in the first table are what most programs need: after `import workbench as wb` they are "
-    "`wb.solve` and so on, and each has an example that was run when this site was built."
-)
 
 
 class Reference:

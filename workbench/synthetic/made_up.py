@@ -13,6 +13,8 @@ from workbench.training.first_guess import Start
 from workbench.training.registrations import Batch, InMemory, Registrations
 from workbench.training.shares import at_most
 
+PACE = (0.3, 1.8)  # Hz, the slowest and the fastest sine
+
 
 def jointed_tube(rings: int = 25, around: int = 8) -> Start:
     """A tube of rings x around vertices along x, 1 m long, with six joints and a bump on top.
@@ -200,9 +202,6 @@ def noisy_tubes(noise: float) -> tuple[Start, Registrations]:
     guess = jointed_tube(11, 6)
     exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
     return guess, CorruptedRegistrations(exact, seed=2, noise=noise)
-
-
-PACE = (0.3, 1.8)  # Hz, the slowest and the fastest sine
 
 
 def made_up_motion(

@@ -18,6 +18,8 @@ from workbench.synthetic.scanners import NEAR, DepthImage, Scanner
 
 STEEPEST_MEASURED = np.radians(80)  # where the measurements of noise by angle end
 WAVES = 300  # that make up a smooth random field
+DRAWN_AT_ONCE = 2048  # candidates of each thing, of which those that are seen are taken
+MOST_ROUNDS = 200
 
 
 @dataclass(frozen=True)
@@ -217,10 +219,6 @@ def _check_positive(what: str, **numbers: float) -> None:
     for name, number in numbers.items():
         if not 0 <= number < np.inf:
             raise BadArgument(f"the {name} of {what} must be a number from 0 on, not {number:g}")
-
-
-DRAWN_AT_ONCE = 2048  # candidates of each thing, of which those that are seen are taken
-MOST_ROUNDS = 200
 
 
 class Thing(Protocol):

@@ -12,6 +12,10 @@ from workbench.fitting.observations import pinhole
 
 FOCAL, SIZE = 164.0, (150, 200)  # px: the field of view of a Kinect that stands on its side
 STEEPEST_VIEW = 0.99  # the sine of the angle from the horizontal at which a scanner still has an up
+NEAR = 0.05  # m: a scanner does not see what is nearer
+AT_ONCE = 1_000_000  # pairs of triangle and ray that are computed together
+MARGIN = 1e-6  # px, around the image of a triangle, for rounding
+SAME = 1e-9  # m: a surface that is nearer by less does not hide a vertex
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +119,6 @@ def scanners(
         R = np.stack([right, np.cross(forward, right), forward])
         found.append(Scanner(R, -R @ (middle + away), focal, size, window))
     return tuple(found)
-
-
-NEAR = 0.05  # m: a scanner does not see what is nearer
-AT_ONCE = 1_000_000  # pairs of triangle and ray that are computed together
-MARGIN = 1e-6  # px, around the image of a triangle, for rounding
-SAME = 1e-9  # m: a surface that is nearer by less does not hide a vertex
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visib
 JUMP = 5.0  # steps from pixel to pixel: depths that differ by more lie on different surfaces
 THIN = 1e-6  # of the largest variance: neighbours whose second variance is less lie on a line
 LEAST_COSINE = 0.1736  # of 80 degrees: beyond, the area behind a pixel is not known
+CLOTHING, HOLES, CLUTTER, NOISE = range(4)  # each effect has a stream of random numbers of its own
 
 
 @dataclass(frozen=True)
@@ -219,9 +220,6 @@ def face_normals(surface: Array, faces: Index, chosen: Index) -> Array:
 def true_points(surface: Array, faces: Index, image: DepthImage) -> Array:
     """Where rays hit the surface, (H, 3) m."""
     return np.asarray(np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]]))
-
-
-CLOTHING, HOLES, CLUTTER, NOISE = range(4)  # each effect has a stream of random numbers of its own
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,14 @@ JOINT = {name: k for k, name in enumerate(JOINT_NAMES)}
 HALVED = ("shoulder", "elbow", "hip", "knee")
 HALF_OF = [JOINT[f"{side}_{joint}"] for joint in HALVED for side in ("left", "right")]
 N_FINE = N_JOINTS + len(HALF_OF)
+PROXIMAL_SHARE = 0.5  # of a hip's or shoulder's own twist, taken by the near half of the limb
+DISTAL_SHARE = 0.6  # of a wrist's or ankle's twist, taken by the far half of the limb before it
+LIMBS = (("shoulder", "elbow"), ("hip", "knee"))  # these turn about their own axis
+FORE_LIMBS = (("elbow", "wrist"), ("knee", "ankle"))  # these are turned by what follows
+BEFORE = (*PARENTS, *HALF_OF)  # the bone before each of the 32
+FILE_NAME = "fine_weights.npz"
+BODIES = ("default", "small")
+SHARES = 2**15  # weights are stored as whole multiples of 1 / SHARES
 
 
 def joint_positions(R: Array, joints: Array, parents: Sequence[int] = PARENTS) -> Array:
@@ -70,13 +78,6 @@ def at_most_four(weights: Array, mirror: Index) -> Array:
     cut = np.where(kept, weights, 0.0)
     cut /= cut.sum(axis=1, keepdims=True)
     return cut
-
-
-PROXIMAL_SHARE = 0.5  # of a hip's or shoulder's own twist, taken by the near half of the limb
-DISTAL_SHARE = 0.6  # of a wrist's or ankle's twist, taken by the far half of the limb before it
-LIMBS = (("shoulder", "elbow"), ("hip", "knee"))  # these turn about their own axis
-FORE_LIMBS = (("elbow", "wrist"), ("knee", "ankle"))  # these are turned by what follows
-BEFORE = (*PARENTS, *HALF_OF)  # the bone before each of the 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,11 +173,6 @@ def _move(v: Array, q: Array, w: Array, dual: Array, dual_w: Array) -> Array:
     turned = v + 2 * np.cross(q, np.cross(q, v) + w * v)
     moved: Array = turned + 2 * (w * dual - dual_w * q + np.cross(q, dual))
     return moved
-
-
-FILE_NAME = "fine_weights.npz"
-BODIES = ("default", "small")
-SHARES = 2**15  # weights are stored as whole multiples of 1 / SHARES
 
 
 def teacher_of(body: SkinnedBody) -> Teacher:

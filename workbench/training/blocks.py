@@ -37,6 +37,10 @@ POSE_STEPS = 2  # of Levenberg-Marquardt in a round: the next round changes the 
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
 GOOD, POOR = 0.75, 0.25  # gain ratios above which the region grows, and below which it shrinks
 SMALLEST_RADIUS = 1e-8  # of the longest step: no further decrease is to be expected
+NO_LIMIT = 10**6
+ROUND = ("regressor", "surfaces", "poses")
+REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
+ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,12 +236,8 @@ BLOCKS: dict[str, Block] = {
 
 
 Names = tuple[str, ...]  # of blocks, in order
-NO_LIMIT = 10**6
 # For registrations with noise: digits that the next block changes are not worth their passes.
 QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
-ROUND = ("regressor", "surfaces", "poses")
-REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
-ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ class Plan:
     Attributes:
         stages: the stages.
         reach: the largest number of bones from a vertex to a joint that changes the surface there,
-            see `locality.local_features`; None allows all joints.
+            see `blend_shapes.local_features`; None allows all joints.
     """
 
     stages: tuple[Stage, ...]

@@ -51,6 +51,10 @@ EXPECTED = {
     "trans": reals("J", 3),
     "weights": reals("N", "K"),
 }
+STEPS = 4  # of Gauss-Newton for a held-out person's rest shape and poses
+ROUNDS = 4  # of fitting the poses of the registrations that count
+REGRESSED = 0.0005  # m: how far joints may be from the regressor's
+RIDGES = (1e-3, 3e-3, 1e-2, 3e-2)  # per pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +99,6 @@ def read_ground_truth(folder: Path) -> GroundTruth:
         arrays = read_expected(archive, EXPECTED)
         check_numbers("subject", arrays["subject"], len(arrays["rest"]))
     return GroundTruth(**arrays)
-
-
-STEPS = 4  # of Gauss-Newton for a held-out person's rest shape and poses
-ROUNDS = 4  # of fitting the poses of the registrations that count
-REGRESSED = 0.0005  # m: how far joints may be from the regressor's
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,9 +258,6 @@ def held_out_errors(
 def millimetres(metres: float) -> float:
     """A length in millimetres, rounded to a ten-thousandth."""
     return round(1e3 * metres, 4)
-
-
-RIDGES = (1e-3, 3e-3, 1e-2, 3e-2)  # per pose
 
 
 def ideal_skinning_errors(

@@ -25,6 +25,9 @@ from workbench.training.objective import Objective, centred, trusted, weight_gra
 from workbench.training.registrations import Batch, over_halves, pieces
 
 Operator = Callable[[Change], Change]
+KEPT_BYTES = 2**32  # kept between products; where more would be needed, it is computed anew
+BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
+RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +103,6 @@ def plus(a: Change, b: Change, share: float) -> Change:
 
 
 Passed = tuple[Batch, SkinningPass]
-KEPT_BYTES = 2**32  # kept between products; where more would be needed, it is computed anew
-BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
-RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
 
 @dataclass(frozen=True, eq=False)

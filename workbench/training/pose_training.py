@@ -45,6 +45,8 @@ from workbench.training.subsampling import subsample
 from workbench.writing import Keeping
 
 KKT = 1e-8  # the conditions of the weights hold to this
+LOG = logging.getLogger(__name__)
+COARSE = 1500  # vertices that are enough for a body with 24 joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +153,6 @@ def _after_block(
             f"above {KKT:g}"
         )
     return replace(at, estimate=found.estimate, log=(*at.log, entry))
-
-
-LOG = logging.getLogger(__name__)
-COARSE = 1500  # vertices that are enough for a body with 24 joints
 
 
 def upsampled(found: Estimate, on: Start, to: Start) -> Estimate:

@@ -21,6 +21,8 @@ from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.geometry.solids import mesh_edges
 from workbench.residuals.numbers import whitening
 
+PLACE = 0.1  # m, sigma of a template's place: edges do not see it
+
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
@@ -76,9 +78,6 @@ class PosePrior:
         each = pull.reshape(len(poses), -1, 3, 1)
         found[:, 1:] = (slopes.swapaxes(-1, -2) @ each)[..., 0]
         return found
-
-
-PLACE = 0.1  # m, sigma of a template's place: edges do not see it
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from workbench.errors import WorkbenchError
 
 MOST_WEIGHTS = 4  # joints that move one vertex
 PULL = 1e-13  # of the largest diagonal entry: a smaller gradient is rounding
+FEWEST = 60  # vertices that a row may use at least
 
 
 class NoShares(WorkbenchError):
@@ -184,9 +185,6 @@ def few_shares(grams: Array, rights: Array, starts: Array, most: int) -> tuple[A
         allowed = allowed.copy()
         allowed[many] = chosen
     return W, kkt_residuals(grams, rights, W, allowed)
-
-
-FEWEST = 60  # vertices that a row may use at least
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,9 @@ from workbench.problem import Problem
 from workbench.residuals import Residual
 
 HARDLY = 0.01  # of an input's bound: what moves less than this in the clips hardly moves
+MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays
+SOFT = 0.15  # of the largest rms: vertices that move less are in no soft part
+NOTHING = 1e-9  # of the largest input: what moves less in all clips counts as still
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +105,6 @@ def stabilized(first: Array, second: Array, most: float) -> tuple[Array, Array]:
     radius = float(np.abs(np.linalg.eigvals(companion(first, second))).max())
     s = min(1.0, most / radius)
     return s * first, s * s * second
-
-
-MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays
-SOFT = 0.15  # of the largest rms: vertices that move less are in no soft part
 
 
 @dataclass(frozen=True)
@@ -259,9 +258,6 @@ def _power_left(
     frames = np.array([len(clip.motion) for clip in clips], dtype=float)
     centred = index - np.average(index, weights=frames)
     return float((frames * centred) @ np.array(logs) / ((frames * centred) @ centred))
-
-
-NOTHING = 1e-9  # of the largest input: what moves less in all clips counts as still
 
 
 def one_step_problem(one: OneStep, tissue: SoftTissue, coefficient: int = 0) -> Problem:

@@ -47,6 +47,13 @@ from workbench.training.shares import MOST_WEIGHTS, few_shares
 AT_ONCE = 64  # frames in memory at once
 ALONE = 30  # rounds of bones that begin from their weights alone
 LIGHTEST = 1e-9  # the sum of squared weights of a bone that is not moved
+RELAXED = 7  # weights of a vertex on the way
+STEPS, FLAT = 16, 3  # at most; so many in a row that gain little are the last
+DAMPING, LEAST, MOST = 1e-2, 1e-8, 10.0  # shares of the diagonal: the first, and its bounds
+EASED, RAISED = 0.2, 8.0  # factors on the damping after a step that lowers the cost, or does not
+GAIN = 0.005  # of the rms: a step that lowers it by a smaller share gains little
+ENOUGH = 1e-9  # m, rms
+FLOOR = 1e-10  # of the largest entry of a diagonal: keeps what nothing determines where it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,15 +180,6 @@ def fit_bone_weights(
         grams += away @ away.swapaxes(1, 2)
     weights, _ = few_shares(grams / T, np.zeros((N, K)), bones.weights, most)
     return replace(bones, weights=weights)
-
-
-RELAXED = 7  # weights of a vertex on the way
-STEPS, FLAT = 16, 3  # at most; so many in a row that gain little are the last
-DAMPING, LEAST, MOST = 1e-2, 1e-8, 10.0  # shares of the diagonal: the first, and its bounds
-EASED, RAISED = 0.2, 8.0  # factors on the damping after a step that lowers the cost, or does not
-GAIN = 0.005  # of the rms: a step that lowers it by a smaller share gains little
-ENOUGH = 1e-9  # m, rms
-FLOOR = 1e-10  # of the largest entry of a diagonal: keeps what nothing determines where it is
 
 
 def alternate_once(

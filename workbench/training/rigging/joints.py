@@ -28,6 +28,8 @@ NEAR = 1e-6  # of A'A's unit: how much the middle of the common surface counts
 APART = 3.0  # factor on the gap of two bones that share no surface
 ROUNDING = 1e-7  # m: coordinates of meshes are of single precision
 SLIDE = 0.01  # m: a joint that errors let slide farther is not determined
+CERTAIN = 2.0  # factor on the rms that any bones leave: a body that leaves more is doubted
+STILL = 0.05  # rad, rms: bones that turn less against each other hardly turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,10 +143,6 @@ def _middle(edges: csr_array, sizes: Array) -> int:
         for other in order[1:]:
             steps[k, other] = steps[k, before[other]] + 1
     return int((steps @ sizes).argmin())
-
-
-CERTAIN = 2.0  # factor on the rms that any bones leave: a body that leaves more is doubted
-STILL = 0.05  # rad, rms: bones that turn less against each other hardly turn
 
 
 def notes_of(

@@ -162,7 +162,7 @@ def rig(
 
     The meshes are decomposed into rigid bones with smooth weights (Le and Deng 2012, see `bones`),
     pairs of bones are joined where a point stays together in both (`joints`), and joints, poses
-    and weights are refined together as in training without blend shapes (`refinement`).
+    and weights are refined together as in training without blend shapes (`Refinement`).
 
     `rest` (N, 3) m is the mesh in the pose in which the body is drawn, the first mesh if it is not
     given. If the body does not explain the meshes to within rounding with this very mesh, its

@@ -4,11 +4,12 @@ It begins with the result of SMPL's training on the same registrations. Skinning
 regressor stay as they are; everybody's pose and each subject's rest shape are found anew, in
 blocks, each of which holds everything else fixed:
 
-shapes   the poses of the multi-shape set, whose people are un-posed triangle by triangle; then
-         the mean and the principal directions of their deformation gradients, S
-bends    Q by ridge least squares; E_Q is its magnitude
-poses    the pose of every registration, each subject having a D of its own
-persons  each subject's D by least squares; E_D is its smoothness over neighbours
+`fit_shapes`             the poses of the multi-shape set, whose people are un-posed triangle by
+                         triangle; then the mean and the principal directions of their deformation
+                         gradients, S
+`fit_pose_deformations`  Q by ridge least squares; E_Q is its magnitude
+`fits`                   the pose of every registration, each subject having a D of its own
+`fit_subjects`           each subject's D by least squares; E_D is its smoothness over neighbours
 """
 
 from dataclasses import dataclass, replace
@@ -42,6 +43,9 @@ from workbench.training.triangles.learning import (
 AnyBody = SkinnedBody | TriangleBody
 SIGMA = 0.002  # m: a mesh from the body, per coordinate; as in training
 STEPS = 6  # of pose and shape after the edges; more of them change less than 0.01 mm
+SMOOTHNESS = 1e-6  # m^2, E_D
+ROUGH = Lsqr(3e-3)  # for Q: a smaller tolerance explains held-out subjects no better
+FINE = Lsqr(1e-3)  # for D
 
 
 def fit_held_out(body: AnyBody, first: SkinnedBody, meshes: Array) -> FittedMeshes:
@@ -56,11 +60,6 @@ def fit_held_out(body: AnyBody, first: SkinnedBody, meshes: Array) -> FittedMesh
     by_edges = PoseFit(body, N, EdgeTerm(first.faces), FIRST_SIGMA, FIRST_STEPS)
     near = by_edges.fits(turned, meshes).poses
     return PoseFit(body, N, VertexTerm(), SIGMA, STEPS, 1.0).fits(near, meshes)
-
-
-SMOOTHNESS = 1e-6  # m^2, E_D
-ROUGH = Lsqr(3e-3)  # for Q: a smaller tolerance explains held-out subjects no better
-FINE = Lsqr(1e-3)  # for D
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def train_triangles(
     ridge: float,
     options: TriangleOptions = QUICK,
 ) -> TriangleEstimate:
-    """Run all blocks in turn for a number of rounds, then `shapes` and `bends` once more."""
+    """Run all blocks in turn for a number of rounds, then shapes and Q once more."""
     estimate = start
     for _ in range(options.rounds):
         estimate = fit_shapes(estimate, standing, n_betas)
