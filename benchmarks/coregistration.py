@@ -48,7 +48,7 @@ from workbench.studies.coregistration.scans import (
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate
 from workbench.training.evaluation import errors_of, evaluate_held_out
-from workbench.training.executor import Execution, Executor, Processes
+from workbench.training.execution import Execution, Executor, Processes
 from workbench.training.poses import VertexTerm, fitted_poses, poses_of_segments
 from workbench.training.registrations import InMemory
 

@@ -30,13 +30,16 @@ from builder.soft_tissue import (
 from workbench import SkinnedBody, load_body
 from workbench.bodies.body_mass import body_mass_index
 from workbench.motions import Motion, SoftTissue
-from workbench.training.soft_tissue import TissueClip, score_tissue, train_tissue
-from workbench.training.soft_tissue.symbolic_form import (
+from workbench.training.soft_tissue import (
+    TissueClip,
+    coefficients_of,
+    factor_names,
+    one_step_of,
     one_step_problem,
     one_step_start,
-    still_inputs,
+    score_tissue,
+    train_tissue,
 )
-from workbench.training.soft_tissue.training import coefficients_of, one_step_of
 
 RESULTS = Path(__file__).parent / "results" / "soft-tissue.json"
 PAGE = Path(__file__).parent / "TISSUE.md"
@@ -159,7 +162,11 @@ def main() -> None:
             "spectral_radius": tissue.spectral_radius,
             "power_of_body_mass_index": tissue.power,
             "one_step_error": one_step(tissue, body, test),
-            "inputs_that_never_move": still_inputs(one, tissue),
+            "inputs_that_never_move": [
+                name
+                for name, x in zip(factor_names(tissue), one.regressors.T, strict=True)
+                if not x.any()
+            ],
             "unknowns_of_a_coefficient": one.regressors.shape[1],
             "rank": one_step_problem(one, tissue).linearize(one_step_start(tissue)).rank,
             "violent_motion_mm": 1e3 * float(np.linalg.norm(shaken, axis=-1).max()),

@@ -29,7 +29,7 @@ from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import learned_bends
 from workbench.registration.coregistration.triangles import TriangleCoregistration
 from workbench.studies.coregistration.scans import START, Apart, ScannedSet, errors, scanned_set
-from workbench.training.executor import Execution, Executor, Processes
+from workbench.training.execution import Execution, Executor, Processes
 
 RESULTS = Path(__file__).parent / "results" / "triangle-scans.json"
 BEGIN = "<!-- written by `python -m benchmarks.triangle_scans` -->"

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
-from builder.bodies import Builder
-from builder.fine_weights import write_fine_weights
-from builder.held_out import PEOPLE, SEED, write_held_out_people
+from builder.bodies import BodyBuilder
+from builder.population import gather_sources
 from builder.sets import SetRecipe
-from builder.torch_file import read_tensors
+from builder.stored import PEOPLE, SEED, write_fine_weights, write_held_out_people
+from builder.wheel import Wheel, read_tensors
 from workbench.priors.mocap import read_mocap
-from workbench.synthetic.population import gather_sources
-from workbench.synthetic.wheel import Wheel
 
 
 def main() -> None:
@@ -47,7 +45,7 @@ def main() -> None:
     keypoints = read_tensors(wheel.read("keypoints/coco.pth"))
     rows = csr_array(np.array([row / row.sum() for row in keypoints.values()]))
     sources = gather_sources(wheel, recipe.everyone, recipe.seed, print, rows)
-    builder = Builder(
+    builder = BodyBuilder(
         sources, tuple(keypoints), arguments.work, arguments.out, recorded, arguments.jobs
     )
     known = builder.train("default")

@@ -14,7 +14,7 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 
-from builder.packing import write_arrays
+from builder.stored import write_arrays
 from workbench.blocks import Block, Values
 from workbench.experiments.balance import FITTED, published
 from workbench.geometry.camera import Camera, triangulate

@@ -5,52 +5,150 @@ on the meshes of `small` and `full` begin where that ended: their poses are know
 left are templates, weights and blend shapes of more, or fewer, vertices. Female, male and
 neutral bodies share what has to do with pose, learned from everybody; template, shape
 directions and joint regressor are of their own people.
+
+Training lets every vertex depend a little on every joint: on what the poses have in common, and on
+errors that one pose passes on to another. A body that is published needs neither. With everything
+else held, the errors of skinning, un-posed, are regressed on the joints within `REACH` bones of
+those that move a vertex, as if every registration had a mirror image too (`local_posedirs`).
 """
 
 import time
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from builder.card import TrainedOn, card_of
-from builder.packing import BuiltBody, write_body
-from builder.regressors import regress
-from builder.rigs import BODY
-from builder.sets import ABOUT, SetRecipe, make_sets, recipe_text
-from builder.symmetrize import PoseParts, even_body, pose_parts, regression_errors, regressor_from
-from workbench.arrays import Array, Mask
+from builder.base_mesh import read_topology
+from builder.population import SEARCH_RADIUS, Sources
+from builder.sets import ABOUT, BODY, SetRecipe, make_sets, recipe_text, regress
+from builder.stored import BuiltBody, TrainedOn, card_of, write_body
+from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.unposing import unpose
-from workbench.errors import BadFile
+from workbench.errors import BadBody, BadFile
+from workbench.geometry.mirror import Mirror
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
-from workbench.synthetic.ground_truth import CARD, read_ground_truth
-from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
-from workbench.synthetic.population import SEARCH_RADIUS, Sources
-from workbench.synthetic.topology import read_topology
+from workbench.synthetic.teacher import at_most_four
 from workbench.threads import limited_threads
+from workbench.training.blend_shapes import Pair, RidgeSums, local_features, ridge_learned
+from workbench.training.blocks import REACH, alternation
 from workbench.training.checkpoint import fingerprint
-from workbench.training.evaluation import held_out_errors, shapes_explained
-from workbench.training.executor import Execution, Processes
+from workbench.training.estimate import Estimate, SkinningPass
+from workbench.training.evaluation import (
+    CARD,
+    best_linear,
+    held_out_errors,
+    ideal_skinning_errors,
+    read_ground_truth,
+    shapes_explained,
+)
+from workbench.training.execution import BlockLines, Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import FolderRegistrations, open_folder
-from workbench.training.plan import REACH, alternation
-from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.progress import BlockLines
-from workbench.training.shape_training import UnposingJob, about_root, learn_shapes, unposing_jobs
-from workbench.training.upsampling import finishing, upsampled
+from workbench.training.objective import Objective, centred
+from workbench.training.pose_training import PoseModel, finishing, train_poses, upsampled
+from workbench.training.registrations import RegistrationSubset, batches, training_and_held_out
+from workbench.training.shape_training import (
+    UnposingJob,
+    about_root,
+    learn_shape_space,
+    learn_shapes,
+    unposing_jobs,
+)
 from workbench.writing import replacing
 
+RIDGES = (1e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # per pose
 GENDERS = {"": "neutral", "-female": "female", "-male": "male"}
 N_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class PoseParts:
+    """What female, male and neutral bodies of one mesh have in common."""
+
+    start: Start
+    mirror: Mirror
+    estimate: Estimate  # weights and posedirs alike on both sides
+    ridge: float
+
+
+def pose_parts(model: PoseModel, start: Start) -> PoseParts:
+    """Weights made even, then blend shapes learned with them. Raises BadBody without sides."""
+    mirror = model.objective.active_mirror
+    if mirror is None:
+        raise BadBody("a body that is alike on both sides needs a mesh with sides")
+    found = model.estimate
+    weights = at_most_four((found.weights + mirror.weights(found.weights)) / 2, mirror.vertices)
+    even = replace(found, weights=weights)
+    posedirs, ridge = local_posedirs(model.objective, even, mirror)
+    return PoseParts(start, mirror, replace(even, posedirs=posedirs), ridge)
+
+
+def regressor_from(parts: PoseParts, subjects: Index) -> tuple[csr_array, Array]:
+    """The joints of some subjects from their templates, and how far off each is, (K,) m rms."""
+    people, joints = parts.estimate.templates[subjects], parts.estimate.joints[subjects]
+    names, radius = parts.start.joint_names, SEARCH_RADIUS["joints"]
+    rows = regress(people, joints, names, parts.mirror.vertices, radius)
+    return csr_array(rows), regression_errors(rows, people, joints)
+
+
+def regression_errors(regressor: Array, people: Array, points: Array) -> Array:
+    """Root mean square distance of each regressed point from the true one, (M,) m."""
+    away = np.einsum("mn,pnc->pmc", regressor, people, optimize=True) - points
+    errors: Array = np.sqrt((away**2).sum(axis=2).mean(axis=0))
+    return errors
+
+
+def even_body(parts: PoseParts, people: Array, regressor: csr_array) -> tuple[SkinnedBody, Array]:
+    """The body of people (P, N, 3) m, un-posed, with its explained variance."""
+    space = learn_shape_space(people, parts.start.faces, parts.mirror, min(10, len(people) - 1))
+    body = SkinnedBody(
+        template=space.template,
+        shapedirs=space.shapedirs,
+        posedirs=parts.estimate.posedirs,
+        J_regressor=regressor,
+        weights=parts.estimate.weights,
+        parents=parts.estimate.parents,
+        faces=parts.start.faces,
+        joint_names=parts.start.joint_names,
+        mirror=parts.mirror.vertices,
+        name="trained",
+    )
+    return body, space.explained
+
+
+def local_posedirs(
+    objective: Objective, estimate: Estimate, mirror: Mirror | None
+) -> tuple[Array, float]:
+    """Posedirs (N, 3, F) m, and the ridge, which is chosen on held-out subjects."""
+    learned, held_out = (
+        RidgeSums.of(errors_at_rest(objective, estimate, rows)).with_reflections(mirror)
+        for rows in training_and_held_out(objective.registrations.subject)
+    )
+    support = local_features(estimate.weights, estimate.parents, REACH)
+    posedirs, ridge = ridge_learned(learned, held_out, support, RIDGES)
+    return (posedirs if mirror is None else (posedirs + mirror.posedirs(posedirs)) / 2), ridge
+
+
+def errors_at_rest(objective: Objective, estimate: Estimate, rows: Index) -> Iterator[Pair]:
+    """The pose features, and the un-posed errors of skinning."""
+    own = replace(estimate, poses=estimate.poses[rows])
+    bare = replace(own, posedirs=np.zeros_like(own.posedirs))
+    for batch in batches(RegistrationSubset(objective.registrations, rows)):
+        whole, passed = (SkinningPass.of(e, batch.some, batch.subject) for e in (own, bare))
+        _, trans = centred(batch, batch.vertices - whole.points)
+        away = (batch.vertices - trans[:, None] - passed.points) * (batch.confidence > 0)[..., None]
+        yield passed.features, passed.at_rest(away)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshResult:
     """What the other meshes take over from the first.
 
     Attributes:
@@ -64,7 +162,7 @@ class Known:
     people: Array
 
 
-class Builder:
+class BodyBuilder:
     """Trains bodies and writes them to `out`; stopped, it goes on from what is in `work`.
 
     `recorded` are held-out poses (F, 24, 3) rad of people, or None for further draws.
@@ -88,7 +186,7 @@ class Builder:
         """Print a message after the seconds since the builder began."""
         print(f"{time.perf_counter() - self.began:6.1f} s  {message}", flush=True)
 
-    def train(self, name: str, before: Known | None = None) -> Known:
+    def train(self, name: str, before: MeshResult | None = None) -> MeshResult:
         """All bodies of one mesh. Raises BadFile if `work` holds those of another recipe."""
         folder, recipe = self.work / name, SetRecipe(body=name)
         if not already_made(folder, recipe, self.recorded):
@@ -118,7 +216,7 @@ class Builder:
             for ending, gender in GENDERS.items():
                 if name != "small" or not ending:
                     self._write(f"{name}{ending}", gender, people, model, parts, poses, shapes)
-        return Known(model, parts, known)
+        return MeshResult(model, parts, known)
 
     def _poses_of(
         self, body: SkinnedBody, shapes: FolderRegistrations, parts: PoseParts, run: Path

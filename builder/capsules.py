@@ -13,7 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.packing import write_arrays
+from builder.stored import write_arrays
 from workbench.bodies import Capsules, SkinnedBody, capsule_gaps, capsules_of
 from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.catalogue import Embedded

@@ -1,15 +1,15 @@
 """A coarser mesh of some of the same vertices: short edges collapse, on both sides alike."""
 
 from dataclasses import replace
-from heapq import heapify, heappop, heappush
+from heapq import heappop, heappush
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from workbench.arrays import Array, Index
+from builder.base_mesh import Topology
+from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
 from workbench.geometry.solids import mesh_edges
-from workbench.synthetic.topology import Topology
 
 UPRIGHT = 0.2  # cosine: a triangle that turns farther is not allowed
 
@@ -29,35 +29,8 @@ def collapsed(topology: Topology, template: Array, count: int) -> Topology:
         )
     mesh = _Mesh(template, topology.faces)
     mirror, left = topology.mirror, template[:, 0] > 0
-    middle = mirror == np.arange(len(mirror))
-    inside = left & ~middle
-    waiting = [
-        (float(np.linalg.norm(template[a] - template[b])), v, u)
-        for a, b in mesh_edges(topology.faces).tolist()
-        for v, u in ((a, b), (b, a))
-        if inside[v]
-    ]
-    heapify(waiting)
-    remaining = len(template)
-    while remaining > count:
-        if not waiting or remaining == count + 1:
-            raise BadArgument(
-                f"a mesh of {len(template)} vertices that is alike on both sides does not come "
-                f"down to {count}; {remaining} was the last that it did"
-            )
-        _, v, u = heappop(waiting)
-        if not (mesh.around[v] and u in mesh.neighbours(v)):
-            continue
-        if not all(inside[n] for n in mesh.neighbours(v)) or not mesh.may_go(v, u):
-            continue
-        mesh.go(v, u)
-        mesh.go(int(mirror[v]), int(mirror[u]))
-        remaining -= 2
-        for n in sorted(mesh.neighbours(u)):
-            length = float(np.linalg.norm(template[u] - template[n]))
-            for a, b in ((u, n), (n, u)):
-                if inside[a]:
-                    heappush(waiting, (length, a, b))
+    inside = left & (mirror != np.arange(len(mirror)))
+    _collapse_short_edges(mesh, inside, count, mirror)
     kept, faces = mesh.kept()
     place = np.full(len(template), -1)
     place[kept] = np.arange(len(kept))
@@ -76,37 +49,52 @@ def collapsed_part(
     """
     mesh, inside = _Mesh(template, triangles), np.ones(len(template), dtype=bool)
     inside[fixed] = False
-    waiting = [
-        (float(np.linalg.norm(template[a] - template[b])), v, u)
-        for a, b in mesh_edges(triangles).tolist()
-        for v, u in ((a, b), (b, a))
-        if inside[v]
-    ]
-    heapify(waiting)
-    remaining = len(template)
+    _collapse_short_edges(mesh, inside, count)
+    return mesh.kept()
+
+
+def _collapse_short_edges(
+    mesh: "_Mesh", inside: Mask, count: int, mirror: Index | None = None
+) -> None:
+    """Collapse edges whose first end is `inside`, the shortest first, down to `count` vertices.
+
+    With a `mirror` (N,), each together with its image, if all neighbours are inside as well.
+    """
+    waiting: list[tuple[float, int, int]] = []
+
+    def wait(a: int, b: int) -> None:
+        length = float(np.linalg.norm(mesh.vertices[a] - mesh.vertices[b]))
+        for v, u in ((a, b), (b, a)):
+            if inside[v]:
+                heappush(waiting, (length, v, u))
+
+    for a, b in mesh.edges:
+        wait(a, b)
+    remaining, step = len(mesh.vertices), 1 if mirror is None else 2
     while remaining > count:
-        if not waiting:
+        if not waiting or remaining - step < count:
             raise BadArgument(
-                f"a mesh of {len(template)} vertices, {len(fixed)} of them fixed, does not come "
-                f"down to {count}; {remaining} was the last that it did"
+                f"a mesh of {len(mesh.vertices)} vertices does not come down to {count}, as its "
+                f"border and its midline stay; {remaining} was the last that it did"
             )
         _, v, u = heappop(waiting)
-        if mesh.around[v] and u in mesh.neighbours(v) and mesh.may_go(v, u):
-            mesh.go(v, u)
-            remaining -= 1
-            for n in sorted(mesh.neighbours(u)):
-                length = float(np.linalg.norm(template[u] - template[n]))
-                for a, b in ((u, n), (n, u)):
-                    if inside[a]:
-                        heappush(waiting, (length, a, b))
-    return mesh.kept()
+        if not (mesh.around[v] and u in mesh.neighbours(v) and mesh.may_go(v, u)):
+            continue
+        if mirror is not None:
+            if not all(inside[n] for n in mesh.neighbours(v)):
+                continue
+            mesh.go(int(mirror[v]), int(mirror[u]))
+        mesh.go(v, u)
+        remaining -= step
+        for n in sorted(mesh.neighbours(u)):
+            wait(u, n)
 
 
 class _Mesh:
     """Triangles while edges collapse."""
 
     def __init__(self, vertices: Array, faces: Index) -> None:
-        self.vertices = vertices
+        self.vertices, self.edges = vertices, mesh_edges(faces).tolist()
         self.faces: list[tuple[int, ...] | None] = [tuple(face) for face in faces.tolist()]
         self.around: list[set[int]] = [set() for _ in vertices]
         for f, face in enumerate(faces.tolist()):

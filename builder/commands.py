@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 import workbench as wb
-from builder.site.inventory import FRONT_DOOR, Entry, resolve
+from builder.site.reference import FRONT_DOOR, PublicName, resolve
 from workbench.cli.app import app
 
 FILE = Path(__file__).parents[1] / "COMMANDS.md"
@@ -34,7 +34,7 @@ def text() -> str:
     parts += [section(name, command) for name, command in commands()]
     parts += ["## Main names of the library\n", "| name | what it is |\n| --- | --- |"]
     for name in sorted(wb.__all__, key=str.casefold):
-        entry = Entry(name, *resolve(FRONT_DOOR, name), public=True, exported=FRONT_DOOR)
+        entry = PublicName(name, *resolve(FRONT_DOOR, name), public=True, exported=FRONT_DOOR)
         parts.append(f"| `wb.{name}` | {entry.summary.replace('|', chr(92) + '|')} |")
     return "\n".join(parts) + "\n"
 

@@ -13,15 +13,14 @@ import casadi as cs
 import numpy as np
 
 import workbench as wb
-from builder.hands.anatomy import read_hand
-from builder.packing import write_arrays
+from builder.base_mesh import N_BODY, read_base_mesh, read_topology
+from builder.hands.mesh import read_hand
+from builder.stored import write_arrays
+from builder.wheel import Wheel
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import SEWN, embedded, embedded_hand
 from workbench.geometry.surface_tree import nearest
-from workbench.synthetic.base_mesh import N_BODY, read_base_mesh
-from workbench.synthetic.topology import read_topology
-from workbench.synthetic.wheel import Wheel
 
 DATA, BEND, SHAPE = 0.001, 0.3, 1.0  # m, rad and standard deviations: sigmas of the fit
 SAME = 1e-9  # m, between a vertex of the hand and the body's

@@ -3,7 +3,7 @@
 Run as `python -m builder.joint_limits MOCAP.npz --out workbench/data/joint_limits`,
 with the recording of `workbench.priors.poses`. Writes `anatomical.json` and
 `recorded.json`: per joint and axis of its rotation vector the lower and the upper limit in degrees,
-null where there is none; and `hand.json` (`builder.hands.limits`).
+null where there is none; and `hand.json` (`builder.joint_limits`).
 In the T-pose (y up, the body faces +z, its left is +x) a turn about one
 axis is an anatomical motion with a name; a turn about several is not, and there a box of rotation
 vectors is an approximation.
@@ -16,10 +16,27 @@ from typing import Any
 
 import numpy as np
 
-from builder.hands.limits import hand_limits
+from workbench.bodies.hand_axes import ABDUCTION, DEVIATION, FLEXION, TWIST
 from workbench.geometry.mirror import AXIAL, opposite
 from workbench.priors.mocap import Mocap, read_mocap
 
+AAOS, MERCK, ASSUMED = "AAOS", "Merck", "assumed"
+HAND_SOURCES = {
+    AAOS: "American Academy of Orthopaedic Surgeons, Joint Motion: Method of Measuring and "
+    "Recording, 1965, as printed in Norkin and White, Measurement of Joint Motion: A Guide to "
+    "Goniometry, F. A. Davis, appendix A, column AAOS",
+    MERCK: "The Merck Manual, Normal Values for Range of Motion of Joints, table 1, 2010-2013; "
+    "people of all ages",
+    ASSUMED: "not measured: hinge joints turn about one axis, and the others give a little",
+}
+FOUR = ("index", "middle", "ring", "pinky")
+ASIDE = {  # abduction 25 is away from the middle finger, adduction 20 towards it
+    "index": (-20, 25, "abduction 25, adduction 20"),
+    "middle": (-25, 25, "abduction 25 to either side"),
+    "ring": (-25, 20, "abduction 25, adduction 20"),
+    "pinky": (-25, 20, "abduction 25, adduction 20"),
+}
+GIVES, TURNS = 10, 20  # degrees to either side
 AXES = "xyz"
 AAOS = "AAOS"
 MERCK = "Merck"
@@ -45,6 +62,31 @@ LEFT: tuple[tuple[str, str, float | None, float | None, str, str], ...] = (
     ("left_wrist", "y", -20, 30, "radial deviation 20, ulnar deviation 30", AAOS),
     ("left_wrist", "z", -80, 70, "flexion 80, extension 70", AAOS),
 )
+
+
+def hand_limits() -> dict[str, Any]:
+    """The contents of `hand.json`."""
+    rows: list[dict[str, Any]] = []
+
+    def add(joint: str, motion: str, lower: float, upper: float, said: str, source: str) -> None:
+        ends = {"lower": lower, "upper": upper, "motions": said, "source": source}
+        rows.append({"joint": joint, "motion": motion} | ends)
+
+    for finger in FOUR:
+        add(f"{finger}1", FLEXION, -45, 90, "flexion 90, hyperextension 45", AAOS)
+        add(f"{finger}2", FLEXION, 0, 100, "flexion 100, extension 0", AAOS)
+        add(f"{finger}3", FLEXION, 0, 90, "flexion 90, extension 0", AAOS)
+        add(f"{finger}1", DEVIATION, *ASIDE[finger], MERCK)
+    add("thumb1", ABDUCTION, 0, 70, "abduction 70, adduction 0", AAOS)
+    add("thumb2", FLEXION, 0, 50, "flexion 50, extension 0", AAOS)
+    add("thumb3", FLEXION, -20, 80, "flexion 80, extension 20", AAOS)
+    for joint in (*(f"{finger}1" for finger in FOUR), "thumb2"):
+        add(joint, TWIST, -TURNS, TURNS, "twist to either side", ASSUMED)
+    add("thumb2", DEVIATION, -TURNS, TURNS, "deviation to either side", ASSUMED)
+    for joint in (*(f"{finger}{i}" for finger in FOUR for i in (2, 3)), "thumb3"):
+        for motion in (DEVIATION, TWIST):
+            add(joint, motion, -GIVES, GIVES, f"{motion} to either side", ASSUMED)
+    return {"unit": "degree", "sources": HAND_SOURCES, "limits": rows}
 
 
 def anatomical() -> dict[str, Any]:

@@ -13,29 +13,117 @@ import argparse
 import csv
 import hashlib
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
+import scipy.linalg
+import scipy.optimize
 from scipy.sparse import csr_array
 
+from builder.base_mesh import FILES, Topology, read_topology
 from builder.collapsing import collapsed
-from builder.regressors import regress
-from builder.rigs import BODY, Rig
+from builder.population import JITTER, Report, Sources, gather_sources
+from builder.wheel import Wheel
 from workbench.arrays import Array, Index, Mask
+from workbench.geometry.mirror import opposites
 from workbench.priors.mocap import read_mocap
-from workbench.priors.poses import LARGEST_ANGLE
-from workbench.synthetic.ground_truth import CARD, GroundTruth
-from workbench.synthetic.population import JITTER, Report, Sources, gather_sources
-from workbench.synthetic.rig import at_most_four
-from workbench.synthetic.topology import FILES, Topology, read_topology
-from workbench.synthetic.wheel import Wheel
+from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
+from workbench.synthetic.teacher import JOINT_NAMES, PARENTS, Teacher, at_most_four
+from workbench.training.evaluation import AT_REST, CARD, GroundTruth
 from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
-from workbench.writing import replacing
+from workbench.writing import replacing, write_arrays
 
+ROW_SUM_FIRMNESS = 10.0  # m: how strongly a row is held to the sum one before it is scaled to it
+FEWEST_CANDIDATES, MOST_CANDIDATES = 30, 600
+MOST_NONZEROS = 40
 ABOUT = __doc__
 COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
+
+
+class Posable(Protocol):
+    """One person, whose surface a pose moves."""
+
+    def vertices(self, pose: Array) -> Array:
+        """The posed surface (N, 3) m of one pose (K, 3) rad."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigRecipe:
+    """Joints, the teacher of what pose does to skin, and the poses that people are in.
+
+    Attributes:
+        joint_names: the names of K joints.
+        parents: (K,), parents[0] == -1.
+        teacher: makes a person who can be posed from the surface at rest (N, 3) m, the joints at
+            rest (K, 3) m and the weights (N, B) of the teacher's own B bones.
+        draw: draws so many poses (n, K, 3) rad.
+        radius: in metres, of the vertices around a joint from which it may be regressed.
+        draws: what the drawn poses are, in a few words.
+    """
+
+    joint_names: tuple[str, ...]
+    parents: tuple[int, ...]
+    teacher: Callable[[Array, Array, csr_array], Posable]
+    draw: Callable[[int, np.random.Generator], Array]
+    radius: float
+    draws: str
+
+
+def _of_the_mixture(count: int, rng: np.random.Generator) -> Array:
+    return draw_poses(shipped_mixture(), count, rng)
+
+
+BODY = RigRecipe(JOINT_NAMES, PARENTS, Teacher, _of_the_mixture, 0.25, "draws of the mixture")
+
+
+def regress(
+    people: Array, points: Array, names: Sequence[str], mirror: Index, radius: float
+) -> Array:
+    """A regressor (M, N): rows are not negative, sum to one, and are alike on both sides.
+
+    It gives `points` (P, M, 3) from the vertices `people` (P, N, 3), in the least-squares sense,
+    among the vertices within `radius` m of each point. Rows on the right are those of the left,
+    reflected; rows on the midline weigh a vertex and its opposite alike.
+    """
+    regressor = np.zeros((len(names), people.shape[1]))
+    means = people.mean(axis=0)
+    for k, opposite in enumerate(opposites(names)):
+        if opposite < k:  # the joint on the left has been done
+            regressor[k] = regressor[opposite][mirror]
+            continue
+        near = _near(means, points[:, k].mean(axis=0), radius)
+        partners = mirror if opposite == k else np.arange(len(mirror))
+        pairs = np.unique([sorted((v, partners[v])) for v in near], axis=0)
+        weights = _row(people, points[:, k], pairs)
+        most = np.argsort(-weights)[: MOST_NONZEROS // (2 if opposite == k else 1)]
+        weights = _row(people, points[:, k], pairs := pairs[most[weights[most] > 0]])
+        for side in (0, 1):
+            np.add.at(regressor[k], pairs[:, side], weights / 2)
+    return regressor
+
+
+def _near(vertices: Array, point: Array, radius: float) -> Index:
+    """The vertices within a radius, at most so many of them, evenly over the distances."""
+    distances = np.linalg.norm(vertices - point, axis=1)
+    order = np.argsort(distances, kind="stable")
+    order = order[: max(np.count_nonzero(distances < radius), FEWEST_CANDIDATES)]
+    return order[:: -(-len(order) // MOST_CANDIDATES)]
+
+
+def _row(people: Array, points: Array, pairs: Index) -> Array:
+    """Weights (C,) >= 0 of pairs of vertices (C, 2), summing to one, that give the points."""
+    middles = people[:, pairs].mean(axis=2)  # (P, C, 3)
+    away = (middles - points[:, None]).transpose(0, 2, 1).reshape(-1, len(pairs))
+    firm = ROW_SUM_FIRMNESS * np.sqrt(len(people))
+    A = np.concatenate([away, np.full((1, len(pairs)), firm)])
+    Q, R = scipy.linalg.qr(A, mode="economic")  # the same least squares, with fewer rows
+    weights, _ = scipy.optimize.nnls(R, firm * Q[-1], maxiter=100 * len(pairs))
+    scaled: Array = weights / weights.sum()
+    return scaled
 
 
 @dataclass(frozen=True)
@@ -93,7 +181,7 @@ class Subjects:
     weights: Array
     fine_weights: csr_array
     regressor: Array
-    rig: Rig = BODY
+    rig: RigRecipe = BODY
 
     def posed(self, person: int, pose: Array, trans: Array) -> Array:
         """The teacher's surface (N, 3) m of one person."""
@@ -160,6 +248,8 @@ def write_sets(
     last = [("poses", names), ("shapes", [*range(len(subjects.female), len(everyone.female))])]
     _table(folder / "held_out", last, everyone)
     of_held_out.save(folder / "held_out")
+    at_rest = {"train": subjects.rest[: recipe.people], "held_out": newcomers.rest}
+    write_arrays(folder / AT_REST, {k: v.astype(np.float32) for k, v in at_rest.items()})
     start = _start(subjects, recipe.people, faces)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")

@@ -13,15 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from builder.packing import in_steps, write_arrays
+from builder.stored import in_steps, write_arrays
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import SYNTHETIC, UNTRAINED
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.training.triangles.learning import PosedMeshes, learn_bends
-from workbench.training.triangles.stitched_fit import CentredVertices, Lsqr
+from workbench.training.triangles.learning import Lsqr, PosedMeshes, learn_pose_deformations
 
 LEARNED_FROM, VALIDATED_ON, TESTED_ON = 600, 100, 100  # people, each in one pose
 RIDGES = (1e-1, 1e-2, 1e-3, 1e-4)  # m^2, from which that of Q is chosen on the validation set
@@ -70,8 +69,8 @@ def build(name: str) -> tuple[TriangleBody, dict[str, Any]]:
     meshes = PosedMeshes(training.surfaces, training.poses, np.arange(LEARNED_FROM))
     errors, found = [], []
     for ridge in RIDGES:
-        learned = learn_bends(
-            untrained, meshes, training.betas, ridge=ridge, by=Lsqr(3e-3), measure=CentredVertices
+        learned = learn_pose_deformations(
+            untrained, meshes, training.betas, ridge=ridge, by=Lsqr(3e-3)
         )
         found.append(learned)
         errors.append(validation.rms(learned))

@@ -18,7 +18,7 @@ from workbench.studies.blend_shapes.training_data import (
     TrainingData,
     with_blend_shapes,
 )
-from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
+from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 
 body = wb.load_body("small")
 linear, teacher = body_on_teachers_rig(body), teacher_of(body)

@@ -15,7 +15,7 @@ import workbench as wb
 from workbench.bodies.body_mass import body_mass_index
 from workbench.motions import load_tissue
 from workbench.synthetic import simulate_tissue
-from workbench.synthetic.motions_made_up import made_up_motion
+from workbench.synthetic.made_up import made_up_motion
 
 body, tissue = wb.load_body("default"), load_tissue()
 motion = made_up_motion(body, seconds=4.0, seed=1)

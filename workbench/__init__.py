@@ -70,10 +70,9 @@ if TYPE_CHECKING:
         TrustRegion,
         solve,
     )
-    from workbench.training.blocks import BlockOptions
+    from workbench.training.blocks import BlockOptions, Plan, Stage
     from workbench.training.estimate import Sigmas
     from workbench.training.first_guess import Start
-    from workbench.training.plan import Plan, Stage
     from workbench.training.registrations import Batch, InMemory, Registrations
     from workbench.training.rigging.joints import JointCandidate
     from workbench.training.rigging.rig import Rigged, rig

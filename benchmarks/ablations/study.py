@@ -6,26 +6,24 @@ from math import inf
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.posing import Posing
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
+from workbench.training.blocks import alternation
 from workbench.training.estimate import Sigmas
 from workbench.training.evaluation import VertexErrors
-from workbench.training.first_guess import Start
-from workbench.training.plan import alternation
-from workbench.training.pose_training import first_estimate, first_poses
+from workbench.training.execution import SILENT, Report
+from workbench.training.first_guess import Start, first_estimate, first_poses
 from workbench.training.poses import (
     DataTerm,
     EdgeTerm,
     PoseFit,
-    ShapePrior,
     VertexTerm,
     poses_of_segments,
 )
-from workbench.training.progress import SILENT, Report
 from workbench.training.registrations import InMemory, Registrations, batches
 from workbench.training.training import Trained, train
 
@@ -150,8 +148,7 @@ def generalization_errors(
     `sigma` is the standard deviation of a vertex in metres, `betas_sigma` that of the prior on
     betas in standard deviations of the population.
     """
-    prior = ShapePrior(betas_sigma)
-    fit = PoseFit(body, body.n_vertices, VertexTerm(), sigma, FIT_STEPS, prior, FIT_TOLERANCE)
+    fit = PoseFit(body, body.n_vertices, VertexTerm(), sigma, FIT_STEPS, betas_sigma, FIT_TOLERANCE)
     distances = []
     for batch in batches(registrations):
         each = zip(batch.vertices, batch.confidence, strict=True)
@@ -176,7 +173,10 @@ def turn_errors(
     meshes = InMemory(plain.vertices(poses, betas), np.arange(len(poses)))
     start = Start.of(body)
     first = first_estimate(meshes, start, weights=body.weights, rings=body.J_regressor)
-    ways: dict[str, DataTerm] = {"edges": EdgeTerm(body.faces), "vertices": VertexTerm()}
+    ways: dict[str, Callable[[Index], DataTerm]] = {
+        "edges": EdgeTerm,
+        "vertices": lambda faces: VertexTerm(),
+    }
     true = Posing.of(poses, body.parents).local
     errors = {}
     for name, compared in ways.items():

@@ -18,11 +18,11 @@ from benchmarks.hands import from_points, from_scans
 from benchmarks.hands.strangers import of_the_model, strangers
 from benchmarks.hands.tables import tables
 from benchmarks.keeping import keep, write_between
+from builder.wheel import Wheel
 from workbench import diagnose
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.fitting import hand_problem, hand_start
-from workbench.synthetic.wheel import Wheel
 
 RESULTS = Path(__file__).parent.parent / "results" / "hands.json"
 PAGE = Path(__file__).parent.parent / "HANDS.md"

@@ -6,19 +6,17 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from builder.hands.anatomy import PARENTS, read_hand
-from builder.hands.people import draw_hands
-from builder.hands.poses import HandPoses
-from builder.hands.sets import HandTeacher
+from builder.base_mesh import read_base_mesh
+from builder.hands.mesh import PARENTS, read_hand
+from builder.hands.sets import HandPoses, HandTeacher, draw_hands
+from builder.population import read_shape_targets
+from builder.wheel import Wheel
 from workbench.arrays import Array
 from workbench.bodies import HAND_POINTS, SkinnedBody
 from workbench.bodies.forward.posing import Posing
 from workbench.fitting.hand_fit import points_of
 from workbench.synthetic import Holes, Noise, SimulatedScan, scan, scanners
-from workbench.synthetic.base_mesh import read_base_mesh
-from workbench.synthetic.shape_targets import read_shape_targets
-from workbench.synthetic.skeleton import joint_positions
-from workbench.synthetic.wheel import Wheel
+from workbench.synthetic.teacher import joint_positions
 
 PLACE = 0.3  # m along each axis
 DISTANCE, DEPTH_NOISE = 0.4, 0.0005  # m, of the scanners and of their depths

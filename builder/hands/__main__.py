@@ -12,7 +12,7 @@ from pathlib import Path
 
 from builder.hands.sets import RECIPE
 from builder.hands.training import HandBuilder
-from workbench.synthetic.wheel import Wheel
+from builder.wheel import Wheel
 
 COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")
 

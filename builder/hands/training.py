@@ -1,55 +1,67 @@
-"""Training of the embedded hand by the project's own training, and its file."""
+"""Training of the embedded hand by the project's own training, and its file.
+
+The price of a pose blend shape grows with the distance from the joint, along the surface. Romero,
+Tzionas and Black (Embodied Hands, 2017) made those of MANO local in this way: on a hand every joint
+is near every other one in the tree, so that a number of bones says little.
+"""
 
 import json
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from builder.bodies import already_made, unposed
-from builder.card import LICENCE
-from builder.hands.anatomy import HandMesh, read_hand
-from builder.hands.poses import HandPoses, pose_space
-from builder.hands.sets import ABOUT, RADIUS, make_hand_sets
-from builder.packing import in_steps, sparse, whole_shares, write_arrays
-from builder.priced_blends import (
-    FAR,
-    REACH,
-    PricedBlends,
-    far_share,
-    joint_distances,
-    priced_posedirs,
-)
-from builder.regressors import regress
-from builder.sets import SetRecipe
-from workbench.arrays import Array
+from builder import wheel as published
+from builder.base_mesh import read_base_mesh
+from builder.bodies import already_made, errors_at_rest, unposed
+from builder.hands.mesh import HandMesh, read_hand
+from builder.hands.sets import ABOUT, RADIUS, HandPoses, make_hand_sets, pose_space
+from builder.sets import SetRecipe, regress
+from builder.stored import LICENCE, in_steps, sparse, whole_shares, write_arrays
+from builder.wheel import Wheel
+from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.landmarks import Landmarks
-from workbench.synthetic import wheel as published
-from workbench.synthetic.base_mesh import read_base_mesh
-from workbench.synthetic.ground_truth import read_ground_truth
-from workbench.synthetic.wheel import Wheel
+from workbench.geometry.solids import along_edges
 from workbench.threads import limited_threads
-from workbench.training.evaluation import held_out_errors, shapes_explained
-from workbench.training.executor import Execution, Processes
-from workbench.training.first_guess import at_most, read_start
+from workbench.training.blend_shapes import RidgeSums, local_features
+from workbench.training.blocks import alternation
+from workbench.training.estimate import Estimate
+from workbench.training.evaluation import held_out_errors, read_ground_truth, shapes_explained
+from workbench.training.execution import BlockLines, Execution, Processes
+from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import open_folder
-from workbench.training.plan import alternation
+from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.progress import BlockLines
+from workbench.training.registrations import training_and_held_out
 from workbench.training.shape_training import (
     about_root,
     learn_shape_space,
     learn_shapes,
     unposing_jobs,
 )
+from workbench.training.shares import at_most
 
+RIDGES = (1e-5, 1e-4, 1e-3)  # per pose, at the joint
+PRICES = (
+    1.0,
+    10.0,
+    30.0,
+    100.0,
+    300.0,
+    1000.0,
+)  # how many times the ridge, more, at the distance FAR
+FAR = 0.04  # m
+MOST = 0.07  # of squared posedirs, farther than FAR: a finished hand, a larger one, has more
+REACH = 2  # bones from a joint that carries a vertex
 N_BETAS = 10
 SHAPE_STEP, POSE_STEP = 1e-6, 5e-6  # m
 COMMAND = "python -m builder.hands WHEEL --work FOLDER --out workbench/data/bodies"
@@ -70,6 +82,89 @@ PROVENANCE = (
     "vertices. At rest the hand is flat, palm down, by the exact inverse of linear blend skinning. "
     "There are no nails.",
 )
+DRAWN = "synthetic draws of hand poses"
+
+
+@dataclass(frozen=True, eq=False)
+class PricedBlends:
+    """Posedirs, and how they were chosen.
+
+    Attributes:
+        posedirs: (N, 3, 9 (K - 1)) m.
+        ridge: per pose, at the joint itself.
+        price: the factor on the ridge at `FAR`, less one.
+        far: the share of squared posedirs farther than `FAR` from their joints.
+    """
+
+    posedirs: Array
+    ridge: float
+    price: float
+    far: float
+
+
+def joint_distances(start: Start, joints: Array) -> Array:
+    """From each joint but the root to every vertex, (N, K - 1) m.
+
+    The larger of two distances: along edges from the ring where the joint's segment begins, and
+    straight from the joint, whose places `joints` (K, 3) m are on the template of `start`.
+    """
+    rings = start.rings()
+    sources = [rings[[k]].nonzero()[1].astype(np.int64) for k in range(1, len(start.parents))]
+    along = along_edges(start.template, start.faces, sources).T
+    straight = np.linalg.norm(start.template[:, None] - joints[None, 1:], axis=2)
+    return np.asarray(np.maximum(along, straight))
+
+
+def far_share(posedirs: Array, distances: Array) -> float:
+    """The share of squared posedirs of joints farther than `FAR` from a vertex."""
+    energy = (posedirs.reshape(len(posedirs), 3, -1, 9) ** 2).sum(axis=(1, 3))
+    return float(energy[distances > FAR].sum() / energy.sum())
+
+
+def priced_posedirs(
+    objective: Objective,
+    estimate: Estimate,
+    start: Start,
+    ridges: Sequence[float] = RIDGES,
+    prices: Sequence[float] = PRICES,
+) -> PricedBlends:
+    """The blend shapes that explain held-out subjects best, of those that are local.
+
+    Of all pairs of a ridge and a price, those are tried whose posedirs have at most the share
+    `MOST` farther than `FAR` from their joints; if none has, the most local ones are taken.
+    """
+    learned, held_out = (
+        RidgeSums.of(errors_at_rest(objective, estimate, rows))
+        for rows in training_and_held_out(objective.registrations.subject)
+    )
+    mean = estimate.templates.mean(axis=0), estimate.joints.mean(axis=0)
+    distances = joint_distances(replace(start, template=mean[0]), mean[1])
+    support = local_features(estimate.weights, estimate.parents, REACH)
+
+    def tried() -> Iterator[tuple[bool, float, float, float]]:
+        for ridge, price in product(ridges, prices):
+            found = solved(learned, support, distances, ridge, price)
+            far = far_share(found, distances)
+            local = far <= MOST
+            yield not local, held_out.error(found) if local else far, ridge, price
+
+    _, _, ridge, price = min(tried())
+    posedirs = solved(learned + held_out, support, distances, ridge, price)
+    return PricedBlends(posedirs, ridge, price, far_share(posedirs, distances))
+
+
+def solved(sums: RidgeSums, support: Mask, distances: Array, ridge: float, price: float) -> Array:
+    """Posedirs (N, 3, F) m by ridge regression, with a ridge of its own for each entry.
+
+    It is ridge (1 + price (d / FAR)^4) for a vertex at the distance d (N, K - 1) m from the joint.
+    """
+    found = np.zeros_like(sums.products)
+    prices = ridge * sums.n_poses * (1 + price * (distances / FAR) ** 4)
+    for v, (features, own_prices) in enumerate(zip(support, prices, strict=True)):
+        own = np.flatnonzero(features)
+        gram = sums.features[np.ix_(own, own)] + np.diag(np.repeat(own_prices, 9)[own])
+        found[v][:, own] = np.linalg.solve(gram, sums.products[v][:, own].T).T
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,5 +385,4 @@ def packed(trained: TrainedHand, card: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-DRAWN = "synthetic draws of hand poses"
 assert FAR == 0.04  # m, as the card and what is printed say

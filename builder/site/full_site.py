@@ -4,9 +4,17 @@ import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from builder.site.documents import START, TEXTS, checkout, contents, write_documents
-from builder.site.examples import NUMBERED, run_all, write_example_pages
-from builder.site.licence_page import write_licence_page
+from builder.site.pages import (
+    NUMBERED,
+    START,
+    TEXTS,
+    checkout,
+    contents,
+    run_all,
+    write_documents,
+    write_example_pages,
+    write_licence_page,
+)
 from builder.site.reference import Reference
 from workbench.course.site import Tell, build, copy_licences, put, refuse, write_course_pages
 

@@ -21,7 +21,7 @@ from workbench.lectures.material.linearity import linear_in
 from workbench.plots import house_style, plot_differences, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes.training_data import PosedSurfaces, TrainingData
-from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
+from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 
 # %% [markdown]
 # ## One input and one output

@@ -32,7 +32,7 @@ from workbench.lectures.material.tubes import tube
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
 from workbench.plots.body import Figurine, line_up, side
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
-from workbench.training.locality import MaskedCholesky, local_features
+from workbench.training.blend_shapes import MaskedCholesky, local_features
 
 # %% [markdown]
 # ## What an artist would do

@@ -24,16 +24,14 @@ from workbench.plots import house_style, sheet
 from workbench.plots.diagnosis import plot_sparsity
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, limb, random_smpl
 from workbench.training import blocks
-from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import fit_joint_regressor
+from workbench.training.blocks import alternation
+from workbench.training.estimate import Estimate, Sigmas, SkinningPass
+from workbench.training.first_guess import Start, first_estimate
 from workbench.training.objective import Objective
-from workbench.training.plan import alternation
-from workbench.training.pose_training import first_estimate, train_poses
+from workbench.training.pose_training import train_poses
 from workbench.training.shape_training import learn_shape_space
-from workbench.training.simplex import shares_to_zero
-from workbench.training.skinning_pass import SkinningPass
-from workbench.training.symbolic_form import SymbolicTraining
+from workbench.training.shares import fit_joint_regressor, shares_to_zero
+from workbench.training.symbolic import SymbolicTraining
 
 # %% [markdown]
 # ## Registrations

@@ -25,16 +25,15 @@ from workbench.motions.accelerations import MovingFrames, second_differences
 from workbench.motions.soft_tissue import companion, free_run
 from workbench.plots import house_style, sheet
 from workbench.synthetic import simulate_tissue
-from workbench.synthetic.made_up import limb, random_smpl
-from workbench.synthetic.motions_made_up import made_up_motion
+from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 from workbench.training.soft_tissue import (
     OneStep,
     TissueClip,
     TissuePlan,
+    one_step_of,
     score_tissue,
     train_tissue,
 )
-from workbench.training.soft_tissue.training import one_step_of
 
 body = wb.load_body("small")
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.plots.palette import FAINT, LINES, MARKERS
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 
 NOTHING = 1e-6  # of the last cost: a term below is rounding, and not drawn
 

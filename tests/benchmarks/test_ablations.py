@@ -28,7 +28,7 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.estimate import Sigmas
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 from workbench.training.registrations import InMemory
 
 pytestmark = pytest.mark.thorough

@@ -4,20 +4,25 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from builder.mirrored_poses import mirrored_pose
-from builder.regressors import regress
-from builder.symmetrize import regression_errors
+from builder.base_mesh import DISTAL_HALVES, _triangulated, carrier
+from builder.bodies import regression_errors
+from builder.population import ShapeTargets, Traits, to_t_pose
+from builder.pose_priors import mirrored_pose
+from builder.sets import regress
+from builder.wheel import parse_obj
 from tests.synthetic.test_teacher import skinned
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.geometry.mirror import REFLECTION, Mirror
-from workbench.synthetic.population import to_t_pose
-from workbench.synthetic.rig import at_most_four, carrier
-from workbench.synthetic.shape_targets import Person, ShapeTargets
-from workbench.synthetic.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
-from workbench.synthetic.topology import _triangulated
-from workbench.synthetic.wheel import parse_obj
-from workbench.training.ridge import Sums, solve_ridge
+from workbench.synthetic.teacher import (
+    HALF_OF,
+    JOINT,
+    JOINT_NAMES,
+    MIRRORED_JOINTS,
+    PARENTS,
+    at_most_four,
+)
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.shape_training import learn_shape_space
 
 
@@ -55,6 +60,10 @@ def _arms_down() -> Array:
     pose[JOINT["left_elbow"]], pose[JOINT["right_elbow"]] = (0, -0.3, 0), (0, 0.3, 0)
     matrices: Array = Rotation.from_rotvec(pose).as_matrix()
     return matrices
+
+
+def test_halves_of_limbs_are_those_of_the_rig() -> None:
+    assert [carrier(f"{half}{side}") for half in DISTAL_HALVES for side in (".L", ".R")] == HALF_OF
 
 
 def test_limbs_of_the_t_pose_are_straight(small) -> None:  # type: ignore[no-untyped-def]
@@ -120,7 +129,7 @@ def test_cutting_to_four_weights_is_symmetric() -> None:
 
 
 def test_levels_of_a_trait_share_one() -> None:
-    person = Person(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
+    person = Traits(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
     factors = person.factors()
     assert (factors["male"], factors["female"]) == pytest.approx((0.2, 0.8))
     assert (factors["averagemuscle"], factors["maxmuscle"]) == pytest.approx((0.5, 0.5))
@@ -131,7 +140,7 @@ def test_levels_of_a_trait_share_one() -> None:
 
 def test_targets_are_weighed_by_products() -> None:
     targets = ShapeTargets((("female", "old"), ("male",)), ("a", "b"), np.zeros((6, 3)))
-    person = Person(0.8, 0.25, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, (1, 0, 0), (0.3, -0.2))
+    person = Traits(0.8, 0.25, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, (1, 0, 0), (0.3, -0.2))
     expected = [0.8 * 0.25, 0.2, 0.3, 0, 0, 0.2]
     assert targets.coefficients(person) == pytest.approx(expected)
 
@@ -181,7 +190,7 @@ def test_ridge_finds_posedirs_within_their_support() -> None:
     true = rng.normal(size=(4, 3, 207)) * support[:, None]
     features = rng.normal(size=(400, 207))
     errors = np.einsum("ncf,pf->pnc", true, features)
-    sums = Sums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
+    sums = RidgeSums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
     assert sums.energy == pytest.approx(np.vdot(errors, errors))
     assert sums.n_poses == 400
     found = solve_ridge(sums, support, ridge=1e-12)
@@ -190,7 +199,7 @@ def test_ridge_finds_posedirs_within_their_support() -> None:
     assert abs(sums.error(found)) < 1e-9
     assert sums.error(np.zeros_like(found)) == pytest.approx(1)
     everywhere = solve_ridge(
-        Sums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
+        RidgeSums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
     )
     assert not everywhere[~support[:, None].repeat(3, axis=1)].any()
     norms = [np.linalg.norm(solve_ridge(sums, support, r)) for r in (0.01, 0.1, 1.0)]

@@ -6,16 +6,14 @@ from scipy.sparse import csr_array
 
 from builder.collapsing import collapsed_part
 from builder.full_hands import held_fingers
-from builder.hands.anatomy import JOINT_NAMES
-from builder.hands.poses import ANGLES, DIP, HandPoses, draw_angles
-from builder.hands.rest import to_flat
-from builder.hands.sets import HandTeacher
-from builder.priced_blends import far_share, solved
+from builder.hands.mesh import JOINT_NAMES, to_flat
+from builder.hands.sets import ANGLES, DIP, HandPoses, HandTeacher, draw_angles
+from builder.hands.training import far_share, solved
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.training.ridge import Sums
+from workbench.training.blend_shapes import RidgeSums
 
 pytestmark = pytest.mark.thorough
 
@@ -83,7 +81,7 @@ def test_teacher_of_hands_moves_rigidly() -> None:
 def test_higher_price_makes_blend_shapes_local() -> None:
     rng = np.random.default_rng(5)
     features, errors = rng.standard_normal((60, 18)), rng.standard_normal((60, 4, 3))
-    sums = Sums.of([(features, errors)])
+    sums = RidgeSums.of([(features, errors)])
     distances = np.array([[0.0, 0.1], [0.1, 0.0], [0.02, 0.06], [0.05, 0.05]])
     support = np.ones((4, 18), dtype=bool)
     found = [solved(sums, support, distances, 1e-3, price) for price in (0.0, 1.0, 100.0)]

@@ -8,20 +8,18 @@ import pytest
 from scipy.sparse import csr_array
 
 from builder import sets
-from builder.bodies import already_made
+from builder.bodies import already_made, even_body, pose_parts, regressor_from
 from builder.sets import SetRecipe, Subjects, _stack, _table
-from builder.symmetrize import even_body, pose_parts, regressor_from
 from workbench import load_body
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror, opposites
-from workbench.synthetic.ground_truth import FILE, read_ground_truth
-from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.estimate import Estimate, Sigmas, SkinningPass
+from workbench.training.evaluation import FILE, read_ground_truth
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel
 from workbench.training.registrations import InMemory
-from workbench.training.skinning_pass import SkinningPass
 
 pytestmark = pytest.mark.thorough
 

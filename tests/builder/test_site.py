@@ -10,11 +10,11 @@ import pytest
 
 import workbench as wb
 from builder import lite
-from builder.site import examples, write_site
+from builder.site import pages as site_pages
+from builder.site import write_site
 from builder.site.__main__ import main
-from builder.site.docstrings import rendered
-from builder.site.examples import Example
-from builder.site.inventory import annotated, inventory
+from builder.site.pages import ExampleRun, rendered
+from builder.site.reference import annotated, inventory
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
 from workbench.course import site as course_pages
@@ -37,15 +37,15 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     figure.write_bytes((ROOT / "examples" / "balance.png").read_bytes())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(course_pages, "executed", lambda made, lecture, folder: made)
-        patch.setattr(examples, "run_example", lambda script: stand_in(script, figure))
+        patch.setattr(site_pages, "run_example", lambda script: stand_in(script, figure))
         out = tmp_path_factory.mktemp("site") / "out"
         assert write_site(out) == out / "index.html"
     return out
 
 
-def stand_in(script: Path, figure: Path) -> Example:
+def stand_in(script: Path, figure: Path) -> ExampleRun:
     figures = (figure,) if script.stem[:1].isdigit() else ()
-    return Example(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
+    return ExampleRun(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
 
 
 @pytest.mark.thorough
@@ -96,7 +96,7 @@ def test_example_of_the_reference_runs(script: Path, capsys: pytest.CaptureFixtu
     source = script.read_text(encoding="utf-8")
     exec(compile(source, str(script), "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out.strip()
-    example = Example(script.stem, source, "", ())
+    example = ExampleRun(script.stem, source, "", ())
     assert example.names, "the docstring begins with the names that it shows: `solve, Status: ...`"
     assert set(example.names) <= set(wb.__all__)
     assert len(example.code.splitlines()) <= 40
@@ -200,7 +200,7 @@ def test_failing_example_is_named(tmp_path: Path) -> None:
     script = tmp_path / "wrong.py"
     script.write_text("raise ValueError('so wrong')")
     with pytest.raises(BadFile, match=r"wrong\.py stops with an error(.|\n)*so wrong"):
-        examples.run_example(script)
+        site_pages.run_example(script)
 
 
 def test_figures_and_output_are_taken_from_a_run(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_figures_and_output_are_taken_from_a_run(tmp_path: Path) -> None:
         '"""solve: shown.\n"""\nfrom pathlib import Path\n'
         "Path('a.png').write_bytes(b'a')\nprint('done')\n"
     )
-    found: Any = examples.run_example(script)
+    found: Any = site_pages.run_example(script)
     assert (found.printed, [figure.name for figure in found.figures]) == ("done", ["a.png"])
     assert found.names == ("solve",)
 

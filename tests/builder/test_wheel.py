@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import workbench
-from builder.packing import (
+from builder.stored import (
     POSE_STEP,
     SHAPE_STEP,
     SHARES,
@@ -20,12 +20,11 @@ from builder.packing import (
     whole_shares,
     write_body,
 )
-from builder.torch_file import read_tensors
+from builder.wheel import Wheel, WheelUnreadable, read_tensors
 from workbench.bodies.files.embedded import SYNTHETIC, read_embedded
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.skeleton import MIRRORED_JOINTS, PARENTS
-from workbench.synthetic.wheel import Wheel, WheelUnreadable
+from workbench.synthetic.teacher import MIRRORED_JOINTS, PARENTS
 
 DATA = Path(workbench.__file__).parent / "data"
 

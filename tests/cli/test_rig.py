@@ -8,7 +8,7 @@ import pytest
 
 import workbench as wb
 from tests.cli.conftest import Run
-from tests.training.rigging.made_motion import Driven, compared, driven
+from tests.training.test_rigging import Driven, compared, driven
 from workbench.geometry.meshes import write_mesh
 
 

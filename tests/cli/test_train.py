@@ -102,6 +102,11 @@ def test_train_refuses_options_that_make_no_sense(tmp_path: Path) -> None:
         train(folder, gender="cat", out=out)
     with pytest.raises(BadFile, match="subject table"):
         train(folder, held_out=tmp_path / "nowhere", out=out)
+    others = made_folder(tmp_path / "others")
+    table = (others / "registrations.csv").read_text().splitlines()
+    (others / "registrations.csv").write_text("\n".join(table[:8]))  # six of p0, and one of p1
+    with pytest.raises(BadArgument, match=r"there is only one of p1$"):
+        train(folder, held_out=others, start=str(folder / "start.npz"), out=out)
     with pytest.raises(BadArgument, match="1 or more"):
         train(folder, betas=0, out=out)
     with pytest.raises(BadFile, match="subject table"):

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from builder.hands.poses import HandPoses
+from builder.hands.sets import HandPoses
 from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench.bodies import HAND_POINTS, SkinnedBody, pose_space

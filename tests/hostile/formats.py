@@ -49,12 +49,12 @@ from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
 from workbench.priors.tailed_poses import read_pose_student
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
-from workbench.synthetic.ground_truth import GroundTruth, read_ground_truth
-from workbench.training.checkpoint import Checkpoint, read_checkpoint
+from workbench.training.checkpoint import TrainingCheckpoint, read_checkpoint
 from workbench.training.estimate import Estimate
+from workbench.training.evaluation import GroundTruth, read_ground_truth
+from workbench.training.execution import LogEntry
 from workbench.training.first_guess import Start, read_start, write_start
 from workbench.training.folder import open_folder
-from workbench.training.progress import LogEntry
 
 Make = Callable[[Path], object]
 
@@ -304,7 +304,7 @@ def estimate() -> Estimate:
 
 def _write_checkpoint(folder: Path) -> None:
     entry = LogEntry("poses", {"data": 2.0}, {"data": 1.0}, {"steps": 3.0}, 0.1)
-    Checkpoint(estimate(), (entry,), "a fingerprint").save(folder)
+    TrainingCheckpoint(estimate(), (entry,), "a fingerprint").save(folder)
 
 
 def _read_checkpoint(folder: Path) -> object:

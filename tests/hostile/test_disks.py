@@ -24,8 +24,7 @@ from workbench.residuals import gaussian
 from workbench.sampling import Posterior, sample
 from workbench.sampling.checkpoint import SEAL, SETTINGS, load, sealed
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
-from workbench.training.blocks import BlockOptions
-from workbench.training.plan import Plan, alternation
+from workbench.training.blocks import BlockOptions, Plan, alternation
 from workbench.writing import Keeping, replacing
 
 LIMITED = os.name == "posix" and hasattr(signal, "SIGXFSZ")

@@ -14,7 +14,7 @@ from tests.tiers import few
 from workbench import load_body
 from workbench.compiling import NoLibrary, cache_folder
 from workbench.errors import BadFile
-from workbench.training.executor import Processes, _interrupts_blocked
+from workbench.training.execution import Processes, _interrupts_blocked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and /dev")
 HOUSE = Path(__file__).parents[2]
@@ -185,7 +185,7 @@ def gone(processes: list[int], seconds: float = 10.0) -> bool:
 
 CREW = """
 import os, sys, time
-from workbench.training.executor import Processes
+from workbench.training.execution import Processes
 def work(task):
     print(os.getpid(), flush=True)
     time.sleep(300)

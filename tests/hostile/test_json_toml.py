@@ -15,7 +15,7 @@ from workbench.comparison.store import Folder
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments.arguments import converted
 from workbench.reports.folder import SUMMARY, refuse_foreign, replacing_folder
-from workbench.synthetic.ground_truth import CARD
+from workbench.training.evaluation import CARD
 
 KEYPOINTS = "workbench.fitting.keypoint_files:read_keypoints"
 CAMERAS = "workbench.fitting.calibration_files:read_calibration"

@@ -17,7 +17,7 @@ from workbench.motions.accelerations import GRAVITY, MovingFrames
 from workbench.motions.soft_tissue import companion, surface_as_landmarks
 from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
 from workbench.motions.tissue_inputs import input_names, tissue_inputs
-from workbench.synthetic.motions_made_up import made_up_motion
+from workbench.synthetic.made_up import made_up_motion
 
 BODY = wb.load_body("default")
 SMALL = wb.load_body("small")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import workbench
-from builder.hands.limits import hand_limits as built
-from builder.hands.poses import HandPoses
+from builder.hands.sets import HandPoses
+from builder.joint_limits import hand_limits as built
 from workbench import Problem, residuals
 from workbench.blocks import Block
 from workbench.bodies import hand_motions, is_hand

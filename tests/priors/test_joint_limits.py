@@ -8,7 +8,7 @@ import pytest
 
 import workbench
 from builder.joint_limits import anatomical, recorded
-from builder.mirrored_poses import mirrored_pose
+from builder.pose_priors import mirrored_pose
 from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.errors import BadArgument, UnknownName
 from workbench.geometry.mirror import opposites

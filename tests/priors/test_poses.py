@@ -7,10 +7,16 @@ import pytest
 from scipy.stats import multivariate_normal, multivariate_t
 
 import workbench
-from builder.mirrored_poses import mirrored_pose
-from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD, learn_pose_gaussian, save_pose_gaussian
-from builder.pose_mixture import learn_pose_mixture, save_pose_mixture
-from builder.pose_student import learn_pose_student
+from builder.pose_priors import (
+    LEAST_STD,
+    UNMEASURED_STD,
+    learn_pose_gaussian,
+    learn_pose_mixture,
+    learn_pose_student,
+    mirrored_pose,
+    save_pose_gaussian,
+    save_pose_mixture,
+)
 from workbench.errors import BadFile
 from workbench.geometry.mirror import AXIAL, opposites
 from workbench.priors.mocap import ELBOW_LIMIT, Mocap, read_mocap
@@ -23,7 +29,7 @@ from workbench.priors.poses import (
     shipped_gaussian,
 )
 from workbench.priors.tailed_poses import shipped_student
-from workbench.synthetic.skeleton import JOINT_NAMES, MIRRORED_JOINTS
+from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 

@@ -36,7 +36,7 @@ from workbench.registration.coregistration.symbolic_form import (
 from workbench.residuals import Residual, geman_mcclure, of_norms, offset
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.blocks import BLOCKS, BlockInput
-from workbench.training.executor import Execution
+from workbench.training.execution import Execution, Report
 from workbench.training.registrations import InMemory
 
 START = jointed_tube(7, 5)
@@ -236,7 +236,7 @@ def test_stopped_run_continues_to_the_same_bits(tmp_path: Path) -> None:
     class Stop(Exception):
         pass
 
-    class After:
+    class After(Report):
         def __init__(self, blocks: int) -> None:
             self.left = blocks
 

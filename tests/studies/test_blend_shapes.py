@@ -30,7 +30,7 @@ from workbench.studies.blend_shapes.training_data import (
     feature_matrix,
     with_blend_shapes,
 )
-from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
+from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 
 pytestmark = pytest.mark.thorough
 

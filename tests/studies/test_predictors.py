@@ -27,13 +27,13 @@ from workbench.studies.blend_shapes.study import PredictorPlan
 from workbench.studies.blend_shapes.training_data import (
     feature_matrix,
 )
-from workbench.synthetic.fine_weights import teacher_of
-from workbench.training.ridge import Sums, solve_ridge
+from workbench.synthetic.teacher import teacher_of
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
 
 
 def ridge(A: np.ndarray, D: np.ndarray, value: float) -> np.ndarray:
     """Ridge regression with all features at all vertices."""
-    return solve_ridge(Sums.of([(A, D)]), np.ones((D.shape[1], A.shape[1]), bool), value)
+    return solve_ridge(RidgeSums.of([(A, D)]), np.ones((D.shape[1], A.shape[1]), bool), value)
 
 
 def test_polynomials_are_recovered_without_bones() -> None:

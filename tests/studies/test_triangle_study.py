@@ -1,6 +1,7 @@
 """SMPL beside SCAPE on the same made-up people: learning, measuring, and the page."""
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import workbench as wb
 from tests.training.test_triangles import many_people
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.cli.app import app
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 from workbench.geometry.rigid import procrustes
 from workbench.studies.triangles import study as module
 from workbench.studies.triangles.measures import (
@@ -21,7 +22,14 @@ from workbench.studies.triangles.measures import (
 )
 from workbench.studies.triangles.models import TrainingOptions, near
 from workbench.studies.triangles.page import lecture_table, triangles_text, write_triangles
-from workbench.studies.triangles.people import DRAWN, People, TriangleData, TrianglePlan, register
+from workbench.studies.triangles.people import (
+    DRAWN,
+    People,
+    TriangleData,
+    TrianglePlan,
+    read_people,
+    register,
+)
 from workbench.studies.triangles.study import (
     DIFFICULT,
     SHOWN,
@@ -29,10 +37,12 @@ from workbench.studies.triangles.study import (
     compare_models,
     difficult_poses,
 )
-from workbench.synthetic.fine_weights import teacher_of
-from workbench.training.plan import Plan as TrainingPlan
+from workbench.synthetic.teacher import teacher_of
+from workbench.training.blocks import Plan as TrainingPlan
+from workbench.training.evaluation import AT_REST
 from workbench.training.triangles.alternation import TriangleOptions
-from workbench.training.triangles.stitched_fit import Lsqr
+from workbench.training.triangles.learning import Lsqr
+from workbench.writing import write_arrays
 
 pytestmark = pytest.mark.thorough
 
@@ -76,6 +86,16 @@ def test_registrations_are_reproducible_anywhere() -> None:
     again = register(PLAN, people, None)
     np.testing.assert_array_equal(again.test.vertices, data().test.vertices)
     np.testing.assert_array_equal(again.posed.vertices, posed.vertices)
+
+
+def test_people_are_read_from_sets(tmp_path: Path) -> None:
+    write_arrays(tmp_path / AT_REST, {"train": many_people(0)[:14], "held_out": many_people(1)[:4]})
+    with pytest.raises(BadArgument, match="holds 4 people of the set 'held_out', not 5"):
+        read_people(PLAN, tmp_path, SMALL)
+    people = read_people(replace(PLAN, held_out=4), tmp_path, SMALL)
+    np.testing.assert_array_equal(people.training, data().people.training)
+    with pytest.raises(BadFile, match="people"):
+        read_people(PLAN, tmp_path / "nowhere", SMALL)
 
 
 def test_regularization_is_chosen_by_error() -> None:

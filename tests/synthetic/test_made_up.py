@@ -11,7 +11,7 @@ from workbench.errors import BadArgument
 from workbench.geometry.solids import mesh_edges
 from workbench.motions import Motion, splined
 from workbench.synthetic import TissueLaw, people, simulate_tissue
-from workbench.synthetic.motions_made_up import made_up_motion
+from workbench.synthetic.made_up import made_up_motion
 from workbench.synthetic.tissue import softness
 
 SMALL = wb.load_body("small")

@@ -9,7 +9,7 @@ from workbench import load_body
 from workbench.errors import BadArgument
 from workbench.geometry.camera import Camera
 from workbench.synthetic import Scanner, scanners
-from workbench.synthetic.depth_images import depth_image, visible
+from workbench.synthetic.scanners import depth_image, visible
 
 CUBE = trimesh.creation.box((0.6, 0.6, 0.6))
 SPHERE = trimesh.creation.icosphere(5, 0.5)

@@ -5,12 +5,21 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
+from builder.population import unskin
 from tests.tiers import few
 from workbench.arrays import Array
 from workbench.bodies.forward.posing import Posing
-from workbench.synthetic.rig import HALF_OF
-from workbench.synthetic.skeleton import JOINT, PARENTS, joint_positions, offsets, unskin
-from workbench.synthetic.teacher import DISTAL_SHARE, PROXIMAL_SHARE, Teacher, twist_about
+from workbench.synthetic.teacher import (
+    DISTAL_SHARE,
+    HALF_OF,
+    JOINT,
+    PARENTS,
+    PROXIMAL_SHARE,
+    Teacher,
+    joint_positions,
+    offsets,
+    twist_about,
+)
 
 
 def skinned(points: Array, joints: Array, weights: Array, rotations: Array) -> Array:

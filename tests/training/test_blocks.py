@@ -1,4 +1,4 @@
-"""The blocks of training: shares, joints, surfaces, first guesses."""
+"""The arithmetic of training and its blocks: skinning, derivatives, shares, joints, starts."""
 
 from dataclasses import replace
 from functools import partial
@@ -22,22 +22,16 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
-from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
-from workbench.training.executor import Execution, Processes
-from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import fit_joint_regressor
-from workbench.training.normal_equations import NormalEquations, within
+from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas, SkinningPass
+from workbench.training.execution import Execution, Processes, Progress, Report
+from workbench.training.first_guess import Start, joint_guess, rotation_centres
+from workbench.training.normal_equations import NormalEquations, dot, steihaug, within
 from workbench.training.objective import Objective
-from workbench.training.pose_training import (
-    SegmentMotions,
-    joint_guess,
-    rotation_centres,
-)
 from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
-from workbench.training.progress import Progress
-from workbench.training.simplex import (
+from workbench.training.shares import (
     NoShares,
     few_shares,
+    fit_joint_regressor,
     kkt_residual,
     many_shares,
     shares,
@@ -65,9 +59,6 @@ def a_change(estimate: Estimate, size: float = 0.01) -> dict[str, Array]:
     rng = np.random.default_rng(5)
     change = {n: size * rng.standard_normal(getattr(estimate, n).shape) for n in NAMES}
     return change | {"weights": within(change["weights"], estimate.weights > 0)}
-
-
-# Shares.
 
 
 def test_shares_meet_optimality_and_beat_corners() -> None:
@@ -136,10 +127,7 @@ def test_joint_regressor_holds_for_other_shapes() -> None:
     assert ((hull[0] <= regressed) & (regressed <= hull[1])).all()
 
 
-# The blocks.
-
-
-class Told:
+class Told(Report):
     """A report that remembers how many parts were finished."""
 
     def __init__(self, done: list[int]) -> None:
@@ -175,7 +163,7 @@ def test_surfaces_are_solved_in_one_linear_step() -> None:
         BlockInput(held, START.faces, BlockOptions(linear_tolerance=1e-11)), away
     ).estimate
     names = ("templates", "posedirs", "joints")
-    before, after = (NormalEquations(held, e, names).slope for e in (away, found))
+    before, after = (NormalEquations(held, e, names).negative_gradient for e in (away, found))
     for name in names:
         assert np.abs(after[name]).max() < 1e-7 * np.abs(before[name]).max()
 
@@ -211,9 +199,6 @@ def test_poses_do_not_depend_on_processes(monkeypatch: pytest.MonkeyPatch) -> No
     assert told[-1] == 12
 
 
-# Joints.
-
-
 def test_joints_are_centres_of_rigid_rotation() -> None:
     """Each segment rigid, ball joints: the centres are near wherever the rings are."""
     rng = np.random.default_rng(0)
@@ -223,9 +208,9 @@ def test_joints_are_centres_of_rigid_rotation() -> None:
     shifts = np.einsum(
         "km,jma->jka", ancestors(START.parents), np.einsum("jmab,mb->jma", posing.levers, joints)
     )
-    motions = SegmentMotions(posing.world, shifts + rng.standard_normal((12, 1, 3)))
+    shifts += rng.standard_normal((12, 1, 3))
     wrong = joints + 0.01 * rng.standard_normal(joints.shape)
-    found = rotation_centres(motions, DATA.subject, START.parents, wrong)
+    found = rotation_centres(posing.world, shifts, DATA.subject, START.parents, wrong)
     np.testing.assert_allclose(found[1:], joints[1:], atol=0.003)  # hold on a little to the rings
     np.testing.assert_array_equal(found[0], wrong[0])
 
@@ -260,9 +245,6 @@ def test_held_templates_stay_at_the_first() -> None:
     np.testing.assert_allclose(found.templates, first[None].repeat(3, axis=0), atol=1e-4)
 
 
-# Starting.
-
-
 def test_mirror_is_found_in_noise() -> None:
     noisy = START.template + 0.005 * np.random.default_rng(0).standard_normal((35, 3))
     mirror = find_mirror(noisy, START.faces)
@@ -291,17 +273,11 @@ def test_weights_start_near_the_segments_and_rings_between_them() -> None:
     assert volume(START.template, START.faces) > 0
 
 
-# Un-posing.
-
-
 def test_unposed_meshes_pose_back() -> None:
     strange = DATA.vertices[0] + 0.02 * np.random.default_rng(0).standard_normal((35, 3))
     found = unpose(BODY, TRUTH.poses[0], strange)
     person = replace(BODY, template=found.vertices)
     np.testing.assert_allclose(person.vertices(TRUTH.poses[0]), strange, atol=1e-10)
-
-
-# Spoiling.
 
 
 def test_corruption_is_reproducible_by_seed() -> None:
@@ -338,3 +314,114 @@ def test_weak_joint_keeps_a_vertex() -> None:
     weights[:, collar] = 0
     with pytest.raises(Exception, match="no vertex belongs to left_collar"):
         Start.of(replace(body, weights=weights))
+
+
+def bend(*names: str) -> float:
+    """How far the points are from a straight line between two estimates that differ in these."""
+    here = true_estimate()
+    change = {n: d for n, d in a_change(here, 0.1).items() if n in names}
+
+    def points(share: float) -> Array:
+        return SkinningPass.of(here.moved(change, share), slice(0, 12), DATA.subject).points
+
+    return float(np.abs(points(0) - 2 * points(1) + points(2)).max())
+
+
+def test_skinning_pass_is_the_body() -> None:
+    passed = SkinningPass.of(true_estimate(), slice(0, 12), DATA.subject)
+    points = passed.points + TRUTH.trans[:, None]
+    np.testing.assert_allclose(points, DATA.vertices, atol=1e-13)
+
+
+def test_skinning_is_linear_in_all_but_rotations() -> None:
+    """Facts to know first, 1: jointly in templates, joints and posedirs; in weights apart."""
+    assert bend("templates", "joints", "posedirs") < 1e-13
+    assert bend("weights") < 1e-13
+    assert bend("weights", "posedirs") > 1e-3
+    assert bend("poses") > 1e-3
+
+
+def test_cost_vanishes_at_the_truth() -> None:
+    off = replace(Sigmas(), **OFF)
+    assert objective(off).cost(true_estimate()) < 1e-20
+    here = true_estimate()
+    moved = replace(here, templates=here.templates + 0.01, joints=here.joints + 0.01)
+    assert objective(off).cost(moved) < 1e-20  # translation is always at its best
+    P = replace(true_estimate(), posedirs=2 * BODY.posedirs)
+    costs = objective(replace(Sigmas(), posedirs=0.5)).costs(P)
+    assert costs["E_P"] == pytest.approx(0.5 * np.sum((2 * BODY.posedirs / 0.5) ** 2), rel=1e-12)
+
+
+def test_tangent_is_differences_and_the_adjoint_of_pulls() -> None:
+    estimate = true_estimate()
+    change = a_change(estimate)
+
+    def points(share: float) -> Array:
+        return SkinningPass.of(estimate.moved(change, share), slice(0, 12), DATA.subject).points
+
+    passed = SkinningPass.of(estimate, slice(0, 12), DATA.subject)
+    moved = passed.tangent(change)
+    h = 1e-5
+    np.testing.assert_allclose(moved, (points(h) - points(-h)) / (2 * h), atol=1e-9)
+    pull = np.random.default_rng(6).standard_normal(moved.shape)
+    gradient = estimate.zero_change(NAMES)
+    passed.adjoint(pull, gradient)
+    assert dot(gradient, change) == pytest.approx(float(np.vdot(pull, moved)), rel=1e-12)
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_slope_is_that_of_the_cost_and_curvature_symmetric(mirror: bool) -> None:
+    estimate = true_estimate().moved(a_change(true_estimate()))
+    held = objective(Sigmas(), mirror=mirror)
+    equations = NormalEquations(held, estimate, NAMES)
+    change = a_change(estimate, 1e-3)
+    h = 1e-3
+    ahead, behind = (held.cost(estimate.moved(change, s)) for s in (h, -h))
+    assert -dot(equations.negative_gradient, change) == pytest.approx(
+        (ahead - behind) / (2 * h), rel=1e-5
+    )
+    other = {n: np.roll(c, 1, axis=0) for n, c in change.items()}
+    other["weights"] = within(other["weights"], estimate.weights > 0)
+    left, right = dot(equations.product(change), other), dot(change, equations.product(other))
+    assert left == pytest.approx(right, rel=1e-9)
+    left = dot(equations.preconditioned(change), other)
+    assert left == pytest.approx(dot(change, equations.preconditioned(other)), rel=1e-9)
+    assert dot(equations.preconditioned(change), change) > 0
+
+
+def test_preconditioner_inverts_poses_exactly() -> None:
+    """All that turns move is in their blocks, blend shapes included: the inverse is exact."""
+    equations = NormalEquations(objective(Sigmas()), true_estimate(), ("poses",))
+    change = {"poses": a_change(true_estimate())["poses"]}
+    back = equations.preconditioned(equations.product(change))
+    np.testing.assert_allclose(back["poses"], change["poses"], rtol=1e-5, atol=1e-7)
+
+
+def test_root_joint_stays_where_nothing_holds_it() -> None:
+    """Turning about another point is a translation more: only E_J, or E_Y, says where it is."""
+    names = ("templates", "joints")
+    change = {name: a_change(true_estimate())[name] for name in names}
+    loose = objective(replace(Sigmas(), **OFF))
+    free = NormalEquations(loose, true_estimate(), names).preconditioned(change)
+    assert not free["joints"][:, 0].any()
+    assert free["joints"][:, 1:].all()
+    held = NormalEquations(objective(Sigmas()), true_estimate(), names).preconditioned(change)
+    assert held["joints"].all()
+
+
+def test_conjugate_gradients_solve_and_stay_inside() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((8, 6))
+    H, b = A.T @ A, rng.standard_normal(6)
+
+    def product(x: dict[str, Array]) -> dict[str, Array]:
+        return {"x": H @ x["x"]}
+
+    free = steihaug(product, lambda r: r, {"x": b}, tolerance=1e-12)
+    np.testing.assert_allclose(free.change["x"], np.linalg.solve(H, b), rtol=1e-8)
+    cost = 0.5 * free.change["x"] @ H @ free.change["x"] - b @ free.change["x"]
+    assert free.predicted == pytest.approx(-cost, rel=1e-9)
+    near = steihaug(product, lambda r: r, {"x": b}, radius=0.3 * free.length)
+    assert np.linalg.norm(near.change["x"]) == pytest.approx(0.3 * free.length, rel=1e-9)
+    assert not near.inside
+    assert 0 < near.predicted < free.predicted

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.training.test_symbolic_form import BODY, ESTIMATE, OBJECTIVE, START
+from tests.training.test_symbolic import BODY, ESTIMATE, OBJECTIVE, START
 from workbench.errors import BadArgument
 from workbench.fitting import pose_prior
 from workbench.fitting.body_priors import pose_gaussian
@@ -18,10 +18,9 @@ from workbench.problem import Problem
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import trusted
-from workbench.training.pose_prior import PosePrior
+from workbench.training.priors import PLACE, PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
-from workbench.training.symbolic_form import SymbolicTraining
-from workbench.training.template_prior import PLACE, smooth_prior
+from workbench.training.symbolic import SymbolicTraining
 
 PRIOR = smooth_prior(START.faces, BODY.shapedirs, 0.01)
 RNG = np.random.default_rng(5)
@@ -31,27 +30,31 @@ N = len(START.template)
 def test_precision_is_the_inverse_of_the_covariance() -> None:
     some = RNG.standard_normal((4, N, 3))
     expected = np.linalg.solve(PRIOR.covariance(), some.reshape(4, -1).T).T
-    np.testing.assert_allclose(PRIOR.curved(some).reshape(4, -1), expected, rtol=1e-7, atol=1e-6)
+    np.testing.assert_allclose(
+        PRIOR.precision_product(some).reshape(4, -1), expected, rtol=1e-7, atol=1e-6
+    )
 
 
 def test_betas_cost_what_a_standard_normal_costs() -> None:
     """Along a shape direction the cost is at most betas^2 / 2, whatever the edges would say."""
     for k in range(BODY.n_betas):
         d = BODY.shapedirs[None, :, :, k]
-        assert 0 < np.vdot(d, PRIOR.curved(d)) <= 1
+        assert 0 < np.vdot(d, PRIOR.precision_product(d)) <= 1
 
 
 def test_edges_do_not_see_the_place() -> None:
     without = smooth_prior(START.faces, BODY.shapedirs[:, :, :0], 0.01)
     moved = np.broadcast_to([0.0, 0.0, PLACE], (1, N, 3))
-    assert np.vdot(moved, without.curved(moved)) == pytest.approx(1.0)
+    assert np.vdot(moved, without.precision_product(moved)) == pytest.approx(1.0)
 
 
 def test_bumps_cost_more_than_smooth_changes() -> None:
     bump = np.zeros((1, N, 3))
     bump[0, N // 2] = 1.0
     smooth = np.ones((1, N, 3)) / np.sqrt(3 * N)
-    assert np.vdot(bump, PRIOR.curved(bump)) > 100 * np.vdot(smooth, PRIOR.curved(smooth))
+    assert np.vdot(bump, PRIOR.precision_product(bump)) > 100 * np.vdot(
+        smooth, PRIOR.precision_product(smooth)
+    )
 
 
 def test_bends_cost_what_neighbours_do_not_share() -> None:
@@ -62,12 +65,14 @@ def test_bends_cost_what_neighbours_do_not_share() -> None:
         smooth_prior(START.faces, nothing, 0.01, bends=0.002),
     )
     moved = np.broadcast_to([0.0, 0.0, 0.1], (1, N, 3))
-    assert np.vdot(moved, bent.curved(moved)) == pytest.approx(
-        np.vdot(moved, plain.curved(moved)), rel=1e-9
+    assert np.vdot(moved, bent.precision_product(moved)) == pytest.approx(
+        np.vdot(moved, plain.precision_product(moved)), rel=1e-9
     )
     bump = np.zeros((1, N, 3))
     bump[0, N // 2, 1] = 0.002
-    more = np.vdot(bump, bent.curved(bump)) - np.vdot(bump, plain.curved(bump))
+    more = np.vdot(bump, bent.precision_product(bump)) - np.vdot(
+        bump, plain.precision_product(bump)
+    )
     assert 1 < more < 2  # the vertex itself, and a share of it for each neighbour
     with pytest.raises(BadArgument, match="bends is above 0 m"):
         smooth_prior(START.faces, nothing, 0.01, bends=0.0)
@@ -103,7 +108,7 @@ SOFT = replace(
 
 @pytest.mark.parametrize("name", ["templates", "poses"])
 def test_slope_with_directed_confidence_is_that_of_the_cost(name: str) -> None:
-    slope = NormalEquations(SOFT, ESTIMATE, (name,)).slope[name]
+    slope = NormalEquations(SOFT, ESTIMATE, (name,)).negative_gradient[name]
     change = {name: RNG.standard_normal(slope.shape)}
     h = 1e-6
     ahead, behind = (SOFT.cost(ESTIMATE.moved(change, s * h)) for s in (1, -1))
@@ -165,25 +170,25 @@ def test_pose_prior_slope_is_that_of_its_cost() -> None:
     ahead, behind = (
         float(POSE_PRIOR.costs(ESTIMATE.moved(turn, s * h).poses).sum()) for s in (1.0, -1.0)
     )
-    slope = POSE_PRIOR.slope(ESTIMATE.poses)
+    slope = POSE_PRIOR.negative_gradient(ESTIMATE.poses)
     assert np.vdot(slope, turn["poses"]) == pytest.approx((behind - ahead) / (2 * h), rel=1e-7)
 
 
 def test_pose_prior_curvature_is_symmetric() -> None:
     a, b = (PRIOR_RNG.standard_normal(ESTIMATE.poses.shape) for _ in range(2))
     poses = ESTIMATE.poses
-    assert np.vdot(a, POSE_PRIOR.curved(poses, b)) == pytest.approx(
-        np.vdot(b, POSE_PRIOR.curved(poses, a))
+    assert np.vdot(a, POSE_PRIOR.hessian_product(poses, b)) == pytest.approx(
+        np.vdot(b, POSE_PRIOR.hessian_product(poses, a))
     )
     flat = (POSE_PRIOR.blocks(poses) @ a.reshape(len(a), -1, 1)).reshape(a.shape)
-    np.testing.assert_allclose(flat, POSE_PRIOR.curved(poses, a), atol=1e-12)
+    np.testing.assert_allclose(flat, POSE_PRIOR.hessian_product(poses, a), atol=1e-12)
 
 
 def test_objective_has_the_pose_prior_and_its_slope() -> None:
     costs = PRIOR_HELD.costs(ESTIMATE)
     assert costs.keys() - OBJECTIVE.costs(ESTIMATE).keys() == {"E_pose"}
     names = ("templates", "joints", "poses")
-    slope, h = NormalEquations(PRIOR_HELD, ESTIMATE, names).slope, 1e-6
+    slope, h = NormalEquations(PRIOR_HELD, ESTIMATE, names).negative_gradient, 1e-6
     turn = ESTIMATE.zero_change(names)
     turn["poses"] = PRIOR_RNG.standard_normal(ESTIMATE.poses.shape)
     ahead, behind = (PRIOR_HELD.cost(ESTIMATE.moved(turn, s * h)) for s in (1.0, -1.0))

@@ -9,21 +9,19 @@ import trimesh
 from scipy.sparse import csr_array, eye_array
 
 import workbench as wb
+from builder.base_mesh import Topology
 from builder.collapsing import collapsed
 from workbench.errors import BadArgument
 from workbench.geometry.mirror import find_mirror
 from workbench.geometry.solids import mesh_edges
-from workbench.synthetic.topology import Topology
-from workbench.training.blocks import BlockInput, BlockOptions, fit_poses
-from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.blend_shapes import MaskedCholesky, local_features
+from workbench.training.blocks import QUICK, BlockInput, BlockOptions, Plan, Stage, fit_poses
+from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.first_guess import Start
-from workbench.training.locality import MaskedCholesky, local_features
 from workbench.training.objective import Objective
-from workbench.training.plan import QUICK, Plan, Stage
+from workbench.training.pose_training import train_coarse_first
 from workbench.training.registrations import InMemory
-from workbench.training.skinning_pass import SkinningPass
 from workbench.training.subsampling import subsample
-from workbench.training.upsampling import train_coarse_first
 
 BODY = wb.load_body("small")
 BALL = trimesh.creation.icosphere(3)  # 642 vertices

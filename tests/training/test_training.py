@@ -1,4 +1,4 @@
-"""Training as a whole: it resumes, it refuses, and what it returns is a body."""
+"""Training as a whole: it resumes, it refuses, what it returns is a body, and held-out people."""
 
 import os
 import signal
@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.ablations.study import generalization_errors
 from workbench import SkinnedBody, load_body, save_body
-from workbench.errors import BadFile
+from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -21,12 +21,30 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training import blocks
-from workbench.training.blocks import BlockInput, BlockOptions, BlockResult
+from workbench.training.blocks import (
+    BlockInput,
+    BlockOptions,
+    BlockResult,
+    Plan,
+    Stage,
+    alternation,
+    without_blend_shapes,
+)
 from workbench.training.checkpoint import FILE
-from workbench.training.estimate import Estimate
-from workbench.training.plan import Plan, alternation, without_blend_shapes
-from workbench.training.pose_training import NotLowered
-from workbench.training.progress import Progress
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.evaluation import (
+    GroundTruth,
+    best_linear,
+    errors_of_ideal_skinning,
+    evaluate_held_out,
+    held_out_errors,
+    ideal_skinning_errors,
+    shape_share,
+    shapes_explained,
+)
+from workbench.training.execution import NotLowered, Progress, Report
+from workbench.training.registrations import InMemory, RegistrationSubset, training_and_held_out
+from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
 
 START = jointed_tube(7, 5)
@@ -43,7 +61,7 @@ def short_plan() -> Plan:
 
 
 @dataclass
-class Told:
+class Told(Report):
     """Remembers what it is told."""
 
     blocks: list[Progress]
@@ -94,6 +112,46 @@ def test_one_subject_gives_no_shape_directions() -> None:
     assert abs(body.J_regressor @ body.template)[0].max() < 1e-12  # about the root, as others
 
 
+def test_confidence_may_depend_on_the_direction() -> None:
+    """Matrices that are multiples of the identity are numbers."""
+    C = np.random.default_rng(0).uniform(0.5, 1, (24, 35))
+    plan = Plan((Stage(Sigmas(), ("rest", "poses", "weights")),))
+    found = []
+    for c in (C, C[..., None, None] * np.eye(3)):
+        people = InMemory(SHAPES.vertices[:4], SHAPES.subject[:4], c[:4])
+        shapes = learn_shapes(BODY, people, n_betas=1, mirror=None, rounds=1)
+        one = InMemory(EXACT.vertices[:8], EXACT.subject[:8], c[:8])
+        model = train(one, START, multi_shape=people, plan=plan, shape_rounds=1).poses
+        found.append((shapes.space.template, model.estimate.templates, model.estimate.weights))
+    for numbers, matrices in zip(*found, strict=True):
+        np.testing.assert_allclose(matrices, numbers, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("subject", "vertices", "reason"),
+    [
+        ([0, 0, 2, 2], 35, r"numbered from 0 without gaps, got 0, 2; np\.unique"),
+        ([0, 0, -1, -1], 35, "numbered from 0 without gaps, got -1, 0"),
+        ([0, 0, 1, 1], 30, "registrations have 30 vertices, but the template has 35"),
+    ],
+)
+def test_registrations_that_do_not_fit_are_refused(
+    subject: list[int], vertices: int, reason: str
+) -> None:
+    some = InMemory(EXACT.vertices[:4, :vertices], np.array(subject))
+    with pytest.raises(BadArgument, match=reason):
+        train(some, START, plan=short_plan())
+    with pytest.raises(BadArgument, match=reason):
+        train(EXACT, START, multi_shape=some, plan=short_plan())
+
+
+def test_plans_without_known_blocks_are_refused() -> None:
+    with pytest.raises(BadArgument, match="at least one block"):
+        Plan(())
+    with pytest.raises(UnknownName, match=r"no block of training is called 'pose'; .*poses"):
+        Stage(Sigmas(), ("rest", "pose"))
+
+
 def test_raised_cost_stops_training(monkeypatch: pytest.MonkeyPatch) -> None:
     def worse(given: BlockInput, estimate: Estimate) -> BlockResult:
         return BlockResult(replace(estimate, templates=1.01 * estimate.templates), {})
@@ -128,6 +186,7 @@ RUN = """
 import sys
 from pathlib import Path
 from tests.training.test_training import DATA, START, short_plan
+from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
 from workbench.bodies.files.saving import save_body
 class Say:
@@ -172,3 +231,100 @@ def test_killed_training_ends_with_the_same_body(tmp_path: Path) -> None:
     for name in ("template", "shapedirs", "posedirs", "weights"):
         np.testing.assert_array_equal(getattr(bodies[0], name), getattr(bodies[1], name))
     np.testing.assert_array_equal(bodies[0].J_regressor.toarray(), bodies[1].J_regressor.toarray())
+
+
+EVEN = replace(random_smpl(START, 2, seed=3), mirror=START.mirror().vertices)  # type: ignore[union-attr]
+
+
+def made(seed: int, subjects: int = 3, poses: int = 30) -> tuple[GroundTruth, RegistrationSubset]:
+    data, drawn = draw_registrations(EVEN, subjects, poses, seed, turn=1.0)
+    rest = EVEN.vertices(betas=drawn.betas)
+    joints = np.stack([EVEN.J_regressor @ person for person in rest])
+    truth = GroundTruth(rest, joints, data.subject, drawn.poses, drawn.trans, EVEN.weights)
+    return truth, RegistrationSubset(data, np.arange(subjects * poses))
+
+
+def test_ideal_skinning_is_exact_with_true_blend_shapes() -> None:
+    truth, data = made(4)
+    assert errors_of_ideal_skinning(truth, data, START, EVEN.posedirs).largest < 1e-12
+    alone = errors_of_ideal_skinning(truth, data, START)
+    assert alone.mean > 1e-3
+    found = ideal_skinning_errors(truth, data, START, EVEN.posedirs)
+    assert found["ideal_linear_mean_mm"] == 0
+    assert found["ideal_skinning_mean_mm"] == pytest.approx(1e3 * alone.mean, abs=1e-4)
+
+
+@pytest.mark.thorough
+def test_best_linear_predictor_is_the_generator() -> None:
+    uneven = replace(START, joint_names=tuple(f"joint_{k}" for k in range(6)))  # nothing mirrored
+    truth, data = made(4, poses=80)
+    found = best_linear(truth, data, uneven)
+    left = errors_of_ideal_skinning(truth, data, START, found).mean
+    assert left < 0.1 * errors_of_ideal_skinning(truth, data, START).mean
+
+
+def test_every_second_registration_is_held_out() -> None:
+    _, data = made(5, subjects=2, poses=4)
+    told = evaluate_held_out(replace(EVEN, mirror=None), data)
+    assert told.errors.distances.shape == (4, 35)
+    assert told.errors.mean < 0.02
+
+
+def test_order_of_registrations_does_not_change_held_out_errors() -> None:
+    _, data = made(5, subjects=3, poses=2)  # of people a a b b c c
+    mixed = RegistrationSubset(data, np.array([0, 2, 1, 3, 4, 5]))
+    found = evaluate_held_out(replace(EVEN, mirror=None), mixed)
+    assert found.errors.mean < 0.01  # m, as in order; without a rest shape of b it is 0.02
+    assert (found.errors.distances.mean(axis=1) < 0.02).all()
+
+
+def test_person_with_one_registration_is_refused() -> None:
+    _, data = made(5, subjects=3, poses=2)
+    with pytest.raises(BadArgument, match=r"there is only one of subject 1$"):
+        evaluate_held_out(EVEN, RegistrationSubset(data, np.array([0, 1, 2, 4, 5])))
+
+
+@pytest.mark.thorough
+def test_body_explains_those_it_made() -> None:
+    _, data = made(5, subjects=2, poses=8)
+    uneven = replace(EVEN, mirror=None)
+    told = evaluate_held_out(uneven, data)
+    assert told.errors.distances.shape == (8, 35)
+    wrong = evaluate_held_out(replace(uneven, posedirs=0 * EVEN.posedirs), data).errors.mean
+    assert told.errors.mean < 0.4 * wrong
+    assert told.shape_explained > 0.7
+    found = held_out_errors(uneven, data)
+    assert found["mean_mm"] == pytest.approx(1e3 * told.errors.mean, abs=1e-4)
+    assert found["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
+    assert found["people_in_poses"] == 2
+
+
+def test_people_in_one_pose_are_as_the_body_makes_them() -> None:
+    data, _ = draw_registrations(EVEN, 6, 1, seed=8, turn=0.1)
+    found = shapes_explained(EVEN, data)
+    assert found["people_in_one_pose"] == 6
+    assert found["their_shape_variance_explained"] > 0.95
+    odd = replace(EVEN, shapedirs=EVEN.shapedirs[:, ::-1])
+    assert shapes_explained(odd, data)["their_shape_variance_explained"] < 0.8
+
+
+def test_shape_share_of_what_is_known() -> None:
+    inside = EVEN.vertices(betas=np.array([[1.0, 2.0], [0.5, -1.0]]))
+    assert shape_share(EVEN, inside) == pytest.approx(1)
+    assert shape_share(EVEN, inside + [1.0, 2.0, 3.0]) == pytest.approx(1)
+    away = np.random.default_rng(0).standard_normal((40, 35, 3))
+    assert shape_share(EVEN, EVEN.template + away) == pytest.approx(2 / 102, rel=0.5)
+    assert shape_share(EVEN, EVEN.template[None]) == 1  # there is nothing to explain
+
+
+def test_last_fifth_of_subjects_is_held_out() -> None:
+    kept, back = training_and_held_out(np.array([0, 1, 2, 0, 1, 2]))
+    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
+    assert training_and_held_out(np.arange(10))[1].tolist() == [8, 9]
+
+
+def test_registrations_of_one_subject_are_held_out() -> None:
+    kept, back = training_and_held_out(np.full(11, 3))
+    assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
+    with pytest.raises(BadArgument, match="cannot be held out of fewer than two"):
+        training_and_held_out(np.zeros(1, int))

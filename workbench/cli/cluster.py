@@ -11,7 +11,7 @@ from rich.console import Console
 from workbench.cli.output import at_least_one, warn_without_effect
 from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
-from workbench.training.executor import Executor, Processes, by_backend
+from workbench.training.execution import Executor, Processes, by_backend
 
 Workers = Annotated[
     int,

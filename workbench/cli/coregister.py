@@ -20,7 +20,7 @@ from workbench.registration.coregistration.plan import EDGES
 from workbench.registration.coregistration.state import FILE
 from workbench.reports.folder import own_folder
 from workbench.reports.registration import Coregistered, begin_folder, write_coregistration
-from workbench.training.executor import Execution
+from workbench.training.execution import Execution
 
 
 def coregister(

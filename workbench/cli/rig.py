@@ -15,10 +15,10 @@ from workbench.cli.output import print_page, rich_table, say
 from workbench.errors import BadArgument
 from workbench.motions import save_motion
 from workbench.reports.page import Table
-from workbench.training.rigging.mesh_sequences import read_meshes
-from workbench.training.rigging.rig import TOLERANCE, Rigged, pose_rms
+from workbench.training.folder import read_meshes
+from workbench.training.rigging.joints import in_words
+from workbench.training.rigging.rig import Rigged, pose_rms
 from workbench.training.rigging.rig import rig as find_rig
-from workbench.training.rigging.words import in_words
 
 MOST_HELD_OUT = 20  # meshes on which the body is measured
 
@@ -46,9 +46,12 @@ def rig(
         typer.Option(help="Number of bones; else as many as the motion and --tolerance ask for."),
     ] = None,
     tolerance: Annotated[
-        float,
-        typer.Option(help="Error, rms in m, below which no further bone is looked for."),
-    ] = TOLERANCE,
+        float | None,
+        typer.Option(
+            help="Error, rms in m, below which no further bone is looked for; else that of the "
+            "meshes' noise, and 0.0001 at least."
+        ),
+    ] = None,
     frames: Annotated[
         int, typer.Option(help="Learn from at most so many meshes, spread evenly.")
     ] = 200,

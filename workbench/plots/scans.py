@@ -16,7 +16,7 @@ from workbench.plots.body import Look, back, front, painted, side
 from workbench.plots.palette import AMOUNT, DASHES, FAINT, INK, LINES, MARKERS, SKIN
 from workbench.plots.style import house_style
 from workbench.registration import BasinMap
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 
 MM = 1e3
 BEHIND = 0.02  # m: a point this far behind the surface that hides it is not drawn

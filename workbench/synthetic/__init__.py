@@ -1,11 +1,21 @@
 """Synthetic people, registrations and scans, with known answers: nothing in here was measured."""
 
-from workbench.synthetic.clutter import Clutter, Crate, Floor, Specks, Thing
-from workbench.synthetic.scan_effects import Box, Clothing, HalfSpace, Holes, Noise, Region
-from workbench.synthetic.scan_grids import Joining
+from workbench.synthetic.scan_effects import (
+    Box,
+    Clothing,
+    Clutter,
+    Crate,
+    Floor,
+    HalfSpace,
+    Holes,
+    Noise,
+    Region,
+    Specks,
+    Thing,
+)
 from workbench.synthetic.scanned_people import ScannedPerson, clothed, people
 from workbench.synthetic.scanners import Scanner, scanners
-from workbench.synthetic.scans import SimulatedScan, scan
+from workbench.synthetic.scans import Joining, SimulatedScan, scan
 from workbench.synthetic.tissue import TissueLaw, simulate_tissue
 
 __all__ = [

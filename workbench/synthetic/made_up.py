@@ -8,8 +8,12 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.geometry.solids import heat
-from workbench.training.first_guess import Start, at_most
+from workbench.motions import Motion
+from workbench.training.first_guess import Start
 from workbench.training.registrations import Batch, InMemory, Registrations
+from workbench.training.shares import at_most
+
+PACE = (0.3, 1.8)  # Hz, the slowest and the fastest sine
 
 
 def jointed_tube(rings: int = 25, around: int = 8) -> Start:
@@ -176,8 +180,9 @@ class CorruptedRegistrations:
         """Some registrations with errors; those of one registration do not depend on the batch."""
         batch = self.of.read(some)
         vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
-        for at, v in enumerate(vertices):
-            rng = np.random.default_rng((self.seed, some.start + at))
+        rows = range(len(self.subject))[some]
+        for at, (row, v) in enumerate(zip(rows, vertices, strict=True)):
+            rng = np.random.default_rng((self.seed, row))
             N = len(v)
             drawn = self.noise * rng.standard_normal((N, 3))
             middle = v[rng.integers(N)]
@@ -197,3 +202,21 @@ def noisy_tubes(noise: float) -> tuple[Start, Registrations]:
     guess = jointed_tube(11, 6)
     exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
     return guess, CorruptedRegistrations(exact, seed=2, noise=noise)
+
+
+def made_up_motion(
+    body: SkinnedBody, seconds: float, *, seed: int = 0, fps: float = 60.0, turn: float = 0.1
+) -> Motion:
+    """A body that hops, sways and moves all of its joints, each about each axis by three sines.
+
+    `turn` is the standard deviation of each angle in rad; the root hops by about 3 cm. Nothing of
+    it was recorded, and no person moves like this.
+    """
+    rng = np.random.default_rng(seed)
+    times = np.arange(round(seconds * fps)) / fps
+    shape = (body.n_joints + 1, 3, 3)  # the last one is for trans: three sines for each axis
+    pace, phase = rng.uniform(*PACE, shape), rng.uniform(0, 2 * np.pi, shape)
+    waves = np.sin(2 * np.pi * pace * times[:, None, None, None] + phase).sum(axis=-1)
+    waves *= np.sqrt(2 / 3)  # a standard deviation of one
+    pose = body.bind_pose + turn * waves[:, :-1]
+    return Motion(pose, 0.03 * waves[:, -1], fps, body.joint_names, origin="made up of sines")

@@ -1,16 +1,21 @@
 """Scanners: where they stand, which way they look, and how many rays they send."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
 from workbench.fitting.observations import pinhole
 
 FOCAL, SIZE = 164.0, (150, 200)  # px: the field of view of a Kinect that stands on its side
 STEEPEST_VIEW = 0.99  # the sine of the angle from the horizontal at which a scanner still has an up
+NEAR = 0.05  # m: a scanner does not see what is nearer
+AT_ONCE = 1_000_000  # pairs of triangle and ray that are computed together
+MARGIN = 1e-6  # px, around the image of a triangle, for rounding
+SAME = 1e-9  # m: a surface that is nearer by less does not hide a vertex
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,3 +119,132 @@ def scanners(
         R = np.stack([right, np.cross(forward, right), forward])
         found.append(Scanner(R, -R @ (middle + away), focal, size, window))
     return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthImage:
+    """The pixels whose rays hit the surface, in the order of their numbers.
+
+    Attributes:
+        pixel: (H,) the numbers of these pixels, row after row.
+        depth: (H,) m, along the optical axis.
+        face: (H,) the triangle that is hit first.
+        shares: (H, 3) the barycentric coordinates of the point in it.
+    """
+
+    pixel: Index
+    depth: Array
+    face: Index
+    shares: Array
+
+
+def depth_image(vertices: Array, faces: Index, scanner: Scanner) -> DepthImage:
+    """What a scanner sees of a surface (N, 3) m, (F, 3), without noise; both sides are seen."""
+    corners, rays = scanner.seen(vertices)[faces], scanner.rays()
+    first = np.arange(scanner.n_pixels + 1)  # every pixel holds one ray, its own
+    found = [
+        _hits(corners, rays, face, ray)
+        for face, ray in _pairs(_boxes(corners, scanner), first, scanner.size[0])
+    ]
+    ray, depth, face, shares = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.lexsort((face, depth, ray))
+    nearest = order[np.unique(ray[order], return_index=True)[1]]
+    return DepthImage(ray[nearest], depth[nearest], face[nearest], shares[nearest])
+
+
+def visible(vertices: Array, faces: Index, scanner: Scanner) -> Mask:
+    """Which vertices (N,) are in a scanner's image with nothing of the surface before them.
+
+    Exact for every vertex, at whatever resolution: the ray goes to the vertex itself.
+    """
+    width, height = scanner.size
+    seen = scanner.seen(vertices)
+    there = np.asarray(seen[:, 2] > NEAR)
+    rays = seen / np.where(there, seen[:, 2], 1.0)[:, None]
+    column, row = np.floor(_image(seen, there, scanner)).astype(np.int64).T
+    there &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    order = np.flatnonzero(there)
+    cell = row[order] * width + column[order]
+    order = order[np.argsort(cell, kind="stable")]
+    first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=scanner.n_pixels))])
+    for face, at in _pairs(_boxes(seen[faces], scanner), first, width):
+        vertex, depth, before, _ = _hits(seen[faces], rays, face, order[at])
+        other = (faces[before] != vertex[:, None]).all(axis=1)
+        there[vertex[other & (depth < seen[vertex, 2] - SAME)]] = False
+    return there
+
+
+def _image(seen: Array, there: Mask, scanner: Scanner) -> Array:
+    """Points (..., 3) m of the scanner's frame in the image, (..., 2) px; where not there, -1."""
+    z = np.where(there, seen[..., 2], 1.0)[..., None]
+    pixels = scanner.focal * seen[..., :2] / z + np.array(scanner.size) / 2
+    return np.where(there[..., None], pixels, -1.0)
+
+
+def _boxes(corners: Array, scanner: Scanner) -> Index:
+    """The pixels that the image of each triangle may touch: (F, 2, 2), first and last of u and v.
+
+    Triangles that reach behind the scanner get the whole image, and those behind it nothing.
+    """
+    before = corners[..., 2] > NEAR
+    pixels = _image(corners, before, scanner)
+    last = np.array(scanner.size) - 1
+    whole = np.asarray(before.any(axis=1) & ~before.all(axis=1))[:, None]
+    low = np.where(whole, 0, np.floor(pixels.min(axis=1) - MARGIN)).clip(0)
+    high = np.where(whole, last, np.floor(pixels.max(axis=1) + MARGIN)).clip(-1, last)
+    high[~before.any(axis=1)] = -1
+    return np.stack([low, high], axis=1).astype(np.int64)
+
+
+def _pairs(boxes: Index, first: Index, width: int) -> Iterator[tuple[Index, Index]]:
+    """Every triangle with every ray in the pixels of its box, as numbers (P,), some at a time.
+
+    The rays of pixel k are those from `first[k]` to before `first[k + 1]`.
+    """
+    across, down = (boxes[:, 1] - boxes[:, 0] + 1).clip(0).T
+    strips = np.repeat(np.arange(len(boxes)), np.where(across > 0, down, 0))
+    row = boxes[strips, 0, 1] + _counted(np.where(across > 0, down, 0))
+    begin = first[row * width + boxes[strips, 0, 0]]  # the rays of a strip follow each other
+    count = first[row * width + boxes[strips, 1, 0] + 1] - begin
+    part = np.cumsum(count) // AT_ONCE
+    for i in range(int(part.max(initial=0)) + 1):
+        some = slice(*np.searchsorted(part, [i, i + 1]))
+        yield (
+            np.repeat(strips[some], count[some]),
+            np.repeat(begin[some], count[some]) + _counted(count[some]),
+        )
+
+
+def _counted(lengths: Index) -> Index:
+    """0, 1, ..., n - 1 for each length n, one after the other."""
+    return np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+
+
+def _hits(
+    corners: Array, rays: Array, face: Index, ray: Index
+) -> tuple[Index, Array, Index, Array]:
+    """The pairs that hit: the ray, the depth in m, the face, and the barycentric shares."""
+    a, b, c = corners.transpose(1, 0, 2)
+    volumes = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)  # (F, 3, 3) m^2
+    d = rays[ray]
+    sides = np.stack([np.einsum("pi,pi->p", volumes[face, k], d) for k in range(3)], axis=1)
+    hit = (sides >= 0).all(axis=1) | (sides <= 0).all(axis=1)
+    face, ray, d = face[hit], ray[hit], d[hit]
+    n = np.cross(b - a, c - a)[face]  # m^2
+    facing = np.einsum("pi,pi->p", n, d)
+    with np.errstate(divide="ignore", invalid="ignore"):  # triangles that are seen as lines
+        depth = np.einsum("pi,pi->p", n, a[face]) / facing
+    there = (facing != 0) & (depth > NEAR)
+    face, ray, depth, n = face[there], ray[there], depth[there], n[there]
+    shares = _shares(depth[:, None] * d[there], (a[face], b[face], c[face]), n)
+    return ray, depth, face, shares
+
+
+def _shares(points: Array, corners: tuple[Array, Array, Array], n: Array) -> Array:
+    """The barycentric shares (P, 3) of points (P, 3) m in triangles with normals n (P, 3) m^2."""
+    a, b, c = corners
+    areas = [
+        np.einsum("pi,pi->p", np.cross(q - p, points - p), n) for p, q in ((b, c), (c, a), (a, b))
+    ]
+    shares = np.stack(areas, axis=1).clip(0)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))

@@ -16,14 +16,210 @@ from workbench.blocks.checks import numbers, reals, several
 from workbench.errors import BadArgument
 from workbench.fitting.scan import BadScan, Scan
 from workbench.geometry.meshes import Mesh
-from workbench.geometry.solids import vertex_normals
-from workbench.synthetic.clutter import Clutter, Strewn, strewn
-from workbench.synthetic.measured_views import Losses, angles, measured_view, noisy
-from workbench.synthetic.scan_effects import Clothing, Holes, Noise, Region
-from workbench.synthetic.scan_grids import Joining, areas
-from workbench.synthetic.scanners import Scanner
+from workbench.geometry.solids import face_vectors, vertex_normals
+from workbench.synthetic.scan_effects import (
+    Clothing,
+    Clutter,
+    Discs,
+    Holes,
+    Noise,
+    Region,
+    Strewn,
+    strewn,
+    unit_vectors,
+)
+from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visible
 
+JUMP = 5.0  # steps from pixel to pixel: depths that differ by more lie on different surfaces
+THIN = 1e-6  # of the largest variance: neighbours whose second variance is less lie on a line
+LEAST_COSINE = 0.1736  # of 80 degrees: beyond, the area behind a pixel is not known
 CLOTHING, HOLES, CLUTTER, NOISE = range(4)  # each effect has a stream of random numbers of its own
+
+
+@dataclass(frozen=True)
+class Joining:
+    """How neighbouring pixels are joined to triangles.
+
+    Attributes:
+        jump: by how many steps from pixel to pixel, z / focal m each, the depths of the corners of
+            a triangle may differ. With fewer, the scan falls into more pieces.
+
+    >>> from workbench.synthetic import scanners
+    >>> (four_pixels,) = scanners(1, size=(2, 2))
+    >>> Joining().triangles(np.arange(4), np.ones(4), four_pixels).tolist()
+    [[0, 2, 1], [1, 2, 3]]
+    """
+
+    jump: float = JUMP
+
+    def triangles(self, pixel: Index, depth: Array, scanner: Scanner) -> Index:
+        """Triangles (T, 3) of indices from 0 to M - 1 of measured pixels (M,) at depths (M,) m.
+
+        Every square of four pixels is cut into two triangles, counterclockwise as the scanner sees
+        them. A triangle is kept if its three corners were measured, with no jump between them.
+        """
+        width, height = scanner.size
+        number = np.full(scanner.n_pixels, -1)
+        number[pixel] = np.arange(len(pixel))
+        grid = number.reshape(height, width)
+        a, b, c, d = (
+            part.ravel() for part in (grid[:-1, :-1], grid[1:, :-1], grid[:-1, 1:], grid[1:, 1:])
+        )
+        corners = np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)])
+        corners = corners[(corners >= 0).all(axis=1)]
+        z = depth[corners]
+        low, high = z.min(axis=1), z.max(axis=1)
+        return np.asarray(corners[high - low <= self.jump * low / scanner.focal])
+
+
+def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
+    """Unit normals (M, 3) in the world of measured pixels (M,), turned towards the scanner.
+
+    Planes are fitted to the measured pixels in a window around each, without those beyond a jump of
+    the depth. A pixel without such neighbours, or with neighbours on one line, has a normal that
+    points to the scanner.
+    """
+    width, height = scanner.size
+    rays = scanner.directions()[pixel]
+    points = depth[:, None] * rays  # relative to the scanner
+    number = np.full((height + 2 * scanner.window, width + 2 * scanner.window), -1)
+    row, column = np.divmod(pixel, width)
+    row, column = row + scanner.window, column + scanner.window
+    number[row, column] = np.arange(len(pixel))
+    count, first, second = (
+        np.zeros(len(pixel)),
+        np.zeros((len(pixel), 3)),
+        np.zeros((len(pixel), 3, 3)),
+    )
+    reach = range(-scanner.window, scanner.window + 1)
+    for down in reach:
+        for right in reach:
+            other = number[row + down, column + right]
+            steps = max(abs(down), abs(right))
+            near = np.abs(depth[other] - depth) <= JUMP * max(steps, 1) * depth / scanner.focal
+            weight = ((other >= 0) & near).astype(float)
+            away = (points[other] - points) * weight[:, None]
+            count, first = count + weight, first + away
+            second += away[:, :, None] * away[:, None, :]
+    mean = first / count[:, None]
+    covariance = second / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
+    variances, axes = np.linalg.eigh(covariance)
+    plane = (count >= 3) & (variances[:, 1] > THIN * variances[:, 2])
+    back = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    normals = np.where(plane[:, None], axes[:, :, 0], back)
+    return np.where(np.einsum("mi,mi->m", normals, back)[:, None] < 0, -normals, normals)
+
+
+def areas(depth: Array, normals: Array, directions: Array, focal: float) -> Array:
+    """The surface (M,) m^2 behind each pixel: z^2 / focal^2 / |n.d|, for a ray d whose depth is 1.
+
+    As normals (M, 3) are uncertain at grazing angles, no angle counts as more than 80 degrees.
+    """
+    cosine = np.abs(np.einsum("mi,mi->m", normals, directions))
+    least = LEAST_COSINE * np.linalg.norm(directions, axis=1)
+    return np.asarray((depth / focal) ** 2 / np.maximum(cosine, least))
+
+
+@dataclass(frozen=True, eq=False)
+class Losses:
+    """Which places of a surface are not measured although nothing is before them.
+
+    Attributes:
+        discs: holes.
+        steepest: in rad, the largest angle between the ray and the normal.
+        region: what a partial scan is cut to, if there is one.
+    """
+
+    discs: Discs
+    steepest: float
+    region: Region | None
+
+    def spare(self, points: Array, normals: Array, scanner: Scanner) -> Mask:
+        """Which points (M, 3) m with unit normals (M, 3) are measured all the same."""
+        left = (angles(points, normals, scanner) <= self.steepest) & ~self.discs.hold(
+            points, normals
+        )
+        return left if self.region is None else left & self.region.holds(points)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredView:
+    """The H points that one scanner measured on a surface of N vertices, with the truth.
+
+    Attributes:
+        points: (H, 3) m.
+        normals: (H, 3) unit vectors, as estimated from the measured depths.
+        weights: (H,) m^2, the area behind each pixel.
+        triangles: (T, 3) of the numbers of points.
+        face: (H,) the face that was hit.
+        shares: (H, 3) the barycentric coordinates of the place that was hit.
+        seen: (N,) the vertices that the scanner sees.
+        image: the whole surface, with what is not measured.
+    """
+
+    points: Array
+    normals: Array
+    weights: Array
+    triangles: Index
+    face: Index
+    shares: Array
+    seen: Mask
+    image: DepthImage
+
+
+def measured_view(
+    surface: Array,
+    faces: Index,
+    scanner: Scanner,
+    losses: Losses,
+    noise: Noise | None,
+    errors: Array,
+    joining: Joining | None,
+) -> MeasuredView:
+    """What a scanner measures of a surface (N, 3) m, (F, 3).
+
+    `errors` holds a number from a standard normal distribution for every pixel of the scanner.
+    """
+    image = depth_image(surface, faces, scanner)
+    normals, hit = face_normals(surface, faces, image.face), true_points(surface, faces, image)
+    left = losses.spare(hit, normals, scanner)
+    pixel, depth = image.pixel[left], image.depth[left]
+    depth = noisy(depth, angles(hit, normals, scanner)[left], noise, errors[pixel])
+    rays = scanner.directions()[pixel]
+    estimated = estimated_normals(pixel, depth, scanner)
+    none = np.zeros((0, 3), dtype=np.int64)
+    around = vertex_normals(surface, faces)
+    return MeasuredView(
+        points=scanner.place + depth[:, None] * rays,
+        normals=estimated,
+        weights=areas(depth, estimated, rays, scanner.focal),
+        triangles=none if joining is None else joining.triangles(pixel, depth, scanner),
+        face=image.face[left],
+        shares=image.shares[left],
+        seen=visible(surface, faces, scanner) & losses.spare(surface, around, scanner),
+        image=image,
+    )
+
+
+def noisy(depth: Array, angle: Array, noise: Noise | None, errors: Array) -> Array:
+    """Depths (M,) m with the errors (M,), which are in standard deviations of the noise."""
+    return depth if noise is None else depth + noise.sigma(depth, angle) * errors
+
+
+def angles(points: Array, normals: Array, scanner: Scanner) -> Array:
+    """The angles (M,) rad, of at most a right angle, between rays and normals, (M, 3) m each."""
+    rays = unit_vectors(points - scanner.place)
+    return np.asarray(np.arccos(np.abs(np.einsum("mi,mi->m", rays, normals)).clip(0, 1)))
+
+
+def face_normals(surface: Array, faces: Index, chosen: Index) -> Array:
+    """The unit normals (H, 3) of some faces (H,), which are no lines."""
+    return unit_vectors(face_vectors(surface, faces[chosen]))
+
+
+def true_points(surface: Array, faces: Index, image: DepthImage) -> Array:
+    """Where rays hit the surface, (H, 3) m."""
+    return np.asarray(np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]]))
 
 
 @dataclass(frozen=True, eq=False)

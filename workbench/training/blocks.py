@@ -1,13 +1,12 @@
-"""The blocks of the alternation: each frees other names, and only `cut` may raise the cost.
+"""The blocks of the alternation, each of which frees other names, and the plans that order them.
 
 rest       templates and joints, the pose blend shapes held: a linear least-squares problem
-poses      theta_j, one registration at a time (Levenberg and Marquardt on a Problem)
+poses      theta_j, one registration at a time (Levenberg-Marquardt on a Problem)
 surfaces   templates, pose blend shapes and joints: one linear least-squares problem
 weights    one vertex at a time: least squares over shares, at most four above zero
 regressor  joints from templates: least squares over shares, one joint at a time
-cut        only the largest four weights are kept, where more were allowed before
-people     templates, joints and poses at once: steps of Gauss and Newton in a trust region
-together   all names at once: steps of Gauss and Newton in a trust region
+people     templates, joints and poses at once: Gauss-Newton steps in a trust region
+together   all names at once: Gauss-Newton steps in a trust region
 skinning   all names but the pose blend shapes, which are held, in the same way
 skeleton   joints, poses and weights at once, in the same way
 """
@@ -20,15 +19,13 @@ from math import inf
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.training.conjugate_gradients import solve
-from workbench.training.estimate import NAMES, Estimate
-from workbench.training.executor import SERIAL, Execution
-from workbench.training.first_guess import MOST_WEIGHTS, at_most
-from workbench.training.joint_regressor import fit_joint_regressor
-from workbench.training.normal_equations import NormalEquations
+from workbench.errors import BadArgument, check_known
+from workbench.training.estimate import NAMES, Estimate, Sigmas
+from workbench.training.execution import SERIAL, Execution
+from workbench.training.normal_equations import NormalEquations, steihaug
 from workbench.training.objective import Objective, weight_grams
 from workbench.training.poses import VertexTerm, fitted_poses
-from workbench.training.simplex import few_shares
+from workbench.training.shares import MOST_WEIGHTS, few_shares, fit_joint_regressor
 from workbench.training.subsampling import ENOUGH, subsample
 
 REST = ("templates", "joints")
@@ -36,10 +33,14 @@ PEOPLE = ("templates", "joints", "poses")
 SKELETON = ("joints", "poses", "weights")
 SKINNING = ("templates", *SKELETON)
 SURFACES = ("templates", "posedirs", "joints")
-POSE_STEPS = 2  # of Levenberg and Marquardt in a round: the next round changes the model anyway
+POSE_STEPS = 2  # of Levenberg-Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
 GOOD, POOR = 0.75, 0.25  # gain ratios above which the region grows, and below which it shrinks
 SMALLEST_RADIUS = 1e-8  # of the longest step: no further decrease is to be expected
+NO_LIMIT = 10**6
+ROUND = ("regressor", "surfaces", "poses")
+REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
+ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class BlockOptions:
         linear_tolerance: relative tolerance of the linear equations in the blocks `surfaces` and
             `rest`, measured by the preconditioned gradient.
         together_tolerance: the same for the blocks `together` and `people`.
-        together_steps: the largest number of steps of Gauss and Newton.
+        together_steps: the largest number of Gauss-Newton steps.
         together_stop: a step that lowers the cost by a smaller share is the last.
         enough: in metres; no step is made once the root mean square of E_D is below it.
         products: the largest number of passes over all registrations in one step.
@@ -126,16 +127,16 @@ def fit_linear(names: tuple[str, ...], given: BlockInput, estimate: Estimate) ->
     """
     objective, options = given.objective, given.options
     equations = NormalEquations(objective, estimate, names)
-    step = solve(
+    step = steihaug(
         equations.product,
         equations.preconditioned,
-        equations.slope,
+        equations.negative_gradient,
         tolerance=options.linear_tolerance,
         most=options.products,
     )
     facts = {"products": float(step.iterations), "predicted": step.predicted}
     moved = estimate.moved(step.change)
-    if objective.cost(moved) > objective.cost(estimate):  # the slope was rounding
+    if objective.cost(moved) > objective.cost(estimate):  # the gradient was rounding
         return BlockResult(estimate, facts)
     return BlockResult(moved, facts)
 
@@ -164,17 +165,6 @@ def fit_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
     return BlockResult(replace(estimate, weights=weights), {"kkt": float(kkt.max())})
 
 
-def cut_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
-    """Keep only the largest weights of each vertex; only this block may raise the cost.
-
-    From here on fewer weights are allowed than before. On noiseless data the others are zero by
-    then, and nothing changes.
-    """
-    weights = at_most(estimate.weights, given.options.most_weights)
-    change = float(np.abs(weights - estimate.weights).max())
-    return BlockResult(replace(estimate, weights=weights), {"largest change": change})
-
-
 def fit_in_trust_region(
     names: tuple[str, ...], given: BlockInput, estimate: Estimate
 ) -> BlockResult:
@@ -186,14 +176,16 @@ def fit_in_trust_region(
     objective, options = given.objective, given.options
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
-    while facts["steps"] < options.together_steps and not _near(objective, estimate, options):
+    while facts["steps"] < options.together_steps:
+        if options.enough > 0 and objective.rms(estimate) < options.enough:
+            break
         equations = NormalEquations(objective, estimate, names)
-        slope = equations.slope
+        negative_gradient = equations.negative_gradient
         while True:
-            step = solve(
+            step = steihaug(
                 equations.product,
                 equations.preconditioned,
-                slope,
+                negative_gradient,
                 radius=radius,
                 tolerance=options.together_tolerance,
                 most=options.products,
@@ -224,11 +216,6 @@ def fit_in_trust_region(
     return BlockResult(estimate, facts)
 
 
-def _near(objective: Objective, estimate: Estimate, options: BlockOptions) -> bool:
-    """Whether the data are fitted closely enough; asking takes a pass over them."""
-    return options.enough > 0 and objective.rms(estimate) < options.enough
-
-
 def _as_shares(weights: Array) -> Array:
     kept = weights.clip(0)
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
@@ -241,10 +228,107 @@ BLOCKS: dict[str, Block] = {
     "surfaces": partial(fit_linear, SURFACES),
     "regressor": fit_regressor,
     "weights": fit_weights,
-    "cut": cut_weights,
     "people": partial(fit_in_trust_region, PEOPLE),
     "together": partial(fit_in_trust_region, NAMES),
     "skinning": partial(fit_in_trust_region, SKINNING),
     "skeleton": partial(fit_in_trust_region, SKELETON),
 }
-MAY_RISE = ("cut",)  # blocks that may raise the cost
+
+
+Names = tuple[str, ...]  # of blocks, in order
+# For registrations with noise: digits that the next block changes are not worth their passes.
+QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Blocks that are run a number of times, with the same sigmas and options.
+
+    Raises UnknownName for a block that is not in `BLOCKS`.
+
+    Attributes:
+        sigmas: the standard deviation of each term.
+        blocks: the names of the blocks, in order.
+        rounds: how often they are run.
+        options: when the blocks stop.
+    """
+
+    sigmas: Sigmas
+    blocks: tuple[str, ...]
+    rounds: int = 1
+    options: BlockOptions = field(default_factory=BlockOptions)
+
+    def __post_init__(self) -> None:
+        for block in self.blocks:
+            check_known("block of training", block, BLOCKS)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The plan of a training: its stages, in order. Raises BadArgument for one without a block.
+
+    Attributes:
+        stages: the stages.
+        reach: the largest number of bones from a vertex to a joint that changes the surface there,
+            see `blend_shapes.local_features`; None allows all joints.
+    """
+
+    stages: tuple[Stage, ...]
+    reach: int | None = None
+
+    def __post_init__(self) -> None:
+        if not self.steps:
+            raise BadArgument("a plan needs at least one block; `alternation()` is the usual plan")
+
+    @property
+    def steps(self) -> list[tuple[Stage, str]]:
+        """All blocks in the order in which they run, each with its stage."""
+        return [
+            (stage, block)
+            for stage in self.stages
+            for _ in range(stage.rounds)
+            for block in stage.blocks
+        ]
+
+
+def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None = None) -> Plan:
+    """The alternation of the lectures, with all names at once near its end.
+
+    First only templates and joints are fitted, with a larger sigma of the data: skinning without
+    blend shapes cannot be right to millimetres. Blend shapes are added when poses are nearly
+    right. Then, for a number of rounds, the joints are compared with the regressor that the body
+    will have, and no longer with their rings. A vertex is bent by the joints within `reach`
+    bones; None allows all joints, as in the paper.
+    """
+    last = ("together", "weights", "regressor", "surfaces", "poses", "regressor", "surfaces")
+    stages = _alternating(sigmas, ("surfaces", "poses"), ROUND, rounds, last)
+    return Plan(stages, reach)
+
+
+def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
+    """The alternation without pose blend shapes: templates, joints, weights and poses alone.
+
+    What skinning alone leaves of the data is then the cost, and not compensated by 9 (K - 1) free
+    directions for every vertex: from registrations that linear blending explains, joints and
+    weights are found that blend shapes would hide.
+    """
+    last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
+    first, each = ("rest", "poses", "weights"), ("regressor", "rest", "poses")
+    return Plan(_alternating(sigmas, first, each, rounds, last))
+
+
+def _alternating(
+    sigmas: Sigmas | None, first: Names, each: Names, rounds: int, last: Names
+) -> tuple[Stage, ...]:
+    """Templates and poses with a larger sigma of the data, `first`, and then, with joints tied to
+    the regressor, rounds of `each`, and `last`.
+    """
+    held = Sigmas() if sigmas is None else sigmas
+    rough = replace(held, data=ROUGH * held.data)
+    tied = replace(held, rings=TIED * held.rings)
+    return (
+        Stage(rough, ("rest", "poses"), 1, QUICK),
+        Stage(held, first, 1, QUICK),
+        Stage(tied, each, rounds, QUICK),
+        Stage(tied, last, 1, QUICK),
+    )

@@ -17,7 +17,7 @@ from workbench.errors import BadFile, listed, shown
 from workbench.reading.arrays import doubles, nothing_else, opened, optional, read_expected, texts
 from workbench.reading.facts import amount, facts, facts_in, number
 from workbench.training.estimate import Estimate
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 
@@ -28,7 +28,7 @@ REMOVE = "remove it to start anew, or choose another folder"
 
 
 @dataclass(frozen=True, eq=False)
-class Checkpoint:
+class TrainingCheckpoint:
     """The state of a training after a block.
 
     Attributes:
@@ -55,7 +55,7 @@ class Checkpoint:
 
 def read_checkpoint(
     folder: Path, fingerprint: str, first: Estimate, blocks: Sequence[str]
-) -> Checkpoint | None:
+) -> TrainingCheckpoint | None:
     """The checkpoint of an earlier run in `folder`, or None if there is no file.
 
     `first` is the estimate that the run began with, whose sizes and tree do not change; `blocks`
@@ -94,7 +94,7 @@ def read_checkpoint(
                 raise BadFile(f"{name} are no shares: some are negative, or do not sum to 1")
     found = csr_array(arrays.pop("regressor")) if "regressor" in arrays else None
     estimate = Estimate(**arrays, parents=first.parents, regressor=found)
-    return Checkpoint(estimate, log, fingerprint)
+    return TrainingCheckpoint(estimate, log, fingerprint)
 
 
 def log_entry(given: object, name: str) -> LogEntry:

@@ -1,6 +1,7 @@
 """What training starts from: a template that is divided into segments."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,12 +15,21 @@ from workbench.bodies.validation import check_tree
 from workbench.environment import expanded
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror, find_mirror, opposite, opposites
+from workbench.geometry.rigid import procrustes
 from workbench.geometry.solids import heat, mesh_edges
 from workbench.reading.arrays import opened, read_expected, reals, taken_for, texts, wholes
-from workbench.training.registrations import FARTHEST
+from workbench.training.estimate import Estimate
+from workbench.training.execution import SERIAL, Execution
+from workbench.training.poses import DataTerm, EdgeTerm, fitted_poses, poses_of_segments
+from workbench.training.registrations import FARTHEST, Registrations, batches
+from workbench.training.shares import MOST_WEIGHTS, at_most, shares
+from workbench.training.subsampling import subsample
 from workbench.writing import write_arrays
 
-MOST_WEIGHTS = 4  # joints that move one vertex
+FIRST_STEPS = 5  # of the first fit of a pose
+FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
+FIT, RING = 0.01, 0.05  # m: how far a segment is from rigid, and a ring's middle from the joint
+NEAREST = 80  # vertices that a joint is a mean of
 BORDER = 0.03  # m: the width of the blurred border between two segments
 EXPECTED = {
     "template": reals("N", 3),
@@ -159,15 +169,6 @@ def _refuse(reason: str) -> NoReturn:
     raise BadBody(reason)
 
 
-def at_most(weights: Array, most: int) -> Array:
-    """The `most` largest shares of each row, scaled to sum to one."""
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :most]
-    kept = np.zeros_like(weights)
-    np.put_along_axis(kept, order, np.take_along_axis(weights, order, axis=1), axis=1)
-    kept[kept < 1e-4 * kept.max(axis=1, keepdims=True)] = 0
-    return np.asarray(kept / kept.sum(axis=1, keepdims=True))
-
-
 def read_start(name: str | Path) -> Start:
     """Read a start from an .npz, or make that of a body from its name or file.
 
@@ -194,3 +195,109 @@ def read_start(name: str | Path) -> Start:
 def write_start(start: Start, path: Path) -> None:
     """Write a start as an .npz that `read_start` reads."""
     write_arrays(path, {name: np.asarray(getattr(start, name)) for name in EXPECTED})
+
+
+def first_estimate(
+    registrations: Registrations, start: Start, *, weights: Array, rings: csr_array
+) -> Estimate:
+    """The estimate in which every subject is the template, in the zero pose."""
+    S = int(registrations.subject.max()) + 1
+    K, N = len(start.parents), len(start.template)
+    return Estimate(
+        templates=np.repeat(start.template[None], S, axis=0),
+        joints=np.repeat((rings @ start.template)[None], S, axis=0),
+        posedirs=np.zeros((N, 3, 9 * (K - 1))),
+        weights=weights,
+        poses=np.zeros((len(registrations.subject), K, 3)),
+        parents=start.parents,
+    )
+
+
+def first_poses(
+    first: Estimate,
+    registrations: Registrations,
+    start: Start,
+    data_term: Callable[[Index], DataTerm] = EdgeTerm,
+    execution: Execution = SERIAL,
+) -> Estimate:
+    """Poses by turning each segment onto its vertices, then by fitting edges of the template.
+
+    Edges ignore where the body stands, and distinguish a bent knee from a long shin better than
+    vertices do; another `data_term` of the faces (F, 3) may take their place.
+    """
+    few = subsample(start.template, start.faces)
+    registrations, sparse = few.registrations(registrations), few.estimate(first)
+    poses = first.poses.copy()
+    template, weights = start.template[few.vertices], sparse.weights
+    for batch in batches(registrations):
+        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
+            guess = poses_of_segments(template, weights, start.parents, V, confidence)
+            poses[batch.some.start + at] = guess
+    execution = replace(execution, task="first poses")
+    turned = replace(sparse, poses=poses)
+    found = fitted_poses(
+        turned, registrations, few.faces, data_term(few.faces), FIRST_SIGMA, FIRST_STEPS, execution
+    )
+    return replace(first, poses=found.poses)
+
+
+def motions_of_segments(
+    start: Start, weights: Array, registrations: Registrations
+) -> tuple[Array, Array]:
+    """The rotations (J, K, 3, 3) and translations (J, K, 3) m that take each segment of the
+    template to its vertices in each registration.
+    """
+    J, K = len(registrations.subject), len(start.parents)
+    R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
+    for batch in batches(registrations):
+        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
+            for k, trusted in enumerate(weights.T * confidence + 1e-9 * confidence):
+                motion = procrustes(start.template, V, trusted)
+                R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t
+    return R, t
+
+
+def rotation_centres(
+    R: Array, t: Array, subject: Index, parents: tuple[int, ...], rings: Array
+) -> Array:
+    """Joints (K, 3) m on the template, as means over all subjects.
+
+    `R` and `t` are the motions of the segments, and `rings` (K, 3) m the means of the joints'
+    priors.
+    """
+    found = rings.copy()
+    prior = (FIT / RING) * np.eye(6)
+    for k, parent in enumerate(parents[1:], start=1):
+        both = np.tile(rings[k], 2)
+        centres = []
+        for s in np.unique(subject):
+            own = subject == s
+            A = np.concatenate([R[own, parent], -R[own, k]], axis=2).reshape(-1, 6)
+            gap = (t[own, k] - t[own, parent]).ravel() - A @ both
+            step = np.linalg.solve(A.T @ A + prior.T @ prior, A.T @ gap)
+            centres.append(rings[k] + step.reshape(2, 3).mean(axis=0))
+        found[k] = np.mean(centres, axis=0)
+    return found
+
+
+def means_at(template: Array, points: Array) -> csr_array:
+    """Rows (K, N) of shares, as even as possible, that give the points (K, 3) on the template.
+
+    A point outside of the convex hull of the vertices nearest to it is approximated.
+    """
+    rows = np.zeros((len(points), len(template)))
+    for k, point in enumerate(points):
+        near = np.argsort(np.linalg.norm(template - point, axis=1), kind="stable")[:NEAREST]
+        away = template[near] - point
+        gram = away @ away.T + 1e-6 * np.eye(len(near))  # m^2: evenness decides among exact ones
+        first = np.full(len(near), 1 / len(near))
+        rows[k, near] = shares(gram, np.zeros(len(near)), first)
+    return csr_array(rows)
+
+
+def joint_guess(start: Start, weights: Array, registrations: Registrations) -> csr_array:
+    """The first guess of the joint regressor (K, N), which E_J uses until one is learned."""
+    middles = start.rings() @ start.template
+    R, t = motions_of_segments(start, weights, registrations)
+    centres = rotation_centres(R, t, registrations.subject, start.parents, middles)
+    return means_at(start.template, centres)

@@ -9,23 +9,33 @@
 `gender` is female, male or neutral; `set` is poses (some people, many poses each) or shapes (many
 people, about one pose). Other columns are refused; other arrays of an .npz are not read.
 All files are checked before any work begins.
+
+`read_meshes` reads meshes in motion, for `rig`, from the same files: a folder, with a table or
+without one, a stack, or one file for each frame.
 """
 
 import csv
 import io
+import re
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.arrays import Array, Index
+from workbench.bodies.catalogue import load_skinned
+from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
-from workbench.geometry.meshes import READERS, UNSHARED, read_registered, same_faces
+from workbench.geometry.meshes import (
+    READERS,
+    UNSHARED,
+    WITH_VERTEX_ORDER,
+    read_registered,
+    same_faces,
+)
 from workbench.geometry.solids import volume
 from workbench.reading.arrays import (
     any_reals,
@@ -47,6 +57,13 @@ UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
 COLUMNS = ("file", "subject", "gender", "set")
 SUFFIXES = (*READERS, ".npz", ".npy")  # an .stl is refused when it is read, and told why
 MOST_LISTED = 10  # bad files in one message
+IN_ARCHIVE = {
+    "vertices": any_reals("N", 3),
+    "faces": optional(wholes("F", 3)),
+    "confidence": optional(any_reals("N")),
+    "seen": optional(any_reals("N")),
+}
+SUBJECT = "one"  # what the subject of files without a table is called
 LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
 
 
@@ -81,7 +98,7 @@ class FolderRegistrations:
     folder: Path
     rows: tuple[Row, ...]
     n_vertices: int
-    faces: Index | None
+    faces: Index
 
     @cached_property
     def subjects(self) -> tuple[str, ...]:
@@ -106,37 +123,13 @@ class FolderRegistrations:
 
     def one(self, row: Row) -> tuple[Array, Array]:
         """The vertices (N, 3) m of a row, and their confidence (N,)."""
-        name, _, number = row.file.partition("#")
-        path = self.folder / name
-        suffix = path.suffix.lower()
-        confidence, faces = np.ones(self.n_vertices), None
-        if suffix == ".npy":
-            vertices = _from_stack(path, number, self.n_vertices)
-        elif suffix == ".npz":
-            with taken_for(row.file, "registration", "repair it, or leave it out of the table"):
-                arrays = self._arrays(path)
-            vertices, faces = arrays["vertices"], arrays.get("faces")
-            confidence = arrays.get("confidence", arrays.get("seen", confidence))
-        else:
-            mesh = read_registered(path, points_alone=True)
-            vertices, faces = mesh.vertices, mesh.faces if len(mesh.faces) else None
-        self._refuse(row, vertices, confidence, faces)
-        return vertices, confidence
+        mesh = _read_mesh(self.folder, row.file)
+        self._refuse(row, mesh)
+        confidence = mesh.confidence
+        return mesh.vertices, np.ones(self.n_vertices) if confidence is None else confidence
 
-    def _arrays(self, path: Path) -> dict[str, NDArray[Any]]:
-        with open_arrays(path) as archive:
-            return read_expected(
-                archive,
-                {
-                    "vertices": any_reals(self.n_vertices, 3),
-                    "faces": optional(wholes("F", 3)),
-                    "confidence": optional(any_reals(self.n_vertices)),
-                    "seen": optional(any_reals(self.n_vertices)),
-                },
-            )
-
-    def _refuse(self, row: Row, vertices: Array, confidence: Array, faces: Index | None) -> None:
-        N = self.n_vertices
+    def _refuse(self, row: Row, mesh: "_Mesh") -> None:
+        N, vertices, confidence, faces = self.n_vertices, mesh.vertices, mesh.confidence, mesh.faces
         if vertices.shape != (N, 3):
             raise BadFile(
                 f"{row.file} has vertices of shape {vertices.shape}, but the topology has ({N}, 3)"
@@ -149,14 +142,13 @@ class FolderRegistrations:
             )
         if (far := float(abs(vertices).max())) > FARTHEST:
             raise BadFile(f"{row.file} reaches {far:.3g} m far; metres are expected")
-        within = (confidence >= 0) & (confidence <= 1)
-        if confidence.shape != (N,) or not within.all() or not confidence.any():
-            raise BadFile(
-                f"{row.file}: confidence must be ({N},) numbers from 0 to 1, not all zero"
-            )
-        if self.faces is None or faces is None:
-            return
-        if not same_faces(faces, self.faces):
+        if confidence is not None:
+            within = (confidence >= 0) & (confidence <= 1)
+            if confidence.shape != (N,) or not within.all() or not confidence.any():
+                raise BadFile(
+                    f"{row.file}: confidence must be ({N},) numbers from 0 to 1, not all zero"
+                )
+        if faces is not None and not same_faces(faces, self.faces):
             raise BadFile(
                 f"{row.file} connects its vertices otherwise than the topology: another mesh, or "
                 "vertices in another order"
@@ -274,22 +266,134 @@ def _row(path: Path, number: int, line: dict[str, str | None], suffixes: Collect
     return row
 
 
-def _from_stack(path: Path, number: str, n_vertices: int) -> Array:
-    """One mesh of a stack, of which only this part is read."""
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """What a file says of one mesh; None for what it does not say."""
+
+    vertices: Array
+    faces: Index | None = None
+    confidence: Array | None = None
+
+
+def _read_mesh(folder: Path, file: str) -> _Mesh:
+    """The mesh of a file, or of a row of a stack, of which only this part is read."""
+    name, _, number = file.partition("#")
+    path = folder / name
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        stack = _stack(path)
+        if stack.ndim == 3 and number.isdecimal() and int(number) < len(stack):
+            stack = stack[int(number)]
+        elif stack.ndim != 2 or number:
+            raise BadFile(
+                f"{path} has the shape {stack.shape}; name one of its rows, as in {path.name}#0"
+            )
+        return _Mesh(widened(np.array(stack)))
+    if suffix == ".npz":
+        with (
+            taken_for(file, "registration", "repair it, or leave it out of the table"),
+            open_arrays(path) as archive,
+        ):
+            arrays = read_expected(archive, IN_ARCHIVE)
+        confidence = arrays.get("confidence", arrays.get("seen"))
+        return _Mesh(arrays["vertices"], arrays.get("faces"), confidence)
+    mesh = read_registered(path, points_alone=True)
+    return _Mesh(mesh.vertices, mesh.faces if len(mesh.faces) else None)
+
+
+def _stack(path: Path) -> Array:
     with taken_for(path, "stack of registrations", "save it as float32 or float64 with np.save"):
         stack = mapped_array(path)
         if stack.dtype.kind != "f" or stack.dtype.itemsize not in (4, 8):
             raise BadFile(f"it holds {stack.dtype}, not float32 or float64")
-    if stack.ndim == 2 and not number:
-        one = stack
-    elif stack.ndim != 3 or not number.isdecimal() or int(number) >= len(stack):
+        if stack.ndim not in (2, 3):
+            raise BadFile(f"it has the shape {stack.shape}, but must be (T, N, 3)")
+    return stack
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSequence:
+    """Meshes of one subject in motion.
+
+    Attributes:
+        meshes: (T, N, 3) in metres.
+        faces: (F, 3) their triangles.
+        rest: (N, 3) in metres, the mesh at rest; None if none was given.
+    """
+
+    meshes: Array
+    faces: Index
+    rest: Array | None
+
+
+def read_meshes(paths: Sequence[Path], rest: str | Path | None = None) -> MeshSequence:
+    """Read meshes in the order given; `rest` is the mesh at rest, by its file or a body's name.
+
+    Raises BadFile for files that cannot be used, for meshes of different topologies, of several
+    subjects, or with vertices that were not seen, and where no file has faces.
+    """
+    if not paths:
+        raise BadFile("no meshes were given; name a folder, a stack .npy, or one file for a frame")
+    place, rows = ", ".join(p.name for p in paths[:3]), [r for p in paths for r in _rows(p)]
+    if len(who := {row.subject for row in rows}) > 1:
         raise BadFile(
-            f"{path} has the shape {stack.shape}; name one of its rows, as in {path.name}#0"
+            f"the meshes are of {len(who)} subjects ({some(tuple(sorted(who)))}), but a rig is "
+            "found for one; give the meshes of one, or train a body with `workbench train`"
         )
-    else:
-        one = stack[int(number)]
-    if one.shape != (n_vertices, 3):
+    own, faces = (None, None) if rest is None else _at_rest(rest)
+    first = rows[0].file
+    N = len(own if own is not None else _read_mesh(Path(), first).vertices)
+    if faces is None:
+        with_faces = (
+            mesh.faces for row in rows if (mesh := _read_mesh(Path(), row.file)).faces is not None
+        )
+        faces = next(with_faces, None)
+    if faces is None:
         raise BadFile(
-            f"{path.name} has vertices of shape {one.shape}, but the topology has ({n_vertices}, 3)"
+            "none of the files has faces; give a mesh of the same topology that has some, with "
+            "--rest"
         )
-    return widened(np.array(one))
+    found = FolderRegistrations(Path(), tuple(rows), N, faces)
+    check_registrations(found, faces, place)
+    batch = found.read(slice(0, len(rows)))
+    if (batch.confidence < 1).any():
+        bad = int((batch.confidence < 1).any(axis=1).argmax())
+        raise BadFile(
+            f"{rows[bad].file} has vertices of confidence below 1; a rig needs every vertex of "
+            "every mesh, so leave such meshes out, or complete them"
+        )
+    return MeshSequence(batch.vertices, faces, own)
+
+
+def _rows(path: Path) -> list[Row]:
+    """The meshes that one argument names, with whole paths."""
+    path = expanded(path)
+    if path.is_dir():
+        if (path / TABLE).is_file():
+            return [Row(str(path / row.file), row.subject) for row in read_table(path / TABLE)]
+        inside = sorted((p for p in path.iterdir() if p.suffix.lower() in SUFFIXES), key=_numbered)
+        if not inside:
+            raise BadFile(f"{path} has no meshes; there can be {listed(SUFFIXES)}")
+        return [row for p in inside for row in _rows(p)]
+    if not path.is_file():
+        raise BadFile(f"there is no file or folder {path}")
+    if path.suffix.lower() not in SUFFIXES:
+        raise BadFile(f"{path} is none of {listed(SUFFIXES)}")
+    if path.suffix.lower() == ".npy" and (stack := _stack(path)).ndim == 3:
+        return [Row(f"{path}#{i}", SUBJECT) for i in range(len(stack))]
+    return [Row(str(path), SUBJECT)]
+
+
+def _numbered(path: Path) -> list[tuple[int, str]]:
+    """Sorts mesh_2 before mesh_10."""
+    parts = re.split(r"([0-9]+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _at_rest(rest: str | Path) -> tuple[Array, Index]:
+    path = expanded(rest)
+    if path.suffix.lower() in WITH_VERTEX_ORDER:
+        mesh = read_registered(path)
+        return mesh.vertices, mesh.faces
+    body = load_skinned(rest)
+    return body.template, body.faces

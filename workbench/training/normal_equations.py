@@ -3,32 +3,111 @@
 A `Linearization` stores its Jacobian, and `LevenbergMarquardt` factorizes J'J. In training every
 pose is coupled with every number of every vertex, so the factors fill in: their size grows with
 vertices times registrations. A product needs one piece of the registrations at a time.
+
+They are solved by conjugate gradients within a trust region (Steihaug 1983), on named arrays. The
+step grows with every iteration. It ends where it leaves the region, where the residual is small
+enough, or where rounding leaves no curvature.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import inf, sqrt
 
 import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.bodies.forward.posing import crossed
-from workbench.training.estimate import Change, Estimate
-from workbench.training.locality import MaskedCholesky
+from workbench.training.blend_shapes import MaskedCholesky
+from workbench.training.estimate import Change, Estimate, SkinningPass
 from workbench.training.objective import Objective, centred, trusted, weight_grams
 from workbench.training.registrations import Batch, over_halves, pieces
-from workbench.training.skinning_pass import SkinningPass
 
-Passed = tuple[Batch, SkinningPass]
+Operator = Callable[[Change], Change]
 KEPT_BYTES = 2**32  # kept between products; where more would be needed, it is computed anew
 BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
 RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
 
 @dataclass(frozen=True, eq=False)
+class TrustRegionStep:
+    """A step of conjugate gradients.
+
+    Attributes:
+        change: the change of each name.
+        length: the length of the step in the norm of the preconditioner.
+        predicted: the decrease of the cost that the linear model predicts.
+        iterations: the number of products.
+        inside: whether the step is shorter than the trust region's radius.
+    """
+
+    change: Change
+    length: float
+    predicted: float
+    iterations: int
+    inside: bool
+
+
+def steihaug(
+    product: Operator,
+    preconditioned: Operator,
+    negative_gradient: Change,
+    *,
+    radius: float = inf,
+    tolerance: float = 1e-10,
+    most: int = 500,
+) -> TrustRegionStep:
+    """The step x that minimises g . x + x . A x / 2 within the radius, for the gradient g.
+
+    `tolerance` is on |r| / |g| in the norm of the preconditioner, `most` on the iterations.
+    """
+    x = {name: np.zeros_like(g) for name, g in negative_gradient.items()}
+    r = negative_gradient
+    z = preconditioned(r)
+    p = z
+    rz = first = dot(r, z)
+    xx, xp, pp = 0.0, 0.0, rz  # squared lengths in the preconditioner's norm
+    predicted, iterations = 0.0, 0
+    while iterations < most and rz > tolerance**2 * first and rz > 0:
+        Ap = product(p)
+        curvature = dot(p, Ap)
+        if curvature <= 0:
+            break
+        alpha = rz / curvature
+        ahead = xx + 2 * alpha * xp + alpha**2 * pp
+        iterations += 1
+        if ahead > radius**2:
+            alpha = (-xp + sqrt(max(xp**2 + pp * (radius**2 - xx), 0.0))) / pp
+            x = plus(x, p, alpha)
+            predicted += alpha * rz - 0.5 * alpha**2 * curvature
+            return TrustRegionStep(x, radius, predicted, iterations, inside=False)
+        x, r = plus(x, p, alpha), plus(r, Ap, -alpha)
+        predicted += 0.5 * alpha * rz
+        z = preconditioned(r)
+        rz, before = dot(r, z), rz
+        beta = rz / before
+        xx, xp, pp = ahead, beta * (xp + alpha * pp), rz + beta**2 * pp
+        p = plus(z, p, beta)
+    return TrustRegionStep(x, sqrt(xx), predicted, iterations, inside=True)
+
+
+def dot(a: Change, b: Change) -> float:
+    """The inner product of two changes."""
+    return sum(float(np.vdot(a[name], b[name])) for name in a)
+
+
+def plus(a: Change, b: Change, share: float) -> Change:
+    """The change a + share b."""
+    return {name: a[name] + share * b[name] for name in a}
+
+
+Passed = tuple[Batch, SkinningPass]
+
+
+@dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """(J'J) step = slope for the named parts of an estimate; each product passes over the data.
+    """(J'J) step = -gradient for the named parts of an estimate; a product passes over the data.
 
     Weights change only where they are above zero, and their sums stay one.
     """
@@ -43,14 +122,14 @@ class NormalEquations:
         return self.estimate.weights > 0
 
     @cached_property
-    def slope(self) -> Change:
+    def negative_gradient(self) -> Change:
         """Minus the gradient of the cost."""
-        found = self.objective.prior_slope(self.estimate, self.names)
+        found = self.objective.prior_negative_gradient(self.estimate, self.names)
 
         def of_data(some: Sequence[slice]) -> Change:
             data = self.estimate.zero_change(self.names)
-            for passed, pull, _ in self.objective.residuals(self.estimate, some):
-                passed.adjoint(pull, data)
+            for passed, cotangent, _ in self.objective.residuals(self.estimate, some):
+                passed.adjoint(cotangent, data)
             return data
 
         data = over_halves(of_data, pieces(self.objective.registrations))
@@ -68,7 +147,7 @@ class NormalEquations:
             return data
 
         data = over_halves(of_data, self._passes)
-        return self._sum(self.objective.prior_curvature(self.estimate, change), data)
+        return self._sum(self.objective.prior_hessian_product(self.estimate, change), data)
 
     def _passed(self, some: slice) -> Passed:
         batch = self.objective.registrations.read(some)
@@ -100,7 +179,7 @@ class NormalEquations:
         if {"templates", "posedirs"} & set(self.names):
             found |= self._surfaces(change)
         if "joints" in self.names:
-            pull, X = change["joints"], self._answers
+            pull, X = change["joints"], self._template_response
             if X is not None:
                 at_rest = change["templates"].reshape(len(X), -1, 1)
                 pull = pull - (X.swapaxes(1, 2) @ at_rest).reshape(pull.shape)
@@ -196,8 +275,8 @@ class NormalEquations:
             flat = D[j].transpose(1, 0, 2).reshape(3, 3 * K)
             blocks[subject] += flat.T @ flat
         blocks *= np.kron(away.T @ away, np.ones((3, 3)))
-        if self._answers is not None:
-            for n, block, X in zip(counts, blocks, self._answers, strict=True):
+        if self._template_response is not None:
+            for n, block, X in zip(counts, blocks, self._template_response, strict=True):
                 block -= n * (X.T @ X)
         blocks /= s.data**2
         held = 1 / s.rings**2
@@ -215,7 +294,7 @@ class NormalEquations:
         return np.asarray(weights - weights.mean(axis=0))
 
     @cached_property
-    def _answers(self) -> Array | None:
+    def _template_response(self) -> Array | None:
         """How a template answers best when its joints move, (S, 3 N, 3 K), with opposite sign.
 
         Skinning shifts vertex i by sum_m c_im D_m j_m, and M_i t_i can compensate for that. The
@@ -249,8 +328,8 @@ class NormalEquations:
                     at = batch.some.start + j
                     only, subject = slice(at, at + 1), batch.subject[j : j + 1]
                     one = SkinningPass.of(self.estimate, only, subject)
-                    turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
-                    turns[:, 1:] += one.bulging()[0]
+                    turns = -crossed(one.lever_arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
+                    turns[:, 1:] += one.blend_shape_turn_derivatives()[0]
                     turns -= np.average(turns, axis=0, weights=share[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
                     blocks[at] = rows.T @ (np.repeat(share[j], 3)[:, None] * rows)
@@ -287,8 +366,9 @@ def within(weights: Array, support: Mask) -> Array:
 
 def _inverses(blocks: Array) -> Array:
     n = blocks.shape[-1]
-    ridge = 1e-9 * np.trace(blocks, axis1=1, axis2=2)[:, None, None] / n * np.eye(n)
-    return np.linalg.inv(blocks + ridge)
+    sizes = np.trace(blocks, axis1=1, axis2=2) / n
+    ridge = np.where(sizes > 0, 1e-9 * sizes, 1.0)  # a block of which nothing is known is zero
+    return np.asarray(np.linalg.inv(blocks + ridge[:, None, None] * np.eye(n)))
 
 
 def _solved(inverses: Array, right: Array) -> Array:

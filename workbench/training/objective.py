@@ -16,11 +16,9 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.geometry.mirror import REFLECTION, Mirror
-from workbench.training.estimate import Change, Estimate, Sigmas
-from workbench.training.pose_prior import PosePrior
+from workbench.training.estimate import Change, Estimate, Sigmas, SkinningPass
+from workbench.training.priors import PosePrior, TemplatePrior
 from workbench.training.registrations import Batch, Registrations, over_halves, pieces
-from workbench.training.skinning_pass import SkinningPass
-from workbench.training.template_prior import TemplatePrior
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +95,8 @@ class Objective:
         found = np.empty(len(self.registrations.subject))
 
         def fill(some: Sequence[slice]) -> None:
-            for passed, pull, residual in self.residuals(estimate, some):
-                found[passed.some] = np.einsum("jna,jna->j", pull, residual)
+            for passed, cotangent, residual in self.residuals(estimate, some):
+                found[passed.some] = np.einsum("jna,jna->j", cotangent, residual)
 
         over_halves(fill, pieces(self.registrations))
         return 0.5 * found / self.sigmas.data**2
@@ -119,7 +117,7 @@ class Objective:
         """The regressor (K, N) that E_J compares joints with: the rings until one is learned."""
         return self.rings if estimate.regressor is None else estimate.regressor
 
-    def prior_slope(self, estimate: Estimate, names: tuple[str, ...]) -> Change:
+    def prior_negative_gradient(self, estimate: Estimate, names: tuple[str, ...]) -> Change:
         """Minus the gradient of all terms but E_D by each name."""
         away = {name: getattr(estimate, name) for name in names if name != "poses"}
         if "weights" in away:
@@ -127,16 +125,16 @@ class Objective:
         if "posedirs" in away and self.first_posedirs is not None:
             away["posedirs"] = away["posedirs"] - self.first_posedirs
         whole = {"templates": estimate.templates, "joints": estimate.joints} | away
-        curved = self.prior_curvature(estimate, whole)
+        curved = self.prior_hessian_product(estimate, whole)
         if self.template is not None:
             first = np.broadcast_to(self.template, estimate.templates.shape)
             curved["templates"] = curved["templates"] - self._held(first)
         zero = estimate.zero_change(names)
         if "poses" in names and self.pose_prior is not None:
-            zero["poses"] = self.pose_prior.slope(estimate.poses)
+            zero["poses"] = self.pose_prior.negative_gradient(estimate.poses)
         return {name: -curved[name] if name in away else zero[name] for name in names}
 
-    def prior_curvature(self, estimate: Estimate, change: Change) -> Change:
+    def prior_hessian_product(self, estimate: Estimate, change: Change) -> Change:
         """The Hessian of all terms but E_D times a change."""
         s, R = self.sigmas, self.regressor(estimate)
         found = {name: np.zeros_like(d) for name, d in change.items()}
@@ -162,13 +160,13 @@ class Objective:
         if "weights" in change:
             found["weights"] += change["weights"] / s.weights**2
         if "poses" in change and self.pose_prior is not None:
-            found["poses"] += self.pose_prior.curved(estimate.poses, change["poses"])
+            found["poses"] += self.pose_prior.hessian_product(estimate.poses, change["poses"])
         return found
 
     def _held(self, displacements: Array) -> Array:
         """The precision of E_T times displacements (S, N, 3) of templates."""
         if self.freedom is not None:
-            return self.freedom.curved(displacements)
+            return self.freedom.precision_product(displacements)
         return np.asarray(displacements / self.sigmas.subjects**2)
 
 
@@ -222,7 +220,7 @@ def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array
             batch = objective.registrations.read(some)
             passed = SkinningPass.of(estimate, batch.some, batch.subject)
             _, trans = centred(batch, batch.vertices - passed.points)
-            B = passed.by_each()  # (c, N, K, 3)
+            B = passed.by_joint()  # (c, N, K, 3)
             weighed = trusted(batch, B.swapaxes(2, 3)).swapaxes(2, 3)
             flat = B.transpose(1, 2, 0, 3).reshape(N, K, -1)
             flat_weighed = weighed.transpose(1, 2, 0, 3).reshape(N, K, -1)

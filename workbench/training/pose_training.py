@@ -3,42 +3,50 @@
 The input are registrations of some people in many poses; blocks of unknowns are optimised in turn
 (Loper et al., SMPL, section 4.1; the lectures Body Models II). The equations are published, but
 the code is not.
+
+A large mesh is trained on some of its vertices first: poses and joints belong to the people, not to
+the mesh, and templates, blend shapes and weights are interpolated between the coarse vertices.
 """
 
+import logging
 import time
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from math import isfinite
 from pathlib import Path
 
-import numpy as np
-from scipy.sparse import csr_array
-
-from workbench.arrays import Array, Index
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
-from workbench.geometry.rigid import procrustes
+from workbench.geometry.surface_tree import barycentric_weights
 from workbench.threads import limited_threads
-from workbench.training.blocks import BLOCKS, MAY_RISE, BlockInput
-from workbench.training.checkpoint import Checkpoint, fingerprint, read_checkpoint
+from workbench.training.blend_shapes import local_features
+from workbench.training.blocks import (
+    BLOCKS,
+    NO_LIMIT,
+    BlockInput,
+    Plan,
+    Stage,
+    alternation,
+)
+from workbench.training.checkpoint import TrainingCheckpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
-from workbench.training.executor import SERIAL, Execution
-from workbench.training.first_guess import BORDER, Start
-from workbench.training.locality import local_features
+from workbench.training.execution import SERIAL, Execution, LogEntry, NotLowered, Progress
+from workbench.training.first_guess import (
+    BORDER,
+    Start,
+    first_estimate,
+    first_poses,
+    joint_guess,
+    means_at,
+)
 from workbench.training.objective import Objective
-from workbench.training.plan import Plan, Stage
-from workbench.training.poses import DataTerm, EdgeTerm, fitted_poses, poses_of_segments
-from workbench.training.progress import LogEntry, NotLowered, Progress
-from workbench.training.registrations import Registrations, batches, in_memory
-from workbench.training.simplex import shares
+from workbench.training.registrations import Registrations, check_registrations, in_memory
+from workbench.training.shares import MOST_WEIGHTS, at_most
 from workbench.training.subsampling import subsample
 from workbench.writing import Keeping
 
 KKT = 1e-8  # the conditions of the weights hold to this
-FIRST_STEPS = 5  # of the first fit of a pose
-FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
-FIT, RING = 0.01, 0.05  # m: how far a segment is from rigid, and a ring's middle from the joint
-NEAREST = 80  # vertices that a joint is a mean of
+LOG = logging.getLogger(__name__)
+COARSE = 1500  # vertices that are enough for a body with 24 joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +83,11 @@ def train_poses(
     `mirror` is that of `start` where it is not given. The first weights change over `border` metres
     between two segments: take less for a hand, whose bones are as short as a body's borders.
 
-    Raises NotLowered if a block raises the cost, which is checked after every block, and BadFile
-    if there is no such folder, or it holds a checkpoint of another training.
+    Raises BadArgument for registrations that do not fit the start, NotLowered if a block raises
+    the cost, which is checked after every block, and BadFile if there is no such folder, or it
+    holds a checkpoint of another training.
     """
+    check_registrations(registrations, len(start.template))
     if folder is not None and not folder.is_dir():
         raise BadFile(f"cannot keep a checkpoint in {folder}: there is no such folder; make it")
     keep = Keeping()
@@ -102,8 +112,8 @@ def train_poses(
     with limited_threads():
         if at is None:
             if initial is None:
-                first = first_poses(first, registrations, start, None, execution)
-            at = Checkpoint(first, (), identity)
+                first = first_poses(first, registrations, start, execution=execution)
+            at = TrainingCheckpoint(first, (), identity)
             if folder:
                 keep(partial(at.save, folder))
         sigmas = steps[0][0].sigmas
@@ -124,20 +134,19 @@ def train_poses(
 
 def _after_block(
     objective: Objective,
-    at: Checkpoint,
+    at: TrainingCheckpoint,
     block: str,
     start: Start,
     stage: Stage,
     execution: Execution,
-) -> Checkpoint:
+) -> TrainingCheckpoint:
     began = time.perf_counter()
     before = objective.costs(at.estimate)
     given = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
     found = BLOCKS[block](given, at.estimate)
     after = objective.costs(found.estimate)
     entry = LogEntry(block, before, after, found.facts, time.perf_counter() - began)
-    if block not in MAY_RISE or not isfinite(sum(after.values())):
-        entry.check_lowered()
+    entry.check_lowered()
     if found.facts.get("kkt", 0.0) > KKT:
         raise NotLowered(
             f"block {block!r} left weights with a KKT residual of {found.facts['kkt']:.1e}, "
@@ -146,118 +155,86 @@ def _after_block(
     return replace(at, estimate=found.estimate, log=(*at.log, entry))
 
 
-def first_estimate(
-    registrations: Registrations, start: Start, *, weights: Array, rings: csr_array
-) -> Estimate:
-    """The estimate in which every subject is the template, in the zero pose."""
-    S = int(registrations.subject.max()) + 1
-    K, N = len(start.parents), len(start.template)
-    return Estimate(
-        templates=np.repeat(start.template[None], S, axis=0),
-        joints=np.repeat((rings @ start.template)[None], S, axis=0),
-        posedirs=np.zeros((N, 3, 9 * (K - 1))),
-        weights=weights,
-        poses=np.zeros((len(registrations.subject), K, 3)),
-        parents=start.parents,
+def upsampled(found: Estimate, on: Start, to: Start) -> Estimate:
+    """An estimate on the mesh of `on`, interpolated to the mesh of `to`; their templates agree.
+
+    The differences of the subjects from the template are interpolated, and not the subjects, so
+    that the new template keeps its fine detail.
+    """
+    between = barycentric_weights(on.template, on.faces, to.template)
+    S, N = len(found.templates), len(to.template)
+    away = (found.templates - on.template).transpose(1, 2, 0).reshape(len(on.template), -1)
+    P = found.posedirs
+    return replace(
+        found,
+        templates=to.template + (between @ away).reshape(N, 3, S).transpose(2, 0, 1),
+        posedirs=(between @ P.reshape(len(P), -1)).reshape(N, 3, -1),
+        weights=at_most(between @ found.weights, MOST_WEIGHTS),
+        regressor=None,
     )
 
 
-def first_poses(
-    first: Estimate,
+def train_coarse_first(
     registrations: Registrations,
     start: Start,
-    data_term: DataTerm | None = None,
+    plan: Plan,
+    *,
+    folder: Path | None = None,
     execution: Execution = SERIAL,
-) -> Estimate:
-    """Poses by turning each segment onto its vertices, then by fitting edges of the template.
+    coarse: int = COARSE,
+) -> PoseModel:
+    """Run `train_poses` on at most `coarse` vertices, and finish on all of them.
 
-    Edges ignore where the body stands, and distinguish a bent knee from a long shin better than
-    vertices do.
+    The last blocks have the sigmas and options of the plan's last stage. A mesh that has no more
+    vertices is trained at once, and so is one with a segment that the chosen vertices miss.
     """
-    few = subsample(start.template, start.faces)
-    registrations, sparse = few.registrations(registrations), few.estimate(first)
-    poses = first.poses.copy()
-    template, weights = start.template[few.vertices], sparse.weights
-    for batch in batches(registrations):
-        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
-            guess = poses_of_segments(template, weights, start.parents, V, confidence)
-            poses[batch.some.start + at] = guess
-    term = EdgeTerm(few.faces) if data_term is None else data_term.on(few.faces)
-    execution = replace(execution, task="first poses")
-    turned = replace(sparse, poses=poses)
-    found = fitted_poses(
-        turned, registrations, few.faces, term, FIRST_SIGMA, FIRST_STEPS, execution
+    mirror = start.mirror()
+    few = subsample(
+        start.template, start.faces, coarse, None if mirror is None else mirror.vertices
     )
-    return replace(first, poses=found.poses)
+    v = few.vertices
+    missed = set(start.segmentation.tolist()) - set(start.segmentation[v].tolist())
+    if len(v) == len(start.template) or missed:
+        return train_poses(registrations, start, plan, folder=folder, execution=execution)
+    on_few = replace(
+        start, template=start.template[v], faces=few.faces, segmentation=start.segmentation[v]
+    )
+    own = None if folder is None else folder / "coarse"
+    if own is not None:
+        try:
+            own.mkdir(exist_ok=True)
+        except OSError as error:
+            LOG.warning("going on without a checkpoint of the coarse mesh: %s", error)
+            own = None
+    model = train_poses(
+        few.registrations(in_memory(registrations)),
+        on_few,
+        plan,
+        folder=own,
+        execution=execution,
+        mirror=None if mirror is None else few.mirror(mirror),
+    )
+    fine = train_poses(
+        registrations,
+        start,
+        finishing(plan.stages[-1], plan.reach),
+        folder=folder,
+        execution=execution,
+        initial=upsampled(model.estimate, on_few, start),
+        mirror=mirror,
+    )
+    return replace(fine, log=(*model.log, *fine.log))
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentMotions:
-    """The rigid motion of each segment of a template in each registration.
+def finishing(last: Stage | None = None, reach: int | None = None) -> Plan:
+    """The plan for an estimate that was interpolated from a coarser mesh.
 
-    Attributes:
-        R: (J, K, 3, 3) the rotations.
-        t: (J, K, 3) the translations in metres.
+    It runs the blocks that need every vertex, and fits the poses once. Sigmas and options are
+    those of `last`, or of the last stage of `alternation`; but poses are fitted to every vertex,
+    because a finer mesh has more vertices in some places, such as the hands, which then count for
+    more.
     """
-
-    R: Array
-    t: Array
-
-
-def motions_of_segments(
-    start: Start, weights: Array, registrations: Registrations
-) -> SegmentMotions:
-    """The motions that take each segment of the template to its vertices in each registration."""
-    J, K = len(registrations.subject), len(start.parents)
-    R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
-    for batch in batches(registrations):
-        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
-            for k, trusted in enumerate(weights.T * confidence + 1e-9 * confidence):
-                motion = procrustes(start.template, V, trusted)
-                R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t
-    return SegmentMotions(R, t)
-
-
-def rotation_centres(
-    motions: SegmentMotions, subject: Index, parents: tuple[int, ...], rings: Array
-) -> Array:
-    """Joints (K, 3) m on the template, as means over all subjects.
-
-    `rings` (K, 3) m are the means of the joints' priors.
-    """
-    found = rings.copy()
-    prior = (FIT / RING) * np.eye(6)
-    for k, parent in enumerate(parents[1:], start=1):
-        both = np.tile(rings[k], 2)
-        centres = []
-        for s in np.unique(subject):
-            own = subject == s
-            A = np.concatenate([motions.R[own, parent], -motions.R[own, k]], axis=2).reshape(-1, 6)
-            gap = (motions.t[own, k] - motions.t[own, parent]).ravel() - A @ both
-            step = np.linalg.solve(A.T @ A + prior.T @ prior, A.T @ gap)
-            centres.append(rings[k] + step.reshape(2, 3).mean(axis=0))
-        found[k] = np.mean(centres, axis=0)
-    return found
-
-
-def means_at(template: Array, points: Array) -> csr_array:
-    """Rows (K, N) of shares, as even as possible, that give the points (K, 3) on the template.
-
-    A point outside of the convex hull of the vertices nearest to it is approximated.
-    """
-    rows = np.zeros((len(points), len(template)))
-    for k, point in enumerate(points):
-        near = np.argsort(np.linalg.norm(template - point, axis=1), kind="stable")[:NEAREST]
-        away = template[near] - point
-        gram = away @ away.T + 1e-6 * np.eye(len(near))  # m^2: evenness decides among exact ones
-        first = np.full(len(near), 1 / len(near))
-        rows[k, near] = shares(gram, np.zeros(len(near)), first)
-    return csr_array(rows)
-
-
-def joint_guess(start: Start, weights: Array, registrations: Registrations) -> csr_array:
-    """The first guess of the joint regressor (K, N), which E_J uses until one is learned."""
-    middles = start.rings() @ start.template
-    motions = motions_of_segments(start, weights, registrations)
-    centres = rotation_centres(motions, registrations.subject, start.parents, middles)
-    return means_at(start.template, centres)
+    blocks = ("surfaces", "weights", "regressor", "poses", "surfaces")
+    stage = alternation().stages[-1] if last is None else last
+    options = replace(stage.options, pose_vertices=NO_LIMIT)
+    return Plan((Stage(stage.sigmas, blocks, 1, options),), reach)

@@ -1,4 +1,4 @@
-"""The pose of each registration, by Levenberg and Marquardt on a `Problem` of its subject.
+"""The pose of each registration, by Levenberg-Marquardt on a `Problem` of its subject.
 
 The free names are `pose` and `trans`; templates, blend shapes, joints and weights are fixed at
 those of the estimate.
@@ -23,7 +23,7 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, edges, gaussian
 from workbench.solvers import LevenbergMarquardt
 from workbench.training.estimate import Estimate
-from workbench.training.executor import SERIAL, Execution
+from workbench.training.execution import SERIAL, Execution
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 
 JOB_SIZE = 64  # registrations whose poses one job finds
@@ -40,10 +40,6 @@ class VertexTerm:
     """
 
     free: tuple[str, ...] = ("pose", "trans")
-
-    def on(self, faces: Index) -> "VertexTerm":
-        """The same term on another mesh, with faces (F, 3)."""
-        return self
 
     def residual(
         self, points: Points, observed: Block, confidence: Block, sigma: float
@@ -69,10 +65,6 @@ class EdgeTerm:
 
     faces: Index
     free: tuple[str, ...] = ("pose",)
-
-    def on(self, faces: Index) -> "EdgeTerm":
-        """The same term on another mesh, with faces (F, 3)."""
-        return EdgeTerm(faces, self.free)
 
     @cached_property
     def pairs(self) -> Index:
@@ -118,19 +110,8 @@ def body_of_subjects(estimate: Estimate, faces: Index) -> SkinnedBody:
     )
 
 
-@dataclass(frozen=True)
-class ShapePrior:
-    """A prior that makes betas free as well.
-
-    Attributes:
-        sigma: in standard deviations of the population, from zero.
-    """
-
-    sigma: float = 1.0
-
-
 @dataclass(frozen=True, eq=False)
-class Fits:
+class FittedMeshes:
     """A body fitted to M meshes.
 
     Attributes:
@@ -157,8 +138,9 @@ class PoseFit:
         n_vertices: N.
         data_term: what of a mesh is compared.
         sigma: the standard deviation of the data term, in metres.
-        steps: the largest number of steps of Levenberg and Marquardt for a mesh.
-        shapes: the prior on betas; None holds them at given values.
+        steps: the largest number of Levenberg-Marquardt steps for a mesh.
+        shape_sigma: of the prior on betas, in standard deviations of the population; None holds
+            them at given values.
         tolerance: on the gradient, see `LevenbergMarquardt`.
     """
 
@@ -167,7 +149,7 @@ class PoseFit:
     data_term: DataTerm
     sigma: float
     steps: int
-    shapes: ShapePrior | None = None
+    shape_sigma: float | None = None
     tolerance: float = TOLERANCE
 
     @cached_property
@@ -184,8 +166,8 @@ class PoseFit:
         points = self.body.points(*symbols, vertices=range(self.n_vertices))
         residuals = [self.data_term.residual(points, observed, confidence, self.sigma)]
         free = self.data_term.free
-        if self.shapes is not None:
-            residuals.append(gaussian(symbols[1], covariance=self.shapes.sigma**2))
+        if self.shape_sigma is not None:
+            residuals.append(gaussian(symbols[1], covariance=self.shape_sigma**2))
             free = (*free, "betas")
         return Problem(residuals, free, blocks=self._blocks)
 
@@ -218,7 +200,7 @@ class PoseFit:
         *,
         confidence: Array | None = None,
         betas: Array | None = None,
-    ) -> Fits:
+    ) -> FittedMeshes:
         """The body fitted to each mesh (M, N, 3) m, from poses (M, K, 3) rad.
 
         `confidence` (M, N) is one and betas (M, B) are zero where they are not given.
@@ -230,7 +212,7 @@ class PoseFit:
         found = [self.values(*one) for one in each]
         poses, of_shape = (np.stack([v[name] for v in found]) for name in ("pose", "betas"))
         surfaces = [self.body.vertices(v["pose"], v["betas"], v["trans"]) for v in found]
-        return Fits(poses, of_shape, np.stack(surfaces))
+        return FittedMeshes(poses, of_shape, np.stack(surfaces))
 
     def _trans(self, values: Values, vertices: Array, confidence: Array) -> Array:
         """The best translation (3,) m of a given pose and shape."""
@@ -241,12 +223,15 @@ class PoseFit:
 def poses_of(
     faces: Index, data_term: DataTerm, sigma: float, steps: int, job: tuple[Estimate, Batch]
 ) -> Array:
-    """The poses (c, K, 3) rad of the registrations of one job, from those of its estimate."""
+    """The poses (c, K, 3) rad of the registrations of one job, from those of its estimate.
+
+    Where the confidence depends on the direction, its mean counts.
+    """
     estimate, batch = job
     body = body_of_subjects(estimate, faces)
     fit = PoseFit(body, batch.vertices.shape[1], data_term, sigma, steps)
     betas = np.eye(len(estimate.templates))[batch.subject]
-    each = zip(estimate.poses, batch.vertices, batch.confidence, betas, strict=True)
+    each = zip(estimate.poses, batch.vertices, batch.trust, betas, strict=True)
     return np.stack([fit.values(*one)["pose"] for one in each])
 
 

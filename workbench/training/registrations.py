@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.environment import in_browser
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, some_of
 
 Item = TypeVar("Item")
 Sum = TypeVar("Sum")
@@ -117,38 +117,22 @@ class RegistrationSubset:
         return replace(_joined(each), some=some)
 
 
-@dataclass(frozen=True, eq=False)
-class VertexSubset:
-    """Some of the vertices of every registration of a source.
+def check_registrations(registrations: Registrations, n_vertices: int) -> None:
+    """Raise BadArgument unless meshes have N vertices, and subjects the numbers 0 to S - 1.
 
-    Attributes:
-        source: the registrations that are chosen from.
-        vertices: (n,) the numbers of the chosen vertices.
+    A number that no registration has would be a person of whom nothing is known.
     """
-
-    source: Registrations
-    vertices: Index
-
-    @property
-    def subject(self) -> Index:
-        """The number of each registration's subject, (J,)."""
-        return self.source.subject
-
-    @property
-    def n_vertices(self) -> int:
-        """The number of chosen vertices, n."""
-        return len(self.vertices)
-
-    def read(self, some: slice) -> Batch:
-        """The registrations of these rows. Raises BadArgument for one without a visible vertex."""
-        batch = self.source.read(some)
-        confidence = batch.confidence[:, self.vertices]
-        for j in np.flatnonzero(~confidence.reshape(len(confidence), -1).any(axis=1)):
-            raise BadArgument(
-                f"registration {batch.some.start + j} shows so little of its mesh that none of "
-                f"{self.n_vertices} vertices spread over it is seen; leave it out"
-            )
-        return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
+    if registrations.n_vertices != n_vertices:
+        raise BadArgument(
+            f"registrations have {registrations.n_vertices} vertices, but the template has "
+            f"{n_vertices}; give meshes of its topology"
+        )
+    numbers = np.unique(registrations.subject).tolist()
+    if not numbers or numbers != list(range(len(numbers))):
+        raise BadArgument(
+            f"subjects must be numbered from 0 without gaps, got {some_of([*map(str, numbers)])}; "
+            "np.unique(subject, return_inverse=True)[1] numbers them"
+        )
 
 
 def training_and_held_out(subject: Index) -> tuple[Index, Index]:
@@ -195,22 +179,18 @@ def rows_of_jobs(count: int, size: int) -> list[slice]:
     return [slice(first, min(first + size, count)) for first in range(0, count, size)]
 
 
-def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
-    """The items for the first thread and those for the second.
+def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
+    """The results of a function for each half of the items, on two threads where there are any.
 
     Each thread adds up its half in order, and the two sums are added at the end, so that the result
     does not depend on which thread is faster. A single item is not divided.
     """
     middle = len(items) // 2
-    return [items[:middle], items[middle:]] if middle else [items]
-
-
-def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
-    """The results of a function for each half of the items, on two threads where there are any."""
+    halves = [items[:middle], items[middle:]] if middle else [items]
     if in_browser():
-        return [work(half) for half in halves(items)]
+        return [work(half) for half in halves]
     with ThreadPoolExecutor() as threads:
-        return list(threads.map(work, halves(items)))
+        return list(threads.map(work, halves))
 
 
 def _joined(read: Iterator[Batch]) -> Batch:

@@ -13,20 +13,19 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.unposing import unpose
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
-from workbench.training.executor import SERIAL, Execution
-from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import JointRegressor, fit_joint_regressor
-from workbench.training.pose_training import FIRST_SIGMA, KKT, PoseModel
-from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, ShapePrior, poses_of_segments
-from workbench.training.progress import NotLowered
+from workbench.training.execution import SERIAL, Execution, NotLowered
+from workbench.training.first_guess import FIRST_SIGMA, Start
+from workbench.training.pose_training import KKT, PoseModel
+from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, poses_of_segments
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
+from workbench.training.shares import JointRegressor, fit_joint_regressor
 from workbench.training.subsampling import subsample
 
 STEPS = 6  # of the fit of one pose in a round
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeSpace:
+class LearnedShapes:
     """T(betas) = template + shapedirs betas; betas in standard deviations of the population.
 
     Attributes:
@@ -57,12 +56,14 @@ class ShapeModel:
         poses: (P, K, 3) in radians, in which the people stood.
     """
 
-    space: ShapeSpace
+    space: LearnedShapes
     people: Array
     poses: Array
 
 
-def body_of(model: PoseModel, start: Start, space: ShapeSpace, regressor: csr_array) -> SkinnedBody:
+def body_of(
+    model: PoseModel, start: Start, space: LearnedShapes, regressor: csr_array
+) -> SkinnedBody:
     """The body of what was learned."""
     estimate = model.estimate
     mirror = model.objective.active_mirror
@@ -96,7 +97,7 @@ def regressor_of(model: PoseModel) -> JointRegressor:
 
 def subjects_space(
     model: PoseModel, regressor: csr_array, faces: Index, n_betas: int, mirror: Mirror | None
-) -> ShapeSpace:
+) -> LearnedShapes:
     """The principal directions of the subjects' templates, with their root joints at zero.
 
     One subject has none: the template is the subject's own.
@@ -107,7 +108,7 @@ def subjects_space(
         own = about_root(templates, regressor)[0]
         if mirror is not None:
             own = (own + mirror.points(own)) / 2
-        return ShapeSpace(own, np.zeros((*own.shape, 0)), np.zeros(0))
+        return LearnedShapes(own, np.zeros((*own.shape, 0)), np.zeros(0))
     return learn_shape_space(about_root(templates, regressor), faces, mirror, n)
 
 
@@ -129,19 +130,19 @@ def unposing_jobs(
 
 
 def unposed_people(
-    body: SkinnedBody, prior: ShapePrior | None, job: UnposingJob
+    body: SkinnedBody, shape_sigma: float | None, job: UnposingJob
 ) -> tuple[Array, Array]:
     """The poses (c, K, 3) rad of people, and the people at rest (c, N, 3) m.
 
-    The poses are fitted, and the betas too if a `prior` is given. If no pose is known, the segments
-    are turned first. Vertices that were not scanned are taken from the body.
+    The poses are fitted, and the betas too if a sigma of their prior is given. If no pose is known,
+    the segments are turned first. Vertices that were not scanned are taken from the body.
     """
     batch, starts = job
     few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, prior)
+    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, shape_sigma)
     poses, people = [], []
-    for i, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+    for i, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]
         start = (
             poses_of_segments(sparse.template[:n], sparse.weights[:n], body.parents, own, trusted)
@@ -173,13 +174,13 @@ def learn_shapes(
     """
     J, N, K = len(registrations.subject), body.n_vertices, body.n_joints
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
-    space: ShapeSpace | None = None
+    space: LearnedShapes | None = None
     for number in range(rounds):
-        shaped, shapes = body, None
+        shaped, shape_sigma = body, None
         if space is not None:
             shaped = replace(body, template=space.template, shapedirs=space.shapedirs)
-            shapes = ShapePrior()
-        work = partial(unposed_people, shaped, shapes)
+            shape_sigma = 1.0
+        work = partial(unposed_people, shaped, shape_sigma)
         jobs = unposing_jobs(registrations, poses if number else None)
         done = 0
         for own_poses, own_people in execution.executor(work, jobs):
@@ -203,7 +204,7 @@ def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBo
 
 def learn_shape_space(
     people: Array, faces: Index, mirror: Mirror | None, n_betas: int = 10
-) -> ShapeSpace:
+) -> LearnedShapes:
     """The principal components of un-posed people (P, N, 3) m, symmetric if there is a mirror.
 
     The sign of the first makes a positive beta taller; those of the others make it heavier.
@@ -219,7 +220,7 @@ def learn_shape_space(
     directions = (deviations.T @ coordinates[:, order]).reshape(N, 3, -1) / np.sqrt(P - 1)
     if mirror is not None:
         directions = (directions + mirror.directions(directions)) / 2
-    return ShapeSpace(
+    return LearnedShapes(
         template=template,
         shapedirs=directions * _signs(template, directions, faces),
         explained=variances[order] / np.trace(gram),

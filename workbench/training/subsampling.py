@@ -12,12 +12,47 @@ from scipy.sparse.csgraph import dijkstra
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import mesh_edges
 from workbench.training.estimate import Estimate
-from workbench.training.registrations import Registrations, VertexSubset
+from workbench.training.registrations import Batch, Registrations
 
 ENOUGH = 2000  # vertices that a pose is found from
+
+
+@dataclass(frozen=True, eq=False)
+class VertexSubset:
+    """Some of the vertices of every registration of a source.
+
+    Attributes:
+        source: the registrations that are chosen from.
+        vertices: (n,) the numbers of the chosen vertices.
+    """
+
+    source: Registrations
+    vertices: Index
+
+    @property
+    def subject(self) -> Index:
+        """The number of each registration's subject, (J,)."""
+        return self.source.subject
+
+    @property
+    def n_vertices(self) -> int:
+        """The number of chosen vertices, n."""
+        return len(self.vertices)
+
+    def read(self, some: slice) -> Batch:
+        """The registrations of these rows. Raises BadArgument for one without a visible vertex."""
+        batch = self.source.read(some)
+        confidence = batch.confidence[:, self.vertices]
+        for j in np.flatnonzero(~confidence.reshape(len(confidence), -1).any(axis=1)):
+            raise BadArgument(
+                f"registration {batch.some.start + j} shows so little of its mesh that none of "
+                f"{self.n_vertices} vertices spread over it is seen; leave it out"
+            )
+        return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +137,7 @@ def subsample(
 
 
 def _regressed(R: csr_array, directions: Array) -> Array:
-    return (R @ directions.reshape(len(directions), -1)).reshape(-1, *directions.shape[1:])
+    return (R @ directions.reshape(len(directions), -1)).reshape(R.shape[0], *directions.shape[1:])
 
 
 def _farthest_points(points: Array, count: int, mirror: Index) -> list[int]:

@@ -8,15 +8,13 @@ import numpy as np
 
 from workbench.bodies import SkinnedBody
 from workbench.threads import limited_threads
-from workbench.training.executor import Execution, Executor
+from workbench.training.blocks import Plan, alternation
+from workbench.training.execution import SILENT, Execution, Executor, Report
 from workbench.training.first_guess import Start
-from workbench.training.joint_regressor import JointRegressor
-from workbench.training.plan import Plan, alternation
-from workbench.training.pose_training import PoseModel
-from workbench.training.progress import SILENT, Report
-from workbench.training.registrations import Registrations
+from workbench.training.pose_training import PoseModel, train_coarse_first
+from workbench.training.registrations import Registrations, check_registrations
 from workbench.training.shape_training import ShapeModel, learn_shapes, start_shape
-from workbench.training.upsampling import train_coarse_first
+from workbench.training.shares import JointRegressor
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +54,12 @@ def train(
     one subject has none. The plan `without_blend_shapes` leaves pose blend shapes out. With a
     `folder`, the run can be killed at any time, and continues from there. A mesh of very many
     vertices is trained on some of them first. `executor` runs the fits of poses, in this process
-    as `map` does, or in several by `Processes`. Raises NotLowered, NoMirror or BadFile.
+    as `map` does, or in several by `Processes`. Raises BadArgument for registrations that do not
+    fit the start, NotLowered, NoMirror or BadFile.
     """
+    check_registrations(multi_pose, len(start.template))
+    if multi_shape is not None:
+        check_registrations(multi_shape, len(start.template))
     chosen = alternation() if plan is None else plan
     execution = Execution(executor, report)
     model = train_coarse_first(multi_pose, start, chosen, folder=folder, execution=execution)

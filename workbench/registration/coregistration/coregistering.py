@@ -39,15 +39,13 @@ from workbench.registration.coregistration.state import State, fingerprint, read
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate
-from workbench.training.executor import SERIAL, Execution
+from workbench.training.execution import SERIAL, Execution, LogEntry, Progress
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective, centred, trusted
-from workbench.training.pose_prior import PosePrior
 from workbench.training.pose_training import PoseModel
-from workbench.training.progress import LogEntry, Progress
+from workbench.training.priors import PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
-from workbench.training.template_prior import smooth_prior
 from workbench.writing import Keeping
 
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls

@@ -16,7 +16,7 @@ from workbench.reading.facts import facts_in
 from workbench.registration.coregistration.scan_block import Scans
 from workbench.training.checkpoint import FACTS, REMOVE, log_entry
 from workbench.training.estimate import Estimate
-from workbench.training.progress import LogEntry
+from workbench.training.execution import LogEntry
 from workbench.writing import replacing
 
 FILE, VERSION = "coregistration.npz", "2:"

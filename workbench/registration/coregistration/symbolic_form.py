@@ -19,7 +19,7 @@ from workbench.registration.coregistration.coregistering import Coregistration
 from workbench.registration.coregistration.state import State
 from workbench.residuals import Residual, vertices
 from workbench.training.registrations import InMemory
-from workbench.training.symbolic_form import TERMS, SymbolicTraining
+from workbench.training.symbolic import TERMS, SymbolicTraining
 
 OF_SCANS = ("E_S", "E_C", "E_pose")
 OF_MODEL = tuple(term for term in TERMS if term != "E_D")  # E_C is in its place

@@ -50,8 +50,7 @@ from workbench.registration.coregistration.triangle_steps import (
 )
 from workbench.registration.free_vertices import VERTICES, Settled
 from workbench.residuals import stitching
-from workbench.training.executor import SERIAL, Execution
-from workbench.training.progress import LogEntry, Progress
+from workbench.training.execution import SERIAL, Execution, LogEntry, Progress
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cost falls
 

@@ -34,7 +34,7 @@ from workbench.studies.blend_shapes.training_data import (
     with_blend_shapes,
 )
 from workbench.studies.pages import Report
-from workbench.training.skinning_pass import bent
+from workbench.training.estimate import bent
 
 DISTANCE_PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0)  # per m^2 and pose
 GROUP_PENALTIES = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3)  # m

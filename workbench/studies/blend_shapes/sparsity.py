@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.geometry.solids import along_edges, mesh_edges
-from workbench.training.ridge import Sums, solve_ridge
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
 
 STEPS = 400  # of the accelerated proximal gradient method, at most
 SETTLED = 1e-5  # a step that changes |P| by less ends it: within a thousandth of the minimum
@@ -52,7 +52,7 @@ def group_lasso(features: Array, wanted: Array, per_joint: int, penalty: float) 
 def refitted(features: Array, wanted: Array, posedirs: Array) -> Array:
     """Least squares on the numbers that are not zero, all of which the lasso made too small."""
     nonzero: Mask = np.any(posedirs, axis=1)
-    return solve_ridge(Sums.of([(features, wanted)]), nonzero, REFIT_RIDGE)
+    return solve_ridge(RidgeSums.of([(features, wanted)]), nonzero, REFIT_RIDGE)
 
 
 def nonzero_share(posedirs: Array) -> float:

@@ -18,7 +18,7 @@ from workbench.studies.blend_shapes.predictors import Result, accuracy, fit_pred
 from workbench.studies.blend_shapes.questions import ByExamples, ByPenalty
 from workbench.studies.blend_shapes.training_data import PosedSurfaces, TrainingData
 from workbench.studies.pages import Report
-from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
+from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 
 EXAMPLE_COUNTS = (25, 50, 100, 200, 400, 800)
 EVERY = 4  # of the test poses: where many predictors are tested, only every fourth is used

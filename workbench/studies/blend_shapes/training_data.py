@@ -21,8 +21,8 @@ from workbench.bodies.forward.kernel_features import (
 )
 from workbench.bodies.forward.skinning import unskinned
 from workbench.synthetic.teacher import Teacher
-from workbench.training.ridge import Sums, solve_ridge
-from workbench.training.skinning_pass import bent
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
+from workbench.training.estimate import bent
 
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # that are tried, per pose
 WIDTHS = (0.15, 0.25, 0.5, 1.0, 2.0, 4.0)  # of kernels, in median distances between two poses
@@ -116,7 +116,7 @@ def _ridge_regression(
     training: Array, validation: Array, wanted: Correctives
 ) -> tuple[Array, float]:
     """Posedirs (N, 3, F) m from feature matrices (n, F), and the ridge that validates best."""
-    sums = Sums.of([(training, wanted.training)])
+    sums = RidgeSums.of([(training, wanted.training)])
     every = np.ones((wanted.training.shape[1], training.shape[1]), dtype=bool)
     found = {ridge: solve_ridge(sums, every, ridge) for ridge in RIDGES}
     best = min(found, key=lambda ridge: rms_error(validation, wanted.validation, found[ridge]))

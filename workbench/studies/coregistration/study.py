@@ -18,7 +18,7 @@ from workbench.studies.coregistration.scans import (
     scanned_set,
 )
 from workbench.studies.pages import Report
-from workbench.training.executor import Execution, Executor
+from workbench.training.execution import Execution, Executor
 
 APART, CONTROL, TOGETHER = "apart", "apart, as many rounds more", "together"
 

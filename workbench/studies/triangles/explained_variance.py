@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
-from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
+from workbench.training.triangles.learning import learn_gradient_shapes, stitched_directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def explained_by_triangles(
     Each person gets the betas that bring the vertices nearest, which explains more than betas
     trained on gradients would. The arguments are those of `explained_by_vertices`.
     """
-    shapes = learn_shapes(people, faces, most)
+    shapes = learn_gradient_shapes(people, faces, most)
     directions = stitched_directions(shapes, faces).reshape(-1, most).T  # centroids at 0
     _, mean = _centred(people)
     return _explained(_about(mean, people if others is None else others), directions)
@@ -66,7 +66,7 @@ def explained_gradients(people: ArrayLike, faces: Index, most: int) -> Array:
     It is what SCAPE's own principal components maximise: 9 numbers per face, where small faces
     count as much as large ones.
     """
-    return np.append(0.0, np.cumsum(learn_shapes(people, faces, most).explained))
+    return np.append(0.0, np.cumsum(learn_gradient_shapes(people, faces, most).explained))
 
 
 def _centred(people: ArrayLike) -> tuple[Array, Array]:

@@ -16,9 +16,9 @@ from workbench.geometry.triangles import gradients
 from workbench.problem import Problem
 from workbench.residuals import vertices as on_vertices
 from workbench.training.evaluation import VertexErrors
-from workbench.training.poses import Fits
-from workbench.training.triangles.fitting import AnyBody, fit_held_out
-from workbench.training.triangles.stitched_fit import neighbour_differences
+from workbench.training.poses import FittedMeshes
+from workbench.training.triangles.alternation import AnyBody, fit_held_out
+from workbench.training.triangles.learning import neighbour_differences
 
 REPEATS = 7  # of what is timed; the least time counts
 
@@ -32,7 +32,7 @@ class HeldOutFits:
         errors: of the surfaces' vertices, in metres.
     """
 
-    fits: Fits
+    fits: FittedMeshes
     errors: VertexErrors
 
     @classmethod
@@ -45,7 +45,7 @@ class HeldOutFits:
         """The chosen meshes alone."""
         f = self.fits
         return HeldOutFits(
-            Fits(f.poses[some], f.betas[some], f.surfaces[some]),
+            FittedMeshes(f.poses[some], f.betas[some], f.surfaces[some]),
             VertexErrors(self.errors.distances[some]),
         )
 

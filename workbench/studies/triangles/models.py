@@ -10,23 +10,22 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.studies.pages import Report
 from workbench.studies.triangles.people import TriangleData
-from workbench.training.blocks import BLOCKS, BlockInput
+from workbench.training.blend_shapes import RidgeChoice
+from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.execution import BlockLines
 from workbench.training.objective import Objective
-from workbench.training.plan import QUICK, REACH, Plan, alternation
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.progress import BlockLines
 from workbench.training.registrations import InMemory, training_and_held_out
-from workbench.training.ridge import Selection
 from workbench.training.training import train
 from workbench.training.triangles.alternation import QUICK as QUICK_BLOCKS
 from workbench.training.triangles.alternation import (
+    AnyBody,
     TriangleEstimate,
     TriangleOptions,
     choose_ridge,
     train_triangles,
 )
-from workbench.training.triangles.fitting import AnyBody
 
 SMPL, SCAPE, BLEND_SCAPE = "SMPL", "SCAPE", "BlendSCAPE"
 LBS = "linear blend skinning"
@@ -65,7 +64,7 @@ class TrainedModels:
 
     models: dict[str, AnyBody]
     training_rms: dict[str, float]
-    choices: dict[str, Selection]
+    choices: dict[str, RidgeChoice]
 
     @property
     def smpl(self) -> SkinnedBody:
@@ -92,7 +91,7 @@ def train_models(
 ) -> TrainedModels:
     """Train SMPL by the training pipeline, and the others from where it ended by their own blocks.
 
-    SCAPE and BlendSCAPE compare vertices, as SMPL does, not edges (see CentredVertices).
+    SCAPE and BlendSCAPE compare vertices about their mean, as SMPL does.
     """
     report("choosing how freely SMPL's blend shapes follow the pose")
     start = data.start
@@ -129,7 +128,7 @@ def train_models(
     return TrainedModels(models, training_rms, choices)
 
 
-def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
+def choose_sigma(data: TriangleData, options: TrainingOptions) -> RidgeChoice:
     """The sigma of E_P, chosen by validation on some of the subjects.
 
     After the first stages of training, blend shapes are learned from the other subjects with each
@@ -149,7 +148,7 @@ def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
         given = BlockInput(objective, start.faces, QUICK)
         found = BLOCKS["poses"](given, bent).estimate
         left.append(_mm(objective, found))
-    return Selection(options.sigmas, tuple(left))
+    return RidgeChoice(options.sigmas, tuple(left))
 
 
 def _some(

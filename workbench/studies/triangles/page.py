@@ -15,7 +15,7 @@ from workbench.studies.triangles import figures
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.models import BLEND_SCAPE, SCAPE, SMPL, without_bends
 from workbench.studies.triangles.study import SHOWN, ModelResult, TriangleStudy
-from workbench.training.ridge import Selection
+from workbench.training.blend_shapes import RidgeChoice
 
 SKINNED = "smpl.glb"
 REMARKS = (
@@ -134,7 +134,7 @@ def mm(distance: float | None) -> str:
 def choice_table(s: TriangleStudy) -> Table:
     """How strongly the pose-dependent part is regularized, and the errors on held-out subjects."""
 
-    def errors(choice: Selection) -> str:
+    def errors(choice: RidgeChoice) -> str:
         tried = zip(choice.tried, choice.errors, strict=True)
         return "; ".join(f"{strength:g}: {left:.2f}" for strength, left in tried)
 

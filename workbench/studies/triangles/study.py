@@ -39,11 +39,11 @@ from workbench.studies.triangles.people import (
     People,
     TriangleData,
     TrianglePlan,
-    draw_people,
+    read_people,
     register,
 )
-from workbench.training.ridge import Selection
-from workbench.training.triangles.fitting import AnyBody
+from workbench.training.blend_shapes import RidgeChoice
+from workbench.training.triangles.alternation import AnyBody
 
 SHOWN = (SMPL, SCAPE, BLEND_SCAPE)
 DIFFICULT, APART = 5, 0.25  # poses that are drawn; their least rms distance, rad per joint
@@ -125,7 +125,7 @@ class TriangleStudy:
     results: tuple[ModelResult, ...]
     true_seam_jump: float
     n_seams: int
-    choices: Mapping[str, Selection]
+    choices: Mapping[str, RidgeChoice]
     timings: tuple[Timing, ...]
     smpl: SkinnedBody
     poses: Array
@@ -138,13 +138,13 @@ class TriangleStudy:
 
 
 def triangle_study(
-    plan: TrianglePlan, wheel: Path, mocap: Path | None, report: Report
+    plan: TrianglePlan, folder: Path, mocap: Path | None, report: Report
 ) -> TriangleStudy:
-    """Draw people, train the models, and measure them.
+    """Read people, train the models, and measure them.
 
     Without a recording they are tested on further draws of the pose prior.
     """
-    people = draw_people(plan, wheel, load_skinned(plan.body), report)
+    people = read_people(plan, folder, load_skinned(plan.body))
     return compare_models(plan, register(plan, people, mocap), report, TrainingOptions())
 
 

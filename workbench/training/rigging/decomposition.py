@@ -6,8 +6,8 @@ carries no vertex alone, as a collar, is in no cluster. So each further bone beg
 is largest, as the motion of a patch of vertices there, and alternation gives it its share.
 
 Alternation ends early where bones share much of a surface, or where one stands for two others. So
-bones and weights are then changed at once (see `together`), and bones are exchanged one by one: one
-is made where the error is largest, and the one is given up that others can best stand for.
+bones and weights are then changed at once (see `joint_steps`), and bones are exchanged one by one:
+one is made where the error is largest, and the one is given up that others can best stand for.
 """
 
 from collections.abc import Callable
@@ -19,13 +19,14 @@ from scipy.spatial import cKDTree
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.training.rigging.bones import (
-    Bones,
+    RigidBones,
+    alternate_once,
     frames,
+    refined_at_once,
     rigid_motions,
 )
-from workbench.training.rigging.together import one_turn, refined_at_once
 
-Report = Callable[[str, int, int], None]
+RigProgress = Callable[[str, int, int], None]
 PATCH = 8  # vertices whose motion a new bone begins with
 FEWEST = 3  # vertices of a cluster: two do not determine a rotation
 TURNS = 4  # of Lloyd's algorithm, and of the alternation, between two new bones
@@ -35,6 +36,7 @@ SPARE = 5  # one bone in so many is made in addition, and given up again
 CYCLES, BETTER = 5, 0.9  # of making and giving up; a cycle that lowers the rms less is the last
 SWAPS = 6  # exchanges of a bone at most; one that lowers the rms less than that is the last
 AT_BEST, ROUNDED = 2.0, 1e-8  # factor on the least rms that bones can leave; m, of meshes in use
+NOISY = 0.85  # of the sigma of noise by its sum: the least by its median; motion spreads wider
 MOST = 64  # bones that are looked for without being asked for
 
 
@@ -63,6 +65,35 @@ def bones_needed(meshes: Array, tolerance: float) -> int:
     return count
 
 
+def noise_of(meshes: Array) -> float | None:
+    """The standard deviation in m of independent noise on the coordinates of meshes (T, N, 3) m.
+
+    Of the singular values of the matrix in `bones_needed`, those of the motion stand out from those
+    of noise, which are spread as Marchenko and Pastur found; the threshold that separates them is a
+    multiple of their median (Gavish and Donoho, IEEE Trans. IT 60(8), 2014). None if the others are
+    not spread as those of noise: then the meshes are too few, or have hardly any noise.
+    """
+    sizes = _squares(meshes) * meshes.shape[0] * meshes.shape[1]
+    k, m = sorted((3 * meshes.shape[0], meshes.shape[1]))
+    b = k / m
+    factor = 2 * (b + 1) + 8 * b / (b + 1 + np.sqrt(b**2 + 14 * b + 1))
+    rank = int(np.count_nonzero(sizes > factor * np.median(sizes) / _median_of_noise(b)))
+    k, m, others = k - rank, m - rank, sizes[: k - rank]
+    from_sum = others.sum() / (k * m)
+    from_median = np.median(others) / (m * _median_of_noise(k / m))
+    return float(np.sqrt(from_sum)) if from_median > NOISY**2 * from_sum else None
+
+
+def _median_of_noise(b: float) -> float:
+    """The median of Marchenko and Pastur's law: of the eigenvalues of X X'/m, for X (k, m) of
+    independent standard normal numbers and b = k/m up to 1.
+    """
+    angles = (np.arange(1000) + 0.5) * np.pi / 1000
+    eigenvalues = 1 + b - 2 * np.sqrt(b) * np.cos(angles)
+    below = np.cumsum(np.sin(angles) ** 2 / eigenvalues)
+    return float(np.interp(below[-1] / 2, below, eigenvalues))
+
+
 def least_rms(meshes: Array, count: int) -> float:
     """The rms in m below which no `count` bones that hang together in joints explain meshes.
 
@@ -81,7 +112,7 @@ def _squares(meshes: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(gram).clip(0) / (T * N))
 
 
-def clusters(rest: Array, meshes: Array, count: int) -> Bones:
+def rigid_clusters(rest: Array, meshes: Array, count: int) -> RigidBones:
     """At most `count` bones, each of which carries the vertices that it moves best, alone."""
     near = patches(rest)
     motions = [rigid_motions(rest, meshes.swapaxes(0, 1), np.ones(len(rest)))]
@@ -97,23 +128,23 @@ def clusters(rest: Array, meshes: Array, count: int) -> Bones:
         if len(motions) <= before:
             break
     R, t = (np.stack(part, axis=1) for part in zip(*motions, strict=True))
-    return Bones(R, t, np.eye(len(motions))[own])
+    return RigidBones(R, t, np.eye(len(motions))[own])
 
 
-def alternated(bones: Bones, rest: Array, meshes: Array) -> Bones:
+def alternated(bones: RigidBones, rest: Array, meshes: Array) -> RigidBones:
     """A few turns of the alternation."""
     for _ in range(TURNS):
-        bones = one_turn(bones, rest, meshes)
+        bones = alternate_once(bones, rest, meshes)
     return bones
 
 
-def decomposed(rest: Array, meshes: Array, count: int, report: Report) -> Bones:
+def decompose(rest: Array, meshes: Array, count: int, report: RigProgress) -> RigidBones:
     """`count` bones: from clusters, more than there are to be, and then fewer, as long as it helps.
 
     A new bone may begin where the error only comes from another bone that is not right yet. So a
     few more bones are made, and those are given up that others can best stand for.
     """
-    bones = alternated(clusters(rest, meshes, count), rest, meshes)
+    bones = alternated(rigid_clusters(rest, meshes, count), rest, meshes)
     spare = max(1, count // SPARE)
     best, lowest = bones, inf
     for cycle in range(CYCLES):
@@ -131,13 +162,13 @@ def decomposed(rest: Array, meshes: Array, count: int, report: Report) -> Bones:
     return exchanged(refined_at_once(best, rest, meshes), rest, meshes, report)
 
 
-def one_more(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones:
+def one_more(bones: RigidBones, rest: Array, meshes: Array, report: RigProgress) -> RigidBones:
     """A bone more than these, and all of them improved."""
     more = alternated(with_worst(bones, rest, meshes), rest, meshes)
     return exchanged(refined_at_once(more, rest, meshes), rest, meshes, report)
 
 
-def exchanged(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones:
+def exchanged(bones: RigidBones, rest: Array, meshes: Array, report: RigProgress) -> RigidBones:
     """As many bones, one of which begins anew where the error is largest, again and again."""
     enough = max(AT_BEST * least_rms(meshes, bones.count), ROUNDED)
     lowest = bones.rms(rest, meshes)
@@ -157,13 +188,13 @@ def exchanged(bones: Bones, rest: Array, meshes: Array, report: Report) -> Bones
     return bones
 
 
-def with_worst(bones: Bones, rest: Array, meshes: Array) -> Bones:
+def with_worst(bones: RigidBones, rest: Array, meshes: Array) -> RigidBones:
     """One bone more, which begins as the motion of the patch with the largest error."""
     near, errors = patches(rest), bones.errors(rest, meshes)
     return bones.with_bone(*_of_patch(rest, meshes, near[errors[near].sum(axis=1).argmax()]))
 
 
-def without_least(bones: Bones, rest: Array) -> Bones:
+def without_least(bones: RigidBones, rest: Array) -> RigidBones:
     """The bones without the one whose surface another one moves most nearly alike."""
     sizes = (bones.weights**2).sum(axis=0)
     costs = differences(bones, rest) ** 2 * sizes[:, None]
@@ -172,15 +203,15 @@ def without_least(bones: Bones, rest: Array) -> Bones:
     return _given_over(bones, int(a), int(b))
 
 
-def _given_over(bones: Bones, a: int, b: int) -> Bones:
+def _given_over(bones: RigidBones, a: int, b: int) -> RigidBones:
     """The bones without bone a, whose weights are added to those of bone b."""
     weights = bones.weights.copy()
     weights[:, b] += weights[:, a]
     kept = np.flatnonzero(np.arange(bones.count) != a)
-    return Bones(bones.rotations, bones.translations, weights).only(kept)
+    return RigidBones(bones.rotations, bones.translations, weights).only(kept)
 
 
-def alike(bones: Bones, rest: Array, tolerance: float) -> Bones:
+def merged_where_alike(bones: RigidBones, rest: Array, tolerance: float) -> RigidBones:
     """The bones without those that another could stand for.
 
     Two bones move alike if the vertices of the one, moved by the other, are nowhere farther off
@@ -196,7 +227,7 @@ def alike(bones: Bones, rest: Array, tolerance: float) -> Bones:
     return bones
 
 
-def differences(bones: Bones, rest: Array) -> Array:
+def differences(bones: RigidBones, rest: Array) -> Array:
     """How far the surface of bone a would be if bone b moved it, (K, K) in m, rms."""
     K, T = bones.count, len(bones.rotations)
     found = np.zeros((K, K))

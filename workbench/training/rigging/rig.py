@@ -1,7 +1,14 @@
-"""A body from meshes in motion: bones, weights, joints and a tree that nobody gave."""
+"""A body from meshes in motion: bones, weights, joints and a tree that nobody gave.
+
+A tree takes away what bones by themselves are free to do: the translations follow from the joints
+and the rotations. What is left are the unknowns of training without blend shapes, one subject
+being in all meshes, and the blocks of training find them (`Refinement`): Gauss-Newton steps in all
+names, and in turn with them the weights of each vertex, exactly, which lets a weight leave zero.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -9,42 +16,47 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
+from workbench.bodies.forward.posing import local_rotations
 from workbench.errors import BadArgument
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.threads import limited_threads
-from workbench.training.estimate import Estimate
-from workbench.training.joint_regressor import fit_joint_regressor
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
+from workbench.training.estimate import Estimate, Sigmas, SkinningPass
+from workbench.training.objective import Objective
 from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
+from workbench.training.registrations import InMemory
 from workbench.training.rigging.bones import (
-    Bones,
+    RigidBones,
     bones_of_weights,
     fit_bone_weights,
+    fit_bones,
     rigid_motions,
 )
 from workbench.training.rigging.decomposition import (
     MOST,
-    Report,
-    alike,
+    RigProgress,
     alternated,
     bones_needed,
-    decomposed,
+    decompose,
     least_rms,
+    merged_where_alike,
+    noise_of,
     one_more,
 )
-from workbench.training.rigging.joints import JointCandidate, JointTree, candidate, joint_tree
-from workbench.training.rigging.refinement import (
-    LAST,
-    Refinement,
-    off_tree,
-    on_tree,
-    put_back,
-    turned,
-    without_empty,
+from workbench.training.rigging.joints import (
+    JointCandidate,
+    JointTree,
+    candidate,
+    joint_tree,
+    notes_of,
 )
-from workbench.training.rigging.words import notes_of
+from workbench.training.shares import fit_joint_regressor
 from workbench.training.subsampling import subsample
 
 TOLERANCE = 1e-4  # m, rms: errors of a decomposition that are no reason for one bone more
+ABOVE_NOISE = 1.05  # factor on the rms of noise: what bones leave of it is never quite all
 ENOUGH = 600  # vertices that bones, joints and poses are found from
 LOOKED_AT = 60  # meshes, spread evenly, that bones are looked for in
 TREES = 4  # how often a tree is looked for again with better bones
@@ -52,6 +64,13 @@ ROUNDS, LAST_ROUNDS = 4, 30  # of the refinement, before the tree is certain and
 WORTH = 0.05  # of the rms: a bone that lowers it by a smaller share is not kept
 REGRESSED = 1e-9  # m: a joint regressor that is farther off is not used
 FIT_STEPS, FIT_SIGMA = 40, 1e-3  # of the fits of poses to further meshes; the sigma is in m
+SIGMA = 1e-3  # m, of E_D, the only term: its size changes no minimum
+DATA = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
+EXACT = 1e-11  # m, rms per coordinate: what rounding leaves of meshes a few metres across
+STEPS = BlockOptions(together_tolerance=1e-2, together_steps=4, products=200, enough=EXACT)
+LAST = replace(STEPS, together_tolerance=1e-4, products=2000)
+EMPTY = 1e-8  # a bone whose weights are all below it moves no vertex
+LITTLE = 0.02  # of the rms: a round that lowers it by a smaller share is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +99,51 @@ class Rigged:
         return Motion(self.poses, self.trans, fps, self.body.joint_names)
 
 
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """Meshes in motion, of which an estimate is refined.
+
+    Attributes:
+        meshes: (T, N, 3) in metres.
+        faces: (F, 3) the triangles.
+    """
+
+    meshes: Array
+    faces: Index
+
+    def objective(self, estimate: Estimate) -> Objective:
+        """E_D of these meshes, all of one subject, and no other term."""
+        (N, K), T = estimate.weights.shape, len(self.meshes)
+        registrations = InMemory(self.meshes, np.zeros(T, dtype=np.int64))
+        return Objective(registrations, csr_array((K, N)), estimate.weights, None, DATA)
+
+    def rms(self, estimate: Estimate) -> float:
+        """The root mean square distance of a vertex, in metres."""
+        return float(np.sqrt(3)) * self.objective(estimate).rms(estimate)
+
+    def refined(
+        self,
+        estimate: Estimate,
+        block: str,
+        rounds: int,
+        report: RigProgress,
+        options: BlockOptions = STEPS,
+    ) -> Estimate:
+        """Rounds of a block, `skeleton` or `skinning`, and of the weights; none raises the cost."""
+        objective = self.objective(estimate)
+        before = objective.rms(estimate)
+        for number in range(rounds):
+            for name in (block, "weights"):
+                given = BlockInput(objective, self.faces, options)
+                estimate = BLOCKS[name](given, estimate).estimate
+            report(block, number + 1, rounds)
+            rms = objective.rms(estimate)
+            if rms < EXACT or rms > (1 - LITTLE) * before:
+                break
+            before = rms
+        return estimate
+
+
 def silent(what: str, done: int, of: int) -> None:
     """A report that shows nothing."""
 
@@ -90,21 +154,22 @@ def rig(
     *,
     rest: Array | None = None,
     bones: int | None = None,
-    tolerance: float = TOLERANCE,
-    report: Report = silent,
+    tolerance: float | None = None,
+    report: RigProgress = silent,
     card: Mapping[str, Any] | None = None,
 ) -> Rigged:
     """Find a skeleton, its tree and skinning weights in meshes (T, N, 3) m of one topology.
 
     The meshes are decomposed into rigid bones with smooth weights (Le and Deng 2012, see `bones`),
     pairs of bones are joined where a point stays together in both (`joints`), and joints, poses
-    and weights are refined together as in training without blend shapes (`refinement`).
+    and weights are refined together as in training without blend shapes (`Refinement`).
 
     `rest` (N, 3) m is the mesh in the pose in which the body is drawn, the first mesh if it is not
     given. If the body does not explain the meshes to within rounding with this very mesh, its
     vertices are refined too. `bones` is how many there are to be; without it, there are as many as
-    lower the error to `tolerance` (m, rms), or as lower it notably. `report` is called with what is
-    going on, and how much of how much of it is done.
+    lower the error to `tolerance` (m, rms), or as lower it notably. The tolerance is what noise
+    leaves, which the singular values of the meshes tell (`noise_of`), and 0.1 mm at least. `report`
+    is called with what is going on, and how much of how much of it is done.
 
     Raises BadArgument for arrays that do not fit together or are too few, and for a motion that
     needs more than 64 bones.
@@ -115,6 +180,10 @@ def rig(
         turns, still = _without_travel(shape, meshes)
         few = subsample(shape, np.asarray(faces), ENOUGH)
         v = few.vertices
+        noise = noise_of(still[:, v])
+        untold = noise is None and tolerance is None and bones is None
+        if tolerance is None:
+            tolerance = max(TOLERANCE, ABOVE_NOISE * np.sqrt(3) * (noise or 0))
         near = Refinement(still[:, v], few.faces)
         estimate, merged = _skeleton(near, shape[v], bones, tolerance, report)
         free = bool((estimate.templates[0] != shape[v]).any())
@@ -127,7 +196,8 @@ def rig(
         if not free and every.rms(estimate) > REGRESSED:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
         estimate = turned(without_empty(put_back(estimate, shape)), turns)
-        return _result(replace(every, meshes=meshes), estimate, merged, dict(card or {}))
+        every = replace(every, meshes=meshes)
+        return _result(every, estimate, merged, untold, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
@@ -152,7 +222,7 @@ def _without_travel(rest: Array, meshes: Array) -> tuple[Array, Array]:
 
 
 def _skeleton(
-    given: Refinement, rest: Array, count: int | None, tolerance: float, report: Report
+    given: Refinement, rest: Array, count: int | None, tolerance: float, report: RigProgress
 ) -> tuple[Estimate, int]:
     """An estimate with enough bones on the right tree, and how many of them were merged.
 
@@ -164,10 +234,10 @@ def _skeleton(
     some = np.unique(np.linspace(0, len(meshes) - 1, LOOKED_AT).round().astype(int))
     looked_at = meshes[some] if len(some) < len(meshes) else meshes
     target = bones_needed(meshes, tolerance) if count is None else count
-    found = decomposed(rest, looked_at, target, report)
+    found = decompose(rest, looked_at, target, report)
     kept: tuple[Estimate, int] | None = None
     while True:
-        different = alike(found, rest, tolerance)
+        different = merged_where_alike(found, rest, tolerance)
         merged = found.count - different.count
         if len(some) < len(meshes):
             different = bones_of_weights(different.weights, rest, meshes)
@@ -181,12 +251,12 @@ def _skeleton(
         if count is not None or given.rms(estimate) <= tolerance or found.count >= MOST:
             return estimate, merged
         kept = (estimate, merged)
-        found = one_more(alike(found, rest, tolerance), rest, looked_at, report)
+        found = one_more(merged_where_alike(found, rest, tolerance), rest, looked_at, report)
 
 
 def _settled(
-    given: Refinement, rest: Array, bones: Bones, report: Report
-) -> tuple[Bones, JointTree]:
+    given: Refinement, rest: Array, bones: RigidBones, report: RigProgress
+) -> tuple[RigidBones, JointTree]:
     """Refine bones on their tree, free them, and find the tree again, until it stays the same."""
     tree = joint_tree(bones, rest)
     for _ in range(TREES):
@@ -214,7 +284,9 @@ def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index
     return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
 
 
-def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, Any]) -> Rigged:
+def _result(
+    every: Refinement, estimate: Estimate, merged: int, untold: bool, card: dict[str, Any]
+) -> Rigged:
     meshes, template = every.meshes, estimate.templates[0]
     N, K = estimate.weights.shape
     own = estimate.weights[:, 0] / estimate.weights[:, 0].sum()
@@ -230,6 +302,12 @@ def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, 
         for k, parent in enumerate(estimate.parents[1:], start=1)
     )
     notes = notes_of(found, names, merged, rms, least_rms(meshes, K))
+    if untold and rms > TOLERANCE:
+        notes += (
+            "how much noise the meshes have cannot be told from so few of them, so bones were "
+            f"looked for until {1e3 * TOLERANCE:g} mm would be left; a tolerance or more meshes "
+            "may give fewer bones",
+        )
     body = SkinnedBody(
         template=template,
         shapedirs=np.zeros((N, 3, 0)),
@@ -249,7 +327,9 @@ def _result(every: Refinement, estimate: Estimate, merged: int, card: dict[str, 
     return Rigged(body, estimate.poses, trans, rms, found, notes)
 
 
-def _checked(meshes: Array, rest: Array | None, bones: int | None, tolerance: float) -> Array:
+def _checked(
+    meshes: Array, rest: Array | None, bones: int | None, tolerance: float | None
+) -> Array:
     """The mesh at rest. Raises BadArgument."""
     if meshes.ndim != 3 or meshes.shape[2] != 3 or len(meshes) < 2 or meshes.shape[1] < 4:
         raise BadArgument(
@@ -269,6 +349,78 @@ def _checked(meshes: Array, rest: Array | None, bones: int | None, tolerance: fl
             f"there can be 1 to {meshes.shape[1] // 4} bones in {meshes.shape[1]} vertices, four "
             f"vertices for each, not {bones}"
         )
-    if not tolerance > 0:
+    if tolerance is not None and not tolerance > 0:
         raise BadArgument(f"the tolerance is a length in m above 0, not {tolerance!r}")
     return np.asarray(rest, dtype=float)
+
+
+def on_tree(bones: RigidBones, tree: JointTree, rest: Array) -> Estimate:
+    """The estimate that bones are on a tree, in the tree's order, without blend shapes.
+
+    No motion shows where the root's joint is, as turning about another point is a translation
+    more: it is put into the middle of the surface that the root carries.
+    """
+    order = list(tree.order)
+    weights = bones.weights[:, order]
+    root = weights[:, 0] @ rest / weights[:, 0].sum()
+    joints = np.stack([root, *(joint.place for joint in tree.joints)])
+    world = bones.rotations[:, order]
+    poses = vector_from_matrix(np.stack([local_rotations(R, tree.parents) for R in world]))
+    none = np.zeros((len(rest), 3, 0))
+    return Estimate(rest[None], joints[None], none, weights, poses, tree.parents)
+
+
+def off_tree(estimate: Estimate, meshes: Array, rounds: int = 3) -> RigidBones:
+    """The bones of an estimate, each fitted to the meshes (T, N, 3) m without regard to joints."""
+    T = len(meshes)
+    passed = SkinningPass.of(estimate, slice(0, T), np.zeros(T, dtype=np.int64))
+    trans = (meshes - passed.points).mean(axis=1)
+    origins = passed.by_joint()[:, 0] - np.einsum(
+        "tkab,b->tka", passed.posing.world, estimate.templates[0, 0]
+    )
+    bones = RigidBones(passed.posing.world, origins + trans[:, None], estimate.weights)
+    return fit_bones(bones, estimate.templates[0], meshes, rounds)
+
+
+def put_back(estimate: Estimate, rest: Array) -> Estimate:
+    """The same motion, with the template turned and shifted onto the mesh at rest (N, 3) m.
+
+    A turn Q of everything at rest is undone by the poses: Q R_k Q' for every joint, and R_0 Q' for
+    the root. A shift is undone by the translations.
+    """
+    move = procrustes(estimate.templates[0], rest)
+    local = matrix_from_vector(estimate.poses)
+    local[:, 1:] = move.R @ local[:, 1:] @ move.R.T
+    local[:, 0] = local[:, 0] @ move.R.T
+    return replace(
+        estimate,
+        templates=move(estimate.templates),
+        joints=move(estimate.joints),
+        poses=vector_from_matrix(local),
+    )
+
+
+def turned(estimate: Estimate, turns: Array) -> Estimate:
+    """The same motion, turned as a whole by turns (T, 3, 3)."""
+    root = vector_from_matrix(turns @ matrix_from_vector(estimate.poses[:, 0]))
+    poses = np.concatenate([root[:, None], estimate.poses[:, 1:]], axis=1)
+    return replace(estimate, poses=poses)
+
+
+def without_empty(estimate: Estimate) -> Estimate:
+    """The same motion without bones that move no vertex and carry no other bone."""
+    weights, parents = estimate.weights, estimate.parents
+    carrying = {*parents}
+    empty = [k for k in range(len(parents)) if k not in carrying and weights[:, k].max() < EMPTY]
+    if not empty:
+        return estimate
+    kept = [k for k in range(len(parents)) if k not in empty]
+    left = weights[:, kept]
+    fewer = replace(
+        estimate,
+        joints=estimate.joints[:, kept],
+        weights=left / left.sum(axis=1, keepdims=True),
+        poses=estimate.poses[:, kept],
+        parents=tuple(kept.index(parents[k]) if k else -1 for k in kept),
+    )
+    return without_empty(fewer)  # what carried only those may carry nothing now

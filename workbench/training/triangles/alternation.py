@@ -4,11 +4,12 @@ It begins with the result of SMPL's training on the same registrations. Skinning
 regressor stay as they are; everybody's pose and each subject's rest shape are found anew, in
 blocks, each of which holds everything else fixed:
 
-shapes   the poses of the multi-shape set, whose people are un-posed triangle by triangle; then
-         the mean and the principal directions of their deformation gradients, S
-bends    Q by ridge least squares; E_Q is its magnitude
-poses    the pose of every registration, each subject having a D of its own
-persons  each subject's D by least squares; E_D is its smoothness over neighbours
+`fit_shapes`             the poses of the multi-shape set, whose people are un-posed triangle by
+                         triangle; then the mean and the principal directions of their deformation
+                         gradients, S
+`fit_pose_deformations`  Q by ridge least squares; E_Q is its magnitude
+`fits`                   the pose of every registration, each subject having a D of its own
+`fit_subjects`           each subject's D by least squares; E_D is its smoothness over neighbours
 """
 
 from dataclasses import dataclass, replace
@@ -16,22 +17,49 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.geometry.triangles import edges, frames_on, gradients
+from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.blocks import POSE_STEPS
-from workbench.training.pose_training import FIRST_SIGMA
-from workbench.training.poses import EdgeTerm, Fits, PoseFit, ShapePrior, VertexTerm
+from workbench.training.first_guess import FIRST_SIGMA, FIRST_STEPS
+from workbench.training.poses import (
+    EdgeTerm,
+    FittedMeshes,
+    PoseFit,
+    VertexTerm,
+    poses_of_segments,
+)
 from workbench.training.registrations import InMemory, training_and_held_out
-from workbench.training.ridge import Selection
 from workbench.training.training import Trained
-from workbench.training.triangles.fitting import SIGMA
-from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
-from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.stitched_fit import CentredVertices, LeastSquares, Lsqr
+from workbench.training.triangles.learning import (
+    Lsqr,
+    PosedMeshes,
+    learn_gradient_shapes,
+    learn_pose_deformations,
+    learn_subject,
+)
 
+AnyBody = SkinnedBody | TriangleBody
+SIGMA = 0.002  # m: a mesh from the body, per coordinate; as in training
+STEPS = 6  # of pose and shape after the edges; more of them change less than 0.01 mm
 SMOOTHNESS = 1e-6  # m^2, E_D
 ROUGH = Lsqr(3e-3)  # for Q: a smaller tolerance explains held-out subjects no better
 FINE = Lsqr(1e-3)  # for D
+
+
+def fit_held_out(body: AnyBody, first: SkinnedBody, meshes: Array) -> FittedMeshes:
+    """Fit pose, betas and trans of a body to meshes (M, N, 3) m of people it was not trained on.
+
+    For any body, the segments of `first` are turned onto the mesh. Then the pose is fitted to the
+    edges with the mean shape, and pose and shape to the vertices, betas being standard normal.
+    """
+    trusted, segments = np.ones(first.n_vertices), (first.template, first.weights, first.parents)
+    turned = np.stack([poses_of_segments(*segments, V, trusted) for V in meshes])
+    N = body.n_vertices
+    by_edges = PoseFit(body, N, EdgeTerm(first.faces), FIRST_SIGMA, FIRST_STEPS)
+    near = by_edges.fits(turned, meshes).poses
+    return PoseFit(body, N, VertexTerm(), SIGMA, STEPS, 1.0).fits(near, meshes)
 
 
 @dataclass(frozen=True)
@@ -47,8 +75,8 @@ class TriangleOptions:
 
     rounds: int = 2
     ridges: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5)
-    bends: LeastSquares = ROUGH
-    persons: LeastSquares = FINE
+    bends: Lsqr = ROUGH
+    persons: Lsqr = FINE
 
 
 QUICK = TriangleOptions()
@@ -83,7 +111,7 @@ class TriangleEstimate:
         """The body of all subjects: for subject s, beta s is one and the others are zero."""
         return replace(self.body, shapedirs=np.moveaxis(self.D - np.eye(3), 0, 3))
 
-    def fits(self, posed: InMemory, steps: int = POSE_STEPS) -> Fits:
+    def fits(self, posed: InMemory, steps: int = POSE_STEPS) -> FittedMeshes:
         """The subjects fitted to their registrations, from the poses of the estimate."""
         fit = PoseFit(self.subjects, posed.n_vertices, VertexTerm(), SIGMA, steps)
         return fit.fits(self.poses, posed.vertices, betas=np.eye(len(self.D))[posed.subject])
@@ -98,55 +126,51 @@ def train_triangles(
     ridge: float,
     options: TriangleOptions = QUICK,
 ) -> TriangleEstimate:
-    """Run all blocks in turn for a number of rounds, then `shapes` and `bends` once more."""
+    """Run all blocks in turn for a number of rounds, then shapes and Q once more."""
     estimate = start
     for _ in range(options.rounds):
-        estimate = shapes(estimate, standing, n_betas)
-        estimate = bends(estimate, posed, ridge, options.bends)
+        estimate = fit_shapes(estimate, standing, n_betas)
+        estimate = fit_pose_deformations(estimate, posed, ridge, options.bends)
         estimate = replace(estimate, poses=estimate.fits(posed).poses)
-        estimate = persons(estimate, posed, options.persons)
-    return bends(shapes(estimate, standing, n_betas), posed, ridge, options.bends)
+        estimate = fit_subjects(estimate, posed, options.persons)
+    return fit_pose_deformations(
+        fit_shapes(estimate, standing, n_betas), posed, ridge, options.bends
+    )
 
 
-def shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -> TriangleEstimate:
+def fit_shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -> TriangleEstimate:
     """Learn template and shapedirs from the poses known so far, then from poses fitted again."""
     roughly = _with_shapes(estimate, standing, n_betas)
     body = roughly.body
     term = EdgeTerm(body.faces)
-    fit = PoseFit(body, body.n_vertices, term, FIRST_SIGMA, POSE_STEPS, ShapePrior())
+    fit = PoseFit(body, body.n_vertices, term, FIRST_SIGMA, POSE_STEPS, 1.0)
     poses = fit.fits(estimate.standing, standing.vertices).poses
     return _with_shapes(replace(roughly, standing=poses), standing, n_betas)
 
 
-def bends(
-    estimate: TriangleEstimate, posed: InMemory, ridge: float, by: LeastSquares
+def fit_pose_deformations(
+    estimate: TriangleEstimate, posed: InMemory, ridge: float, by: Lsqr
 ) -> TriangleEstimate:
     """Learn posedirs, all else being held."""
     meshes = PosedMeshes(posed.vertices, estimate.poses, posed.subject)
     each = np.eye(len(estimate.D))
-    learned = learn_bends(
-        estimate.subjects, meshes, each, ridge=ridge, by=by, measure=CentredVertices
-    )
+    learned = learn_pose_deformations(estimate.subjects, meshes, each, ridge=ridge, by=by)
     return replace(estimate, body=replace(estimate.body, posedirs=learned.posedirs))
 
 
-def persons(estimate: TriangleEstimate, posed: InMemory, by: LeastSquares) -> TriangleEstimate:
+def fit_subjects(estimate: TriangleEstimate, posed: InMemory, by: Lsqr) -> TriangleEstimate:
     """Learn each subject's D from all registrations of the subject."""
     D = []
     for i in range(len(estimate.D)):
         own = np.flatnonzero(posed.subject == i)
         meshes = PosedMeshes(posed.vertices[own], estimate.poses[own], posed.subject[own])
-        D.append(
-            learn_person(
-                estimate.body, meshes, smoothness=SMOOTHNESS, by=by, measure=CentredVertices
-            )
-        )
+        D.append(learn_subject(estimate.body, meshes, smoothness=SMOOTHNESS, by=by))
     return replace(estimate, D=np.stack(D))
 
 
 def choose_ridge(
     start: TriangleEstimate, posed: InMemory, options: TriangleOptions = QUICK
-) -> Selection:
+) -> RidgeChoice:
     """Choose the ridge of Q: learn it from most subjects, and fit the poses of the others."""
     halves = []
     for rows in training_and_held_out(posed.subject):
@@ -155,9 +179,9 @@ def choose_ridge(
     (first, training), (second, held_out) = halves
     errors = []
     for ridge in options.ridges:
-        body = bends(first, training, ridge, options.bends).body
+        body = fit_pose_deformations(first, training, ridge, options.bends).body
         errors.append(1e3 * replace(second, body=body).fits(held_out).rms(held_out.vertices))
-    return Selection(options.ridges, tuple(errors))
+    return RidgeChoice(options.ridges, tuple(errors))
 
 
 def unposed(body: TriangleBody, pose: Array, vertices: Array) -> Array:
@@ -177,7 +201,7 @@ def _with_shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -
     body = estimate.body
     each = zip(estimate.standing, standing.vertices, strict=True)
     people = np.stack([unposed(body, pose, V) for pose, V in each])
-    found = learn_shapes(people, body.faces, n_betas)
+    found = learn_gradient_shapes(people, body.faces, n_betas)
     D = estimate.D @ gradients(found.template, body.template, body.faces)  # the same subjects
     return replace(
         estimate, D=D, body=replace(body, template=found.template, shapedirs=found.shapedirs)

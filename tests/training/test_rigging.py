@@ -1,0 +1,351 @@
+"""Rigging finds the body that moved the meshes, and says what their motion leaves open."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.geometry.rigid import procrustes
+from workbench.synthetic.made_up import jointed_tube, random_smpl
+from workbench.training.rigging.bones import (
+    RigidBones,
+    fit_bone_weights,
+    fit_bones,
+    joint_steps,
+    refined_at_once,
+    rigid_motions,
+)
+from workbench.training.rigging.decomposition import (
+    alternated,
+    bones_needed,
+    least_rms,
+    merged_where_alike,
+    noise_of,
+    rigid_clusters,
+    without_least,
+)
+from workbench.training.rigging.joints import joint_tree
+from workbench.training.rigging.rig import pose_rms, rig
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A body without blend shapes, and meshes (T, N, 3) m that it made."""
+
+    body: SkinnedBody
+    meshes: Array
+
+
+def tube() -> SkinnedBody:
+    """66 vertices on six bones, in smooth random weights."""
+    made = random_smpl(jointed_tube(11, 6), 1, seed=2)
+    plain = {"shapedirs": made.shapedirs[:, :, :0], "posedirs": np.zeros_like(made.posedirs)}
+    return replace(made, **plain)
+
+
+def driven(frames: int, seed: int, turn: float = 0.5, allowed: Array | None = None) -> Driven:
+    """Meshes of `tube`; `allowed` (K, 3) says which rotations a joint makes, by default all."""
+    body, rng = tube(), np.random.default_rng(seed)
+    poses = turn * rng.standard_normal((frames, body.n_joints, 3))
+    poses *= 1 if allowed is None else allowed
+    trans = rng.standard_normal((frames, 3))
+    meshes = [body.vertices(pose, trans=t) for pose, t in zip(poses, trans, strict=True)]
+    return Driven(body, np.stack(meshes))
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """What was found, against the body that made the meshes.
+
+    Attributes:
+        weights: the largest difference, the bones being matched by their weights.
+        joints: the largest distance of a joint, in metres, by edges of the tree; none of the root.
+        edges: how many edges of the tree are the true ones.
+    """
+
+    weights: float
+    joints: float
+    edges: int
+
+
+def compared(found: SkinnedBody, truth: SkinnedBody) -> Compared:
+    """Bones of two bodies matched by their weights, and their joints by the bones that they join.
+
+    `found` may have fewer bones than the truth, but then some are matched with none.
+    """
+    gaps = np.abs(found.weights[:, :, None] - truth.weights[:, None]).max(axis=0)
+    own, other = linear_sum_assignment(gaps)
+    true = dict(zip(own.tolist(), other.tolist(), strict=True))
+    places, away, edges = truth.joints(), [0.0], 0
+    for k, place in enumerate(found.joints()):
+        a, b = true[k], true[found.parents[k]] if k else -1
+        for child, parent in ((a, b), (b, a)):
+            if k and truth.parents[child] == parent:
+                edges += 1
+                away.append(float(np.linalg.norm(place - places[child])))
+    return Compared(float(gaps[own, other].max()), max(away), edges)
+
+
+GIVEN = driven(12, seed=3)
+
+
+def rough() -> RigidBones:
+    return rigid_clusters(GIVEN.body.template, GIVEN.meshes, 5)
+
+
+def test_rigid_motions_of_whole_weights_are_procrustes() -> None:
+    rest, meshes = GIVEN.body.template, GIVEN.meshes
+    R, t = rigid_motions(rest, meshes.swapaxes(0, 1), np.ones(len(rest)))
+    for turn, shift, mesh in zip(R, t, meshes, strict=True):
+        motion = procrustes(rest, mesh)
+        np.testing.assert_allclose(turn, motion.R, atol=1e-12)
+        np.testing.assert_allclose(shift, motion.t, atol=1e-12)
+
+
+def test_motion_of_a_weighted_bone_is_stationary() -> None:
+    """No small turn or shift lowers sum |w (R p + t) - q|^2."""
+    rng = np.random.default_rng(0)
+    rest, targets, w = rng.random((9, 3)), rng.random((9, 1, 3)), rng.random(9)
+    (R,), (t,) = rigid_motions(rest, targets, w)
+    residual = w[:, None] * (rest @ R.T + t) - targets[:, 0]
+    np.testing.assert_allclose(w @ residual, 0, atol=1e-12)
+    np.testing.assert_allclose(w @ np.cross(rest @ R.T, residual), 0, atol=1e-12)
+
+
+def test_alternation_never_raises_the_cost() -> None:
+    rest, meshes = GIVEN.body.template, GIVEN.meshes
+    bones, costs = rough(), []
+    for _ in range(3):
+        for step in (fit_bone_weights, fit_bones):
+            bones = step(bones, rest, meshes)
+            costs.append(bones.rms(rest, meshes))
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] < 0.9 * costs[0]
+    np.testing.assert_allclose(bones.weights.sum(axis=1), 1, atol=1e-12)
+    assert bones.weights.min() >= 0
+    assert (bones.weights > 0).sum(axis=1).max() <= 4
+
+
+def test_rank_of_meshes_counts_bones() -> None:
+    assert bones_needed(driven(30, seed=3).meshes, 1e-4) == 6
+    hinge = np.ones((6, 3))
+    hinge[3] = [0, 0, 1]
+    assert bones_needed(driven(30, seed=3, allowed=hinge).meshes, 1e-4) == 6
+    with pytest.raises(BadArgument, match="at most 64 are looked for"):
+        bones_needed(np.random.default_rng(0).random((90, 300, 3)), 1e-3)
+
+
+@pytest.mark.parametrize("sigma", [2e-4, 3e-3])
+def test_singular_values_tell_the_noise(sigma: float) -> None:
+    given = driven(24, seed=1).meshes
+    noisy = given + sigma * np.random.default_rng(0).standard_normal(given.shape)
+    assert noise_of(noisy) == pytest.approx(sigma, rel=0.02)
+    assert bones_needed(noisy, 1.05 * np.sqrt(3) * sigma) == 6
+    assert bones_needed(noisy, 1e-4) > 10
+    assert noise_of(noisy[:9]) is None  # 19 of 27 singular values are motion
+    assert noise_of(given) is None
+
+
+def test_bones_that_move_alike_are_merged() -> None:
+    bones = rough()
+    twice = bones.with_bone(bones.rotations[:, 0], bones.translations[:, 0])
+    weights = twice.weights.copy()
+    weights[:, -1] = weights[:, 0] = weights[:, 0] / 2
+    twice = RigidBones(twice.rotations, twice.translations, weights)
+    rest = GIVEN.body.template
+    for fewer in (merged_where_alike(twice, rest, 1e-9), without_least(twice, rest)):
+        assert fewer.count == bones.count
+        assert fewer.rms(rest, GIVEN.meshes) == pytest.approx(bones.rms(rest, GIVEN.meshes))
+
+
+def bones_of(body_poses: np.ndarray) -> RigidBones:
+    """The true bones of the tube in some poses."""
+    body = GIVEN.body
+    joints, K = body.joints(), body.n_joints
+    R, t = np.zeros((len(body_poses), K, 3, 3)), np.zeros((len(body_poses), K, 3))
+    for i, pose in enumerate(body_poses):
+        world = body.joints(pose)
+        for k in range(K):
+            turn = np.eye(3)
+            at = k
+            while at >= 0:
+                turn = rotation(pose[at]) @ turn
+                at = body.parents[at]
+            R[i, k], t[i, k] = turn, world[k] - turn @ joints[k]
+    return RigidBones(R, t, body.weights)
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+
+
+def test_joints_and_tree_of_true_bones_are_true() -> None:
+    body = GIVEN.body
+    poses = 0.5 * np.random.default_rng(1).standard_normal((8, 6, 3))
+    poses[:, 3, :2] = 0  # a hinge about z
+    bones = bones_of(poses)
+    tree = joint_tree(bones, body.template)
+    assert tree.edges == {frozenset((k, body.parents[k])) for k in range(1, 6)}
+    for joint in tree.joints:
+        assert joint.gap < 1e-12
+        child = max(joint.bones)
+        off = joint.place - body.joints()[child]
+        if child == 3:
+            np.testing.assert_allclose(joint.free, [[0, 0, joint.free[0, 2]]], atol=1e-9)
+            np.testing.assert_allclose(off[:2], 0, atol=1e-9)
+        else:
+            assert not len(joint.free)
+            np.testing.assert_allclose(off, 0, atol=1e-9)
+
+
+def test_tube_is_rigged_and_explains_held_out_meshes() -> None:
+    given = driven(24, seed=1)
+    parts: list[str] = []
+    found = rig(
+        given.meshes,
+        given.body.faces,
+        rest=given.body.template,
+        report=lambda what, done, of: parts.append(what),
+    )
+    agreement = compared(found.body, given.body)
+    assert agreement.edges == 5
+    assert agreement.weights < 1e-6
+    assert agreement.joints < 1e-6
+    assert found.rms < 1e-8
+    assert pose_rms(found.body, driven(3, seed=9).meshes) < 1e-8
+    assert {"bones, turn 1", "skeleton"} <= set(parts)
+    assert len(found.notes) == 1
+    assert "the joint of root" in found.notes[0]
+    motion = found.motion(30.0)
+    again = found.body.vertices(motion.pose[4], trans=motion.trans[4])
+    np.testing.assert_allclose(again, given.meshes[4], atol=1e-8)
+
+
+@pytest.mark.thorough
+def test_rig_does_not_depend_on_place_and_facing() -> None:
+    given = driven(24, seed=1)
+    R = Rotation.random(24, random_state=0).as_matrix()
+    away = 3 * np.random.default_rng(1).standard_normal((24, 1, 3))
+    placed = given.meshes @ R.swapaxes(1, 2) + away
+    first, found = (
+        rig(meshes, given.body.faces, rest=given.body.template) for meshes in (given.meshes, placed)
+    )
+    assert found.body.parents == first.body.parents
+    np.testing.assert_allclose(found.body.weights, first.body.weights, atol=1e-8)
+    np.testing.assert_allclose(found.body.joints()[1:], first.body.joints()[1:], atol=1e-8)
+    np.testing.assert_allclose(found.motion(30.0).vertices(found.body), placed, atol=1e-8)
+
+
+@pytest.mark.thorough
+def test_rest_pose_is_found() -> None:
+    """From a mesh in another pose: in no bent mesh is the skin where linear blending has it."""
+    given = driven(24, seed=1)
+    bent = given.body.vertices(0.15 * np.random.default_rng(4).standard_normal((6, 3)))
+    found = rig(given.meshes, given.body.faces, rest=bent)
+    assert found.rms < 1e-8
+    assert found.body.n_joints == 6
+    assert np.abs(found.body.template - bent).max() > 0.005  # m
+    assert pose_rms(found.body, driven(3, seed=9).meshes) < 1e-8
+
+
+@pytest.mark.thorough
+def test_hinges_are_named() -> None:
+    allowed = np.ones((6, 3))
+    allowed[3] = [0, 0, 1]
+    given = driven(24, seed=1, allowed=allowed)
+    found = rig(given.meshes, given.body.faces, rest=given.body.template)
+    assert found.rms < 1e-8
+    assert compared(found.body, given.body).edges == 5
+    (hinge,) = (note for note in found.notes if "one axis" in note)
+    assert "may slide along (0.00, 0.00, 1.00) by any distance" in hinge
+
+
+@pytest.mark.thorough
+def test_too_few_meshes_do_not_tell_their_noise() -> None:
+    given = driven(6, seed=1)
+    noise = 0.001 * np.random.default_rng(0).standard_normal(given.meshes.shape)
+    found = rig(given.meshes + noise, given.body.faces, rest=given.body.template)
+    assert "how much noise the meshes have cannot be told" in found.notes[-1]
+
+
+@pytest.mark.thorough
+def test_noise_asks_for_no_further_bones() -> None:
+    given = driven(24, seed=1)
+    noise = 0.001 * np.random.default_rng(0).standard_normal(given.meshes.shape)
+    found = rig(given.meshes + noise, given.body.faces, rest=given.body.template)
+    agreement = compared(found.body, given.body)
+    assert found.body.n_joints == 6
+    assert agreement.edges == 5
+    assert agreement.joints < 0.003  # m
+    assert 0.8 < found.rms / (0.001 * np.sqrt(3)) < 1
+
+
+def test_one_bone_is_a_body_without_a_tree() -> None:
+    given = driven(6, seed=1, allowed=np.eye(6)[:, :1] * np.ones((6, 3)))
+    found = rig(given.meshes, given.body.faces, rest=given.body.template)
+    assert found.body.parents == (-1,)
+    assert found.rms < 1e-8
+    noise = 0.001 * np.random.default_rng(0).standard_normal(given.meshes.shape)
+    noisy = rig(given.meshes + noise, given.body.faces, rest=given.body.template)
+    assert noisy.body.parents == (-1,)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"meshes": np.zeros((1, 66, 3))}, "two frames and four vertices"),
+        ({"rest": np.zeros((5, 3))}, "one of the same topology"),
+        ({"meshes": np.full((3, 66, 3), np.nan)}, "not finite"),
+        ({"bones": 0}, "1 to 16 bones"),
+        ({"tolerance": 0.0}, "above 0"),
+    ],
+)
+def test_impossible_rigs_are_refused(wrong: dict[str, object], said: str) -> None:
+    body = driven(2, seed=0)
+    arguments = {"meshes": body.meshes, "rest": body.body.template} | wrong
+    meshes = arguments.pop("meshes")
+    with pytest.raises(BadArgument, match=said):
+        rig(meshes, body.body.faces, **arguments)  # type: ignore[arg-type]
+
+
+TWELVE = driven(12, seed=3)
+
+
+def disturbed() -> RigidBones:
+    """The true bones of the meshes, with weights that are mixed with those of neighbours."""
+    found = rig(TWELVE.meshes, TWELVE.body.faces, rest=TWELVE.body.template)
+    body, T = found.body, len(TWELVE.meshes)
+    poses = zip(found.poses, found.trans, strict=True)
+    R, t = np.zeros((T, 6, 3, 3)), np.zeros((T, 6, 3))
+    for i, (pose, trans) in enumerate(poses):
+        world = body.vertices(pose, trans=trans)
+        for k in range(6):
+            own = body.weights[:, k] ** 2
+            middle, end = own @ body.template / own.sum(), own @ world / own.sum()
+            U, _, Vh = np.linalg.svd((world - end).T @ (own[:, None] * (body.template - middle)))
+            R[i, k] = U @ np.diag([1, 1, np.linalg.det(U @ Vh)]) @ Vh
+            t[i, k] = end - R[i, k] @ middle
+    return RigidBones(R, t, body.weights)
+
+
+@pytest.mark.thorough
+def test_joint_steps_reach_rounding_where_alternation_creeps() -> None:
+    rest, bones = TWELVE.body.template, disturbed()
+    crept = alternated(bones, rest, TWELVE.meshes).rms(rest, TWELVE.meshes)
+    stepped = joint_steps(bones, rest, TWELVE.meshes)
+    assert crept > 1e-4  # m
+    assert stepped.rms(rest, TWELVE.meshes) < 1e-8
+    np.testing.assert_allclose(stepped.weights.sum(axis=1), 1, atol=1e-12)
+    assert (refined_at_once(bones, rest, TWELVE.meshes).weights > 0).sum(axis=1).max() <= 4
+
+
+@pytest.mark.thorough
+def test_least_rms_is_a_lower_bound() -> None:
+    assert least_rms(TWELVE.meshes, 6) < 1e-7
+    found = rig(TWELVE.meshes, TWELVE.body.faces, rest=TWELVE.body.template, bones=3)
+    assert 1e-3 < least_rms(TWELVE.meshes, 3) < found.rms
