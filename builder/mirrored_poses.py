@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.geometry.mirror import AXIAL, opposites
-from workbench.priors.mocap import Mocap
+from workbench.priors.recordings import PoseRecording
 
 
 def mirrored_pose(pose: Array, joints: Index) -> Array:
@@ -13,7 +13,7 @@ def mirrored_pose(pose: Array, joints: Index) -> Array:
     return mirrored
 
 
-def both_ways(mocap: Mocap) -> tuple[Array, Mask]:
+def both_ways(mocap: PoseRecording) -> tuple[Array, Mask]:
     """The frames of a recording and their mirror images without the root, (2 F, 3 (K - 1)) rad.
 
     The second array (K - 1,) says which joints do not move in any of them.

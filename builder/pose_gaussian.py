@@ -1,7 +1,7 @@
 """Learning a Gaussian of poses from a recording: `workbench/data/poses/cmu_gaussian.npz`.
 
 Run as `python -m builder.pose_gaussian MOCAP.npz --out workbench/data/poses`, with a recording as
-`workbench.priors.mocap` describes it.
+`workbench.priors.recordings` describes it.
 """
 
 from pathlib import Path
@@ -10,14 +10,14 @@ import numpy as np
 
 from builder.from_a_recording import asked
 from builder.mirrored_poses import both_ways
-from workbench.priors.mocap import Mocap
 from workbench.priors.poses import GAUSSIAN_FILE, PoseGaussian
+from workbench.priors.recordings import PoseRecording
 
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
 
 
-def learn_pose_gaussian(mocap: Mocap) -> PoseGaussian:
+def learn_pose_gaussian(mocap: PoseRecording) -> PoseGaussian:
     """The Gaussian of the frames and their mirror images."""
     flat, still = both_ways(mocap)
     covariance = np.cov(flat.T) + LEAST_STD**2 * np.eye(flat.shape[1])

@@ -1,7 +1,7 @@
 """Learning a mixture of Gaussians of poses: `workbench/data/poses/cmu_mixture.npz`.
 
 Run as `python -m builder.pose_mixture MOCAP.npz --out workbench/data/poses`, with a recording as
-`workbench.priors.mocap` describes it.
+`workbench.priors.recordings` describes it.
 """
 
 from pathlib import Path
@@ -14,8 +14,8 @@ from builder.mirrored_poses import both_ways
 from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD
 from workbench.arrays import Array
-from workbench.priors.mocap import Mocap
 from workbench.priors.poses import MIXTURE_FILE, PoseMixture
+from workbench.priors.recordings import PoseRecording
 
 COMPONENTS = 8
 CLUSTER_ROUNDS = 30  # of k-means, to begin with
@@ -23,7 +23,9 @@ ROUNDS, ENOUGH = 200, 1e-5  # of expectation and maximisation; gain per frame th
 SHRUNK = 0.02  # towards the covariance of all frames: a component may see few of them
 
 
-def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0) -> PoseMixture:
+def learn_pose_mixture(
+    mocap: PoseRecording, components: int = COMPONENTS, seed: int = 0
+) -> PoseMixture:
     """By expectation and maximisation over the frames and their mirror images.
 
     Joints that the recording does not move get a spread of their own, as in `pose_prior`.

@@ -1,7 +1,7 @@
 """Learning a Student's t of poses from a recording: `workbench/data/poses/cmu_student.npz`.
 
 Run as `python -m builder.pose_student MOCAP.npz --out workbench/data/poses`, with a recording as
-`workbench.priors.mocap` describes it.
+`workbench.priors.recordings` describes it.
 """
 
 from dataclasses import replace
@@ -15,16 +15,15 @@ from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD
 from workbench.arrays import Mask
 from workbench.errors import BadArgument
-from workbench.priors.mocap import Mocap
-from workbench.priors.poses import numbers_of
-from workbench.priors.tailed_poses import STUDENT_FILE, PoseStudent
+from workbench.priors.poses import STUDENT_FILE, PoseStudent, numbers_of
+from workbench.priors.recordings import PoseRecording
 
 DOF = 4.0  # while the scale is learned: near to what the parts that are left out then say
 ROUNDS = 40  # of expectation and maximisation
 PARTS = 8  # of the clips, each of which is left out once
 
 
-def learn_pose_student(mocap: Mocap) -> PoseStudent:
+def learn_pose_student(mocap: PoseRecording) -> PoseStudent:
     """The scale of all frames and their mirror images, and the tails of clips that were left out.
 
     Each eighth of the clips is left out once. The degrees of freedom and a factor of the scale are
@@ -56,7 +55,7 @@ def learn_pose_student(mocap: Mocap) -> PoseStudent:
     return replace(whole, dof=float(dof), scale=factor * whole.scale)
 
 
-def _scale_of(mocap: Mocap, moves: Mask) -> PoseStudent:
+def _scale_of(mocap: PoseRecording, moves: Mask) -> PoseStudent:
     """Mean and scale of the joints that move (K - 1,), without the root, by expectation and
     maximisation (Lange, Little and Taylor 1989).
     """

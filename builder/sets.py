@@ -23,8 +23,8 @@ from builder.collapsing import collapsed
 from builder.regressors import regress
 from builder.rigs import BODY, Rig
 from workbench.arrays import Array, Index, Mask
-from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE
+from workbench.priors.recordings import read_recording
 from workbench.synthetic.ground_truth import CARD, GroundTruth
 from workbench.synthetic.population import JITTER, Report, Sources, gather_sources
 from workbench.synthetic.rig import at_most_four
@@ -272,7 +272,7 @@ def main() -> None:
     arguments = parser.parse_args()
     recorded = None
     if arguments.mocap:
-        recorded = read_mocap(arguments.mocap).split()[1].poses
+        recorded = read_recording(arguments.mocap).split()[1].poses
     asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
     recipe = replace(SetRecipe(), **asked)
     wheel = Wheel(arguments.wheel)

@@ -17,11 +17,10 @@ from workbench.bodies import SkinnedBody
 from workbench.fitting.setup import Setup
 from workbench.problem.costs import compiled
 from workbench.sampling import Mixing, sample
-from workbench.sampling.autocorrelation import integrated_time
-from workbench.sampling.descent import mode_from
 from workbench.sampling.hamiltonian import HamiltonianSettings, run_hamiltonian
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.modes import modes, walkers_at
+from workbench.sampling.mixing import integrated_time
+from workbench.sampling.modes import mode_from, modes, walkers_at
 from workbench.sampling.subspace import fixed, movable
 
 LEAPFROGS = HamiltonianSettings(ensembles=4, walkers=8, steps=30_000)  # at most, of each chain

@@ -20,7 +20,7 @@ from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.gaps import without_gaps
 from workbench.plots import caption_motion, plot_motion
 from workbench.plots.figure import drawn
-from workbench.priors.recorded_motions import recorded_motions
+from workbench.priors.recordings import recorded_motions
 
 SMALL = wb.load_body("small")
 
@@ -222,7 +222,7 @@ def test_recordings_are_cut_at_bad_frames(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[1].pose.reshape(2, 72), arrays["poses"][5:7])
     assert found[0].fps == 10
     for wrong in ({"fps": np.array(0.0)}, {"poses": np.zeros((12, 71))}):
-        with pytest.raises(BadFile, match="is no recording of motions"):
+        with pytest.raises(BadFile, match="is no recording in the layout"):
             recorded_motions(recording(tmp_path / "mocap.npz", **wrong))
 
 

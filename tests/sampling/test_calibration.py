@@ -8,10 +8,8 @@ import workbench as wb
 from workbench.experiments import find
 from workbench.problem.costs import compiled
 from workbench.sampling import Usability, sample
-from workbench.sampling.ensemble_settings import EnsembleSettings
-from workbench.sampling.ensembles import run
+from workbench.sampling.ensembles import EnsembleSettings, differential_evolution, run
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.moves import differential_evolution
 from workbench.sampling.subspace import fixed, subspace_of
 
 pytestmark = pytest.mark.thorough

@@ -8,7 +8,7 @@ from tests.sampling.densities import conditioned, gaussian
 from workbench.errors import BadArgument
 from workbench.experiments import find
 from workbench.sampling import NotConverged, Usability, fixed, integrated, laplace, sample
-from workbench.sampling.contraction import contraction, prior_deviations
+from workbench.sampling.conditioning import contraction, prior_deviations
 from workbench.sampling.subspace import Subspace
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])

@@ -10,12 +10,13 @@ import workbench as wb
 from tests.sampling.densities import gaussian, two_modes
 from workbench.residuals import geman_mcclure
 from workbench.sampling import Usability, laplace, sample
-from workbench.sampling.descent import Mode, mode_from
 from workbench.sampling.hamiltonian import HamiltonianRun, HamiltonianSettings, run_hamiltonian
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.modes import (
     REACH,
+    Mode,
     missed_mode,
+    mode_from,
     modes,
     nearest_mode,
     shortest_rotations,

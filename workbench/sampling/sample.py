@@ -1,35 +1,195 @@
 """`sample`: a posterior from a problem, a point and the names of what is to be sampled."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Values
+from workbench.blocks.layout import entries
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.problem.costs import compiled, interpreted
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.ensemble_settings import (
+from workbench.sampling.ensembles import (
     Callback,
+    EnsembleRun,
     EnsembleSettings,
+    Moves,
+    differential_evolution,
+    run,
     thinning,
     without_burn_in,
 )
-from workbench.sampling.ensembles import EnsembleRun, run
-from workbench.sampling.feasible import refuse_flat, violation_in_words
-from workbench.sampling.hamiltonian import HamiltonianSettings
+from workbench.sampling.hamiltonian import HamiltonianRun, HamiltonianSettings, run_hamiltonian
 from workbench.sampling.importance import of_the_rest
-from workbench.sampling.joint import jointly, named
-from workbench.sampling.log_density import LogDensity
-from workbench.sampling.modes import improper_in_words
-from workbench.sampling.moves import Moves, differential_evolution
+from workbench.sampling.log_density import LogDensity, refuse_flat, violation_in_words
+from workbench.sampling.modes import (
+    Mode,
+    ModeSearch,
+    NoMinimum,
+    improper_in_words,
+    mode_from,
+    modes,
+    rows_between,
+    walkers_at,
+)
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
-from workbench.sampling.with_the_rest import drawn_with_the_rest
+from workbench.sampling.subspace import (
+    BandedRest,
+    Improper,
+    Names,
+    Rest,
+    Subspace,
+    fixed,
+    integrated,
+    movable,
+    subspace_of,
+)
 from workbench.threads import limited_threads
+
+MOST = 21  # free numbers that ensembles sample well
+MOST_LIMITED = 200  # and that Laplace's Gaussian is cut off in
+
+
+def named(problem: Problem, names: str | Iterable[str] | None) -> tuple[str, ...]:
+    """The names as a tuple: of all free blocks, if none are given."""
+    if names is None:
+        return problem.free.names
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def jointly(
+    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...]
+) -> tuple[str, ...]:
+    """The labels of all numbers that can be drawn with the named ones; empty if these are too many.
+
+    Empty as well where nothing but the named ones could be drawn. Numbers with equal bounds, and
+    those that equations read, are not drawn.
+    """
+    return _together(problem, at, wanted, MOST)
+
+
+def jointly_with_limits(
+    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...]
+) -> tuple[str, ...]:
+    """`jointly` for Laplace's approximation; limits on any number cut off the whole Gaussian."""
+    limited = problem.bounded or problem.stacked_constraints is not None
+    return _together(problem, at, wanted, MOST_LIMITED if limited else MOST)
+
+
+def _together(
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    wanted: tuple[str, ...],
+    most: int,
+) -> tuple[str, ...]:
+    chosen = entries(problem.free, wanted)
+    if problem.free.size > most or len(chosen) == problem.free.size:
+        return ()
+    x, given = problem.split(at)
+    here = problem.linearize_at(x, given)
+    free = movable(problem)
+    if (
+        here.by_frames or not free[chosen].all()
+    ):  # an equation or equal bounds: refused where they are read
+        return ()
+    others = np.setdiff1d(np.flatnonzero(free), chosen)
+    if not others.size:
+        return ()
+    between = rows_between(problem.lower, problem.upper, 1.0)
+    J = np.vstack([here.dense, between])[:, others]
+    lengths = np.linalg.norm(J, axis=0)
+    if np.linalg.matrix_rank(J / np.where(lengths > 0, lengths, 1.0)) < len(others):
+        return ()  # they would have no width; the named ones may have one
+    return tuple(problem.free.labels_of(np.sort(np.concatenate([chosen, others]))))
+
+
+SAME = 1.0  # standard deviations between two modes that are one in what is named
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRun:
+    """A run on all free numbers, with modes and draws of what is named."""
+
+    run: HamiltonianRun
+    mode_search: ModeSearch
+
+    @property
+    def in_words(self) -> str:
+        """What was drawn, for a comparison."""
+        n, effective = self.run.points.shape[1], self.run.mixing.effective.min()
+        return f"{effective:,.0f} effective draws of all {n} free numbers"
+
+
+def drawn_with_the_rest(
+    target: LogDensity,
+    plan: HamiltonianSettings,
+    rng: np.random.Generator,
+    callback: Callback = None,
+) -> WholeRun | None:
+    """Draws of all free numbers, judged in what the target samples; None where that is not to be.
+
+    That is so for long sequences, and where a direction of the rest has no width or leads to no
+    minimum. Chains begin at draws of Laplace's approximation at the modes of everything, each mode
+    by its share of the mass.
+    """
+    problem, given, space = target.problem, target.fixed, target.subspace
+    if isinstance(space.rest, BandedRest):
+        return None
+    x = space.origin
+    free = np.flatnonzero(movable(problem))
+    whole = LogDensity(
+        problem, given, fixed(problem, problem.linearize_at(x, given), x, free), target.way
+    )
+    try:
+        first = mode_from(whole, whole.subspace.centre)
+        found = modes(whole, first, rng)
+    except (Improper, NoMinimum, np.linalg.LinAlgError):
+        return None
+    starts = walkers_at(whole, found.modes, plan.ensembles * plan.walkers, rng)
+    into = _into(space, free)
+    run = run_hamiltonian(
+        whole,
+        starts,
+        found.modes,
+        lambda z: space.centre + (z - x[free]) @ into.T,
+        space.labels,
+        plan,
+        rng,
+        callback,
+    )
+    return WholeRun(run, replace(found, modes=_seen(found.modes, space, x[free], into)))
+
+
+def _into(space: Subspace, free: Index) -> Array:
+    """The matrix (k, c) that takes a change of all that is free to the change of z."""
+    if space.entries is not None:
+        return np.asarray((space.entries[:, None] == free).astype(float))
+    return np.asarray(np.linalg.pinv(space.span[free])[: space.size])
+
+
+def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) -> tuple[Mode, ...]:
+    """The modes in z; those that are the same there are one."""
+    kept: list[Mode] = []
+    for mode in found:
+        half = np.asarray(np.asarray(np.linalg.qr((into @ mode.half).T, mode="r")).T)
+        one = replace(mode, z=space.centre + into @ (mode.z - centre), half=half)
+        same = [
+            i for i, known in enumerate(kept) if max(known.away(one.z), one.away(known.z)) < SAME
+        ]
+        if same:
+            known = kept[same[0]]
+            kept[same[0]] = replace(
+                known, share=known.share + one.share, found=known.found + one.found
+            )
+        else:
+            kept.append(one)
+    return tuple(kept)
+
 
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
 LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
@@ -61,8 +221,7 @@ def sample(
     Laplace's approximation stands for those that are not named (`rest=integrated`). Unless
     importance weights say that it surely holds, all free numbers are then drawn by Hamiltonian
     Monte Carlo, and the verdict judges the draws of those that are named. Numbers can also be held
-    fixed (`rest=fixed`), or follow the named entries by the linear equations among the constraints
-    (`rest=determined`). Holding numbers fixed makes intervals narrower, or conditional;
+    fixed (`rest=fixed`), which makes intervals narrower, or conditional;
     `Posterior.conditioning` says by how much, and if the factor is above 1.2, the draws are not
     called usable. Up to about 20 entries can be sampled well; more are allowed, and the verdict
     says whether their draws are usable.
@@ -74,7 +233,7 @@ def sample(
     number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
     usable; Hamiltonian Monte Carlo takes at most twice as many leapfrog steps. One of every `thin`
     steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`,
-    which is a file in emcee's HDF5 format that is replaced every few seconds, a run that was
+    which is an .npz file that is replaced every few seconds, a run that was
     stopped or killed continues where it was, and its result is the same; draws of Hamiltonian Monte
     Carlo are not in that file and are made again. If the checkpoint cannot be written, for example
     on a full disk, the log says so once, `Posterior.unsaved` says why, and the run continues. An
