@@ -19,7 +19,8 @@ from workbench.sampling import (
     posterior_mean,
     sample,
 )
-from workbench.sampling.hamiltonian import HamiltonianRun, HamiltonianSettings, run_hamiltonian
+from workbench.sampling.ensembles import SamplerSettings
+from workbench.sampling.hamiltonian import HamiltonianRun, run_hamiltonian
 from workbench.sampling.importance import Importance, compared, of_laplace, psis
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.modes import mode_from
@@ -147,7 +148,7 @@ def test_runs_can_be_stopped() -> None:
 def test_progress_ends_at_its_goal_and_numpys_true_stops() -> None:
     target = target_of(gaussian(np.eye(2)))
     modes = (mode_from(target, np.zeros(2)),)
-    plan = HamiltonianSettings(2, 4, steps=100, whole=True)
+    plan = SamplerSettings(4, 2, steps=100, whole=True)
     seen: list[int] = []
 
     def draw(stop: int) -> HamiltonianRun:

@@ -25,7 +25,7 @@ from workbench.reports.posterior_summary import (
     entries_table,
     truth_of,
 )
-from workbench.sampling import Posterior, compared_with_laplace, search_in_words
+from workbench.sampling import Posterior, compared_with_laplace
 
 DRAWN = 24  # bodies in a spray
 
@@ -132,7 +132,7 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
 
 
 def _modes(p: Posterior) -> str:
-    said = f"Modes: {search_in_words(p.mode_search)}."
+    said = f"Modes: {p.mode_search}."
     if len(p.modes) < 2:
         return said
     shares = ", ".join(f"{mode.share:.0%}" for mode in p.modes)

@@ -21,7 +21,7 @@ from workbench.sampling.ensembles import MOVES, BiasedMove, Progress
 from workbench.sampling.importance import Importance
 from workbench.sampling.laplace import EntryComparison, compared_with_laplace, laplace
 from workbench.sampling.mixing import Mixing, Usability, integrated_time
-from workbench.sampling.modes import Mode, ModeSearch, search_in_words
+from workbench.sampling.modes import Mode, ModeSearch
 from workbench.sampling.posterior import NotConverged, Posterior
 from workbench.sampling.posterior_mean import PosteriorMean, posterior_mean
 from workbench.sampling.sample import sample
@@ -64,5 +64,4 @@ __all__ = [
     "prior_deviations",
     "sample",
     "sampling_blocks",
-    "search_in_words",
 ]

@@ -149,16 +149,17 @@ def asks_to_stop(answer: object) -> bool:
 
 
 @dataclass(frozen=True)
-class EnsembleSettings:
-    """How to sample: several independent ensembles of walkers.
+class SamplerSettings:
+    """How to sample: several independent ensembles of walkers, or of Hamiltonian chains.
 
-    A run ends early, after 1/16, 1/8, 1/4 or 1/2 of the steps, if its draws are usable by then.
+    Ensembles of walkers end early, after 1/16, 1/8, 1/4 or 1/2 of the steps, if their draws are
+    usable by then; chains are judged after 150, 300, 600, ... trajectories.
 
     Attributes:
-        walkers: how many walkers an ensemble has.
+        walkers: how many walkers or chains an ensemble has.
         ensembles: how many independent ensembles there are.
-        steps: how many steps each walker takes at most.
-        thin: every how many steps one is kept.
+        steps: how many steps, or leapfrog steps, each takes at most.
+        thin: every how many steps of a walker one is kept.
         seed: the seed of all random numbers.
         moves: emcee's moves with their weights.
         whole: whether to take all steps, even if the draws are usable earlier.
@@ -167,9 +168,9 @@ class EnsembleSettings:
     walkers: int
     ensembles: int
     steps: int
-    thin: int
-    seed: int
-    moves: Moves = field(repr=False)
+    thin: int = 1
+    seed: int = 0
+    moves: Moves = field(default=(), repr=False)
     whole: bool = False
 
     def generator(self, stream: int) -> np.random.Generator:
@@ -238,7 +239,7 @@ class EnsembleRun:
 
 def run(
     target: LogDensity,
-    plan: EnsembleSettings,
+    plan: SamplerSettings,
     *,
     checkpoint: Path | None = None,
     every: float = 30.0,
@@ -275,7 +276,7 @@ def run(
 
 def _drawn(
     team: "_Team",
-    plan: EnsembleSettings,
+    plan: SamplerSettings,
     kept: Checkpoint,
     interrupts: Interrupts,
     callback: Callback,
@@ -301,7 +302,7 @@ class _Team:
     def __init__(
         self,
         samplers: list[tuple[Any, Any]],
-        plan: EnsembleSettings,
+        plan: SamplerSettings,
         improper: Callable[[Array], str],
     ) -> None:
         self._plan, self._improper = plan, improper
@@ -329,7 +330,7 @@ class _Team:
         `check` is called before each of them, and may raise.
         """
         for goal in self._plan.checks:
-            while min(done[0] for done in self._done) < goal:
+            while self._count < goal:
                 for e, backend in enumerate(self._backends):
                     if self._done[e][0] < goal:
                         check()
@@ -341,8 +342,13 @@ class _Team:
             if goal < self._plan.kept and self._enough(goal):
                 return
 
+    @property
+    def _count(self) -> int:
+        """How many steps all ensembles have kept."""
+        return min(done[0] for done in self._done)
+
     def _progress(self, began: float) -> Progress:
-        step = min(done[0] for done in self._done) * self._plan.thin
+        step = self._count * self._plan.thin
         return Progress(step, self._plan.steps, self.acceptance, time.perf_counter() - began)
 
     @property
@@ -354,10 +360,10 @@ class _Team:
 
     def _run_away(self) -> bool:
         """Whether walkers are where there is no posterior; asked now and then."""
-        count = min(done[0] for done in self._done)
-        if count % ASKED:
+        if self._count % ASKED:
             return False
-        return bool(self._improper(np.stack([b.chain[count - 1] for b in self._backends])))
+        last = [backend.chain[self._count - 1] for backend in self._backends]
+        return bool(self._improper(np.stack(last)))
 
     def _enough(self, goal: int) -> bool:
         draws = np.stack([backend.chain[:goal] for backend in self._backends])
@@ -366,7 +372,7 @@ class _Team:
 
     def save(self, path: Path, settings: dict[str, Any]) -> None:
         """Each ensemble after its last complete step, once each has one."""
-        if min(done[0] for done in self._done):
+        if self._count:
             pairs = zip(self._backends, self._done, strict=True)
             each = [SavedEnsemble(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
             save(path, each, settings)
@@ -375,16 +381,13 @@ class _Team:
         self, found: ModeSearch, seconds: float, interrupted: bool, unsaved: str
     ) -> EnsembleRun:
         """All that all ensembles have."""
-        n = min(done[0] for done in self._done)
-        chain, log_prob = (
-            np.stack([getattr(backend, name)[:n] for backend in self._backends])
-            for name in ("chain", "log_prob")
-        )
+        chain = np.stack([backend.chain[: self._count] for backend in self._backends])
+        log_prob = np.stack([backend.log_prob[: self._count] for backend in self._backends])
         return EnsembleRun(chain, log_prob, self.acceptance, found, seconds, interrupted, unsaved)
 
 
 def _fresh(
-    target: LogDensity, plan: EnsembleSettings, found: tuple[Mode, ...], seed: Any
+    target: LogDensity, plan: SamplerSettings, found: tuple[Mode, ...], seed: Any
 ) -> tuple[Any, Any]:
     rng = np.random.default_rng(seed)
     start = walkers_at(target, found, plan.walkers, rng)
@@ -393,7 +396,7 @@ def _fresh(
     return sampler, emcee().State(start, log_prob=target(start), random_state=random.get_state())
 
 
-def _taken_up(target: LogDensity, plan: EnsembleSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
+def _taken_up(target: LogDensity, plan: SamplerSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
     steps, walkers, k = saved.chain.shape
     backend = emcee().backends.Backend()
     backend.reset(walkers, k)
@@ -404,7 +407,7 @@ def _taken_up(target: LogDensity, plan: EnsembleSettings, saved: SavedEnsemble) 
     return sampler, sampler.get_last_sample()
 
 
-def _sampler(target: LogDensity, plan: EnsembleSettings, backend: Any) -> Any:
+def _sampler(target: LogDensity, plan: SamplerSettings, backend: Any) -> Any:
     k = target.subspace.size
     sampler = emcee().EnsembleSampler(
         plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
@@ -414,7 +417,7 @@ def _sampler(target: LogDensity, plan: EnsembleSettings, backend: Any) -> Any:
     return sampler
 
 
-def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
+def _settings(target: LogDensity, plan: SamplerSettings) -> dict[str, Any]:
     """The settings by which a checkpoint is known to belong to the same run."""
     space = target.subspace
     digest = hashlib.sha256()
@@ -426,11 +429,8 @@ def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
     if there is not None:
         digest.update("\n".join(there.label(row) for row in range(there.size)).encode())
         digest.update(there.lower.tobytes() + there.upper.tobytes() + there.tolerance.tobytes())
-    limited: dict[str, Any] = {}
-    if problem.domain is not None:  # draws that were made without it may be outside
-        limited["domain"] = "minded"
-        digest.update(b"domain")
-    return limited | {
+    return {
+        "domain": problem.domain is not None,  # draws that were made without it may be outside
         "walkers": plan.walkers,
         "ensembles": plan.ensembles,
         "steps": plan.steps,

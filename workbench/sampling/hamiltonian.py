@@ -10,14 +10,14 @@ along a bent ridge of many dimensions, where proposals of ensembles are hardly e
 
 Steps are taken in u, with x = centre + half u. `half` is first that of Laplace's approximation, and
 after half of the warm-up a square root of the covariance of all chains, each about the mean of the
-chains at the same mode. The step is adapted during
-the warm-up until 95 % of the ends are accepted. A longer step would suit most places, but in a bent
-ridge chains would hardly ever leave those where the density is narrow, and its tails would be
-explored slowly. Each chain takes a random fraction of the step, and trajectories have random
-lengths, so that none returns to where it began. Where several modes are known, each trajectory is
-followed by an attempt to jump from one mode to another (Pompe, Holmes and Latuszynski 2020, A
-framework for adaptive MCMC targeting multimodal distributions). An end beyond bounds or constraints
-is refused, so that many active bounds make chains slow.
+chains at the same mode. The step is adapted during the warm-up until 95 % of the ends are accepted.
+A longer step would suit most places, but in a bent ridge chains would hardly ever leave those where
+the density is narrow, and its tails would be explored slowly. Each chain takes a random fraction of
+the step, and trajectories have random lengths, so that none returns to where it began. Where
+several modes are known, each trajectory is followed by an attempt to jump from one mode to another
+(Pompe, Holmes and Latuszynski 2020, A framework for adaptive MCMC targeting multimodal
+distributions). An end beyond bounds or constraints is refused, so that many active bounds make
+chains slow.
 """
 
 import time
@@ -28,7 +28,13 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.interrupts import Interrupts
-from workbench.sampling.ensembles import Callback, Progress, asks_to_stop, without_burn_in
+from workbench.sampling.ensembles import (
+    Callback,
+    Progress,
+    SamplerSettings,
+    asks_to_stop,
+    without_burn_in,
+)
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import TIMES, Mixing
 from workbench.sampling.modes import Mode, nearest_mode
@@ -151,19 +157,6 @@ FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
 KEPT = 4096  # points with all numbers that are kept at least, if there are as many
 
 
-@dataclass(frozen=True)
-class HamiltonianSettings:
-    """How many ensembles of chains there are, and how many leapfrog steps each chain takes at most.
-
-    A run ends when its draws are usable, unless it is to take the `whole` of its steps.
-    """
-
-    ensembles: int
-    walkers: int
-    steps: int
-    whole: bool = False
-
-
 @dataclass(frozen=True, eq=False)
 class HamiltonianRun:
     """What a run has drawn.
@@ -194,7 +187,7 @@ def run_hamiltonian(
     found: Sequence[Mode],
     judged: Callable[[Array], Array],
     labels: tuple[str, ...],
-    plan: HamiltonianSettings,
+    plan: SamplerSettings,
     rng: np.random.Generator,
     callback: Callback = None,
 ) -> HamiltonianRun:
@@ -232,11 +225,11 @@ def run_hamiltonian(
                     kept.add(judged(chains.z), chains.log_p, chance, steps)
                     kept.points.add(target.subspace.points(chains.z))
                 if callback is not None:
+                    taken = min(steps, plan.steps)  # the last trajectory may lead beyond
                     seconds = time.perf_counter() - began
-                    step_now = min(steps, plan.steps)  # the last trajectory may be longer
-                    told = Progress(step_now, plan.steps, chance, seconds, True)
                     with interrupts.raised_at_once():
-                        stopped = asks_to_stop(callback(told))
+                        progress = Progress(taken, plan.steps, chance, seconds, all_free=True)
+                        stopped = asks_to_stop(callback(progress))
                     if stopped:
                         break
         except KeyboardInterrupt:
@@ -252,7 +245,7 @@ def run_hamiltonian(
 class _Kept:
     """What is kept of a run after its warm-up of `warm` leapfrog steps."""
 
-    def __init__(self, plan: HamiltonianSettings, labels: tuple[str, ...]) -> None:
+    def __init__(self, plan: SamplerSettings, labels: tuple[str, ...]) -> None:
         self._plan, self._labels, self._goal = plan, labels, CHECKED
         self._z: list[Array] = []
         self._log_p: list[Array] = []

@@ -1,4 +1,7 @@
-"""Laplace's approximation as draws: the Gaussian with the cost's curvature at its minimum."""
+"""Laplace's approximation as draws: the Gaussian with the cost's curvature at its minimum.
+
+Bounds and inequality constraints cut it off (`TruncatedGaussian`).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,7 +15,7 @@ from workbench.errors import BadArgument, NotSupported
 from workbench.problem import Problem
 from workbench.problem.costs import compiled
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.hamiltonian import HamiltonianSettings
+from workbench.sampling.ensembles import SamplerSettings
 from workbench.sampling.importance import compared, of_laplace
 from workbench.sampling.log_density import LogDensity, refuse_flat, refuse_undefined
 from workbench.sampling.mixing import Mixing
@@ -26,7 +29,7 @@ from workbench.sampling.modes import (
     rows_between,
 )
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.sample import drawn_with_the_rest, jointly_with_limits, named
+from workbench.sampling.sample import MOST, drawn_with_the_rest, jointly, named
 from workbench.sampling.subspace import Names, Rest, Subspace, fixed, integrated, subspace_of
 from workbench.threads import limited_threads
 
@@ -38,9 +41,17 @@ PARTICLES = 1000  # side by side
 WARM = 40  # flights before the first that counts
 APART = 10  # flights from one that counts to the next: in a tail, one alone does not forget
 ROUNDS = 30  # of draws that replace those outside of the domains of residuals, at most
-MOST = 2000  # reflections of a flight; one with more is undone, which is as likely both ways
+REFLECTIONS = 2000  # reflections of a flight; one with more is undone, which is as likely both ways
 UNDONE = 0.01  # of all flights, at most
 TOUCHING = 1e-12  # of the size of the terms: on the limit, but for rounding
+MOST_LIMITED = 200  # numbers that limits cut the Gaussian off in
+CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
+WALKERS, STEPS = 64, 20_000  # of the draws that it is compared with, as `sample` makes them
+SHIFTED = 0.3  # of Laplace's standard deviation
+WIDER, NARROWER = 1.15, 0.87  # standard deviation over Laplace's
+SKEWED = 0.5  # third moment over the cube of the standard deviation
+VALLEY = 0.7  # of the lower of two peaks: deeper ones part two modes
+SEEN = 0.1  # of the higher peak: lower ones are noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +211,7 @@ def _flown(F: Array, g: Array, w: Array, v: Array) -> Array:
     left = np.full(len(w), np.pi / 2)
     lengths = np.sum(F**2, axis=1)
     going = np.arange(len(w))
-    for _ in range(MOST):
+    for _ in range(REFLECTIONS):
         t, limit = _met(F, g, w[going], v[going])
         t = np.minimum(t, left[going])
         c, s = np.cos(t)[:, None], np.sin(t)[:, None]
@@ -231,15 +242,6 @@ def _met(F: Array, g: Array, w: Array, v: Array) -> tuple[Array, Index]:
     return t[np.arange(len(w)), limit], limit
 
 
-CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
-WALKERS, STEPS = 64, 20_000  # of the draws that it is compared with, as `sample` makes them
-SHIFTED = 0.3  # of Laplace's standard deviation
-WIDER, NARROWER = 1.15, 0.87  # standard deviation over Laplace's
-SKEWED = 0.5  # third moment over the cube of the standard deviation
-VALLEY = 0.7  # of the lower of two peaks: deeper ones part two modes
-SEEN = 0.1  # of the higher peak: lower ones are noise
-
-
 def laplace(
     problem: Problem,
     at: Mapping[str, ArrayLike],
@@ -253,8 +255,8 @@ def laplace(
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
     J'J is Gauss and Newton's Hessian, whitened. What is not named is integrated out, unless `rest`
-    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off (see
-    `cut`), which is exact where residuals and constraints are linear, and so do the domains of
+    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off,
+    which is exact where residuals and constraints are linear, and so do the domains of
     residuals: no draw is behind a camera. The verdict compares the Gaussian with the posterior by
     importance weights, and looks for other modes, of which the Gaussian knows nothing. Where the
     weights say that the Gaussian of all free numbers does not fit, the named entries alone are
@@ -266,7 +268,10 @@ def laplace(
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
     wanted = None if callable(names) or rest is not integrated else named(problem, names)
-    if wanted is not None and (all_of := jointly_with_limits(problem, at, wanted)):
+    # limits on any number cut off the Gaussian of all numbers
+    limited = problem.bounded or problem.stacked_constraints is not None
+    most = MOST_LIMITED if limited else MOST
+    if wanted is not None and (all_of := jointly(problem, at, wanted, most)):
         found_whole = laplace(problem, at, all_of, rest=fixed, draws=draws, seed=seed)
         space = subspace_of(problem, x, given, wanted, rest)
         return _named_alone(found_whole.marginal(wanted), space, given, against, seed)
@@ -323,7 +328,7 @@ def _named_alone(
     else:
         target = LogDensity(posterior.problem, given, space, compiled)
         rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
-        whole = drawn_with_the_rest(target, HamiltonianSettings(CHAINS, WALKERS, STEPS), rng)
+        whole = drawn_with_the_rest(target, SamplerSettings(WALKERS, CHAINS, STEPS), rng)
         if whole is None or not whole.run.mixing.usable:
             return posterior
         beside, drawn = whole.in_words, whole.run.mixing.draws.reshape(-1, posterior.size)

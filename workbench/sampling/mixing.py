@@ -217,14 +217,15 @@ class Mixing:
             return Usability.TOO_SHORT, (
                 f"there is nothing to judge by; take {self.asked(FIRST * GAUSSIAN * k)}"
             )
+        fewer = "sample fewer entries" if k > 1 else "give it bounds: it may have no width"
         if self.acceptance < SLOW:
             return Usability.NOT_MIXING, (
-                f"only {self.acceptance:.1%} of the proposals are accepted; sample fewer entries"
+                f"only {self.acceptance:.1%} of the proposals are accepted; {fewer}"
             )
         if self.stuck:
             return Usability.NOT_MIXING, (
                 f"{self.stuck} of {E * W} walkers did not move at all in the second half; start "
-                "nearer to the mode, or sample fewer entries"
+                f"nearer to the mode, or {fewer}"
             )
         worst, scale = int(np.argmax(self.scales)), float(self.scales.max())
         if scale > APART:
@@ -244,7 +245,7 @@ class Mixing:
             return Usability.NOT_MIXING, (
                 f"ensembles differ by more than their memory explains in "
                 f"{self.labels[int(np.argmin(chance))]} (a chance of {chance.min():.0e}): they "
-                "remember longer than their autocorrelation times say. Sample fewer entries"
+                "remember longer than their autocorrelation times say; take more steps, or " + fewer
             )
         if scale > SCALE or self.effective.min() < DRAWS:
             few = DRAWS / float(self.effective.min())

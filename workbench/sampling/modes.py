@@ -48,10 +48,13 @@ class Mode:
     found: int = 1
     settled: bool = True
 
-    def of_entries(self, at: Index) -> "Mode":
-        """The same minimum in some entries (m,): the marginal of its Gaussian."""
-        half = np.asarray(np.asarray(np.linalg.qr(self.half[at].T, mode="r")).T)
-        return replace(self, z=self.z[at], half=half)
+    def seen(self, into: Array, z: Array) -> "Mode":
+        """The same minimum at z (m,) in other coordinates, of which `into` (m, k) is the Jacobian.
+
+        Its Gaussian is the marginal where m < k.
+        """
+        R = np.linalg.qr((into @ self.half).T, mode="r")
+        return replace(self, z=z, half=np.asarray(R).T)
 
     def away(self, z: Array) -> float:
         """How many standard deviations a point is away, as a root mean square over entries."""
@@ -170,20 +173,10 @@ def inverse_half(target: LogDensity, J: Array) -> Array:
     """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
     labels = target.subspace.labels
 
-    def named(direction: Array) -> str:
-        return f"a direction with {labels[int(np.argmax(abs(direction)))]}"
-
-    lengths, s, V = svd_of_full_rank(J, named)
+    lengths, s, V = svd_of_full_rank(
+        J, lambda direction: f"a direction with {labels[int(np.argmax(abs(direction)))]}"
+    )
     return np.asarray(V / s / lengths[:, None])
-
-
-def into_bounds(target: LogDensity, allowed: Array, z: Array) -> Array:
-    """z, or so much of the way to it from an allowed point that it has a density."""
-    for _ in range(60):
-        if np.isfinite(target(z[None])[0]):
-            return z
-        z = allowed + 0.5 * (z - allowed)
-    return allowed.copy()
 
 
 def _x(target: LogDensity, z: Array) -> Array:
@@ -202,7 +195,10 @@ def _constrained(
     lengths = np.linalg.norm(jacobian(start), axis=0)
     scale = 1 / np.where(lengths > 0, lengths, 1.0)
     G, low, high = dependent_bounds(target)
-    low, high = low + _inside(low), high - _inside(high)
+    inside = [
+        INSIDE * np.maximum(1.0, np.where(np.isfinite(side), abs(side), 0)) for side in (low, high)
+    ]
+    low, high = low + inside[0], high - inside[1]
     moving = np.zeros(0, dtype=bool)
     if there is not None:
         moving = ~there.equal  # an equation between numbers that stay is no matter of z
@@ -268,11 +264,6 @@ def _into_domain(target: LogDensity, start: Array, end: Array) -> Array:
     return np.asarray(start + inside * (end - start))
 
 
-def _inside(limit: Array) -> Array:
-    """How far inside of a limit a search is to stay."""
-    return INSIDE * np.maximum(1.0, np.where(np.isfinite(limit), abs(limit), 0.0))
-
-
 def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
     """By how much the linear model predicts that the cost can fall, entries at bounds fixed."""
     near = AT_A_BOUND * np.maximum(1.0, abs(z))
@@ -312,8 +303,6 @@ class SearchExtent:
     components: int = 0
 
     def __str__(self) -> str:
-        if not self.starts:
-            return "no other modes were looked for"
         said = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
         if self.components:
             said += f", from each of {self.components} components of mixtures"
@@ -327,6 +316,13 @@ class ModeSearch:
 
     modes: tuple[Mode, ...]
     extent: SearchExtent
+
+    def __str__(self) -> str:
+        count, extent = len(self.modes), self.extent
+        if not extent.starts:
+            return "no other modes were looked for"
+        said = f"{extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
+        return said if extent.components else f"{said}; a much narrower mode can be missed"
 
 
 def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSearch:
@@ -352,16 +348,13 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
             continue
         if not mode.settled:
             continue
-        same = [
-            j
-            for j, known in enumerate(found)
-            if abs(known.cost - mode.cost) < 0.1
-            and min(known.away(mode.z), mode.away(shortest_rotations(target, known.z))) < APART
-        ]
-        if same:
-            j = same[0]
-            best = min(found[j], mode, key=lambda m: m.cost)
-            found[j] = replace(best, found=found[j].found + 1)
+        for j, known in enumerate(found):
+            turned = shortest_rotations(target, known.z)
+            near = min(known.away(mode.z), mode.away(turned)) < APART
+            if near and abs(known.cost - mode.cost) < 0.1:
+                best = min(known, mode, key=lambda m: m.cost)
+                found[j] = replace(best, found=known.found + 1)
+                break
         else:
             found.append(mode)
     masses = np.array([mode.log_mass for mode in found])
@@ -372,28 +365,6 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
         if share > NEGLIGIBLE * shares.max()
     ]
     return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), extent)
-
-
-def missed_in_words(missed: tuple[float, float], exact: bool) -> str:
-    """What draws lack that hardly visit a mode; `exact` draws are Laplace's, of one mode."""
-    share, here = missed
-    return (
-        f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
-        f"approximation), where {here:.1%} of the draws are. "
-    ) + (
-        "Laplace's approximation is of one mode; draw with `sample`"
-        if exact
-        else "Begin at the other mode and compare, or add what tells the modes apart"
-    )
-
-
-def search_in_words(found: ModeSearch) -> str:
-    """How widely other modes were looked for, and how many modes are known."""
-    count = len(found.modes)
-    if not found.extent.starts:
-        return str(found.extent)
-    said = f"{found.extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
-    return said if found.extent.components else f"{said}; a much narrower mode can be missed"
 
 
 def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
@@ -440,7 +411,12 @@ def walkers_at(
             if np.isfinite(target(z[i : i + 1])[0]):
                 break
         else:
-            z[i] = into_bounds(target, mode.z, z[i])
+            for _ in range(60):  # so much of the way from the mode that it has a density
+                z[i] = mode.z + 0.5 * (z[i] - mode.z)
+                if np.isfinite(target(z[i : i + 1])[0]):
+                    break
+            else:
+                z[i] = mode.z
     return z
 
 

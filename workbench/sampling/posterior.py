@@ -23,75 +23,8 @@ from workbench.sampling.conditioning import (
 )
 from workbench.sampling.importance import Importance
 from workbench.sampling.mixing import Mixing, Usability
-from workbench.sampling.modes import Mode, ModeSearch, missed_in_words, missed_mode, search_in_words
+from workbench.sampling.modes import Mode, ModeSearch, missed_mode
 from workbench.sampling.subspace import Subspace
-
-
-def how_sampled(method: str, mixing: Mixing, seconds: float, interrupted: bool) -> str:
-    """How many ensembles, walkers and steps there were, and how long they took."""
-    E, S, W, k = mixing.draws.shape
-    if method == "laplace":
-        return f"Laplace's approximation, {E * S} independent draws of {k} entries"
-    how = f"{E} ensembles of {W} walkers"
-    if method == "hamiltonian":
-        how = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
-    return (
-        f"{'emcee: ' if method == 'emcee' else ''}{how}, {mixing.steps} steps after "
-        f"{mixing.discarded} discarded, {mixing.acceptance:.0%} accepted, {seconds:.1f} s"
-        + (", interrupted" if interrupted else "")
-    )
-
-
-def entry_table(
-    labels: tuple[str, ...],
-    units: tuple[str, ...],
-    numbers: Array,
-    held: Conditioning | None,
-    truth: Array | None,
-    bars: Array,
-) -> Iterator[str]:
-    """A line for each of some entries, after lines that say what the columns are.
-
-    The columns of `numbers` (k, 4) are mean, sd and the ends of the 90 % interval. `held` is given
-    if intervals are conditional. `truth` (k,) is what synthetic data were made of, and `bars` (k,)
-    the contractions, NaN where they are not known.
-    """
-    wide, known = max([5, *map(len, labels)]), bool(np.isfinite(bars).any())
-    if held is not None:
-        yield (
-            "The intervals are conditional: they hold only if what is held fixed is known "
-            "exactly. `marginal` is the sd by J'J if it is free too, and `ratio` is `marginal` "
-            "over the sd by J'J with it fixed"
-        )
-    if known:
-        yield "`contraction` is 1 - sd / (sd of the prior): 0 if the data said nothing"
-    yield (
-        f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
-        + ("" if held is None else f" {'marginal':>9} {'ratio':>7}  {'interval':11}")
-        + ("" if truth is None else f" {'truth':>10}")
-        + ("  contraction" if known else "")
-    ).rstrip()
-    for i, (label, (mean, sd, low, high)) in enumerate(zip(labels, numbers, strict=False)):
-        line = f"{label:{wide}} {mean:>10.4g} {sd:>9.3g} {low:>10.4g} {high:>10.4g}  {units[i]:6}"
-        if held is not None:
-            line += f" {held.marginal[i]:>9.3g} {held.ratios[i]:>7.3g}  conditional"
-        if truth is not None:
-            line += f" {truth[i]:>10.4g}"
-        if known:
-            line += f"  {contraction_bar(float(bars[i]))}"
-        yield line.rstrip()
-
-
-def time_table(mixing: Mixing, most: int) -> Iterator[str]:
-    """That there are no intervals; of chains, the entries with the longest times."""
-    if mixing.exact:
-        yield "No intervals are given."
-        return
-    wide = max([5, *(len(label) for label in mixing.labels[:most])])
-    yield "No intervals are given. The autocorrelation time of each entry, in steps:"
-    for i in np.argsort(-mixing.times)[:most]:
-        yield (f"{mixing.labels[i]:{wide}} {mixing.times[i]:>8.0f}   R-hat {mixing.scales[i]:.3f}")
-
 
 MOST = 40  # entries in a summary
 
@@ -206,14 +139,22 @@ class Posterior:
         if verdict is not Usability.USABLE:
             return verdict, why
         if of.missed_mode is not None:
-            return Usability.MODE_MISSED, missed_in_words(of.missed_mode, of.mixing.exact)
+            share, here = of.missed_mode
+            return Usability.MODE_MISSED, (
+                f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
+                f"approximation), where {here:.1%} of the draws are. "
+            ) + (
+                "Laplace's approximation is of one mode; draw with `sample`"
+                if of.mixing.exact
+                else "Begin at the other mode and compare, or add what tells the modes apart"
+            )
         if self.importance is not None and not self.importance.holds:
             return Usability.NOT_GAUSSIAN, str(self.importance)
         if not self.conditioning.holds:
             mixed = "" if self.mixing.exact else f"the chains have mixed ({why}), but "
             return Usability.CONDITIONAL, mixed + self.conditioning.failed
         fits = [] if self.importance is None else [str(self.importance)]
-        return verdict, "; ".join([why, *fits, search_in_words(self.mode_search)])
+        return verdict, "; ".join([why, *fits, str(self.mode_search)])
 
     @property
     def usable(self) -> bool:
@@ -277,7 +218,10 @@ class Posterior:
                 f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
             )
         at = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in meant])
-        there, modes = space.of_columns(at), tuple(mode.of_entries(at) for mode in self.modes)
+        there, modes = (
+            space.of_columns(at),
+            tuple(mode.seen(np.eye(self.size)[at], mode.z[at]) for mode in self.modes),
+        )
         draws = np.ascontiguousarray(self.draws[..., at])
         return replace(
             self,
@@ -366,8 +310,7 @@ class Posterior:
         `truth` (k,) holds what synthetic data were made of, and is printed beside the entries. With
         the names of the residuals that are `priors`, each line has a bar of `contraction`.
         """
-        how = how_sampled(self.method, self.mixing, self.seconds, self.interrupted)
-        lines = [self.verdict, how, f"Modes: {search_in_words(self.mode_search)}."]
+        lines = [self.verdict, self._how, f"Modes: {self.mode_search}."]
         if truth is not None:
             lines.append("The data are synthetic; `truth` is what they were made of")
         if len(self.modes) > 1:
@@ -379,12 +322,64 @@ class Posterior:
         if known := self.conditioning.given:
             lines.append(f"The problem assumes that these are known: {', '.join(known)}.")
         if self.mixed:
-            held = self.conditioning if self.conditional else None
-            numbers = np.column_stack([self.mean, self.sd, self.conditional_interval(0.9)])
-            bars = self.contraction(priors)
-            lines += entry_table(self.labels[:MOST], self.units, numbers, held, truth, bars)
+            lines += self._entry_lines(truth, self.contraction(priors))
+        elif self.mixing.exact:
+            lines.append("No intervals are given.")
         else:
-            lines += time_table(self.mixing, MOST)
+            lines.append(
+                "No intervals are given. The autocorrelation time of each entry, in steps:"
+            )
+            wide, mixing = max([5, *map(len, self.labels[:MOST])]), self.mixing
+            for i in np.argsort(-mixing.times)[:MOST]:
+                name, scale = mixing.labels[i], mixing.scales[i]
+                lines.append(f"{name:{wide}} {mixing.times[i]:>8.0f}   R-hat {scale:.3f}")
         if self.size > MOST:
             lines.append(f"and {self.size - MOST} entries more")
         return "\n".join(lines)
+
+    @property
+    def _how(self) -> str:
+        """How many ensembles, walkers and steps there were, and how long they took."""
+        E, S, W, k = self.draws.shape
+        if self.method == "laplace":
+            return f"Laplace's approximation, {E * S} independent draws of {k} entries"
+        how = f"emcee: {E} ensembles of {W} walkers"
+        if self.method == "hamiltonian":
+            how = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
+        return (
+            f"{how}, {self.mixing.steps} steps after {self.mixing.discarded} discarded, "
+            f"{self.mixing.acceptance:.0%} accepted, {self.seconds:.1f} s"
+            + (", interrupted" if self.interrupted else "")
+        )
+
+    def _entry_lines(self, truth: Array | None, bars: Array) -> Iterator[str]:
+        """A line for each entry, after lines that say what the columns are."""
+        held = self.conditioning if self.conditional else None
+        wide, known = max([5, *map(len, self.labels[:MOST])]), bool(np.isfinite(bars).any())
+        if held is not None:
+            yield (
+                "The intervals are conditional: they hold only if what is held fixed is known "
+                "exactly. `marginal` is the sd by J'J if it is free too, and `ratio` is `marginal` "
+                "over the sd by J'J with it fixed"
+            )
+        if known:
+            yield "`contraction` is 1 - sd / (sd of the prior): 0 if the data said nothing"
+        yield (
+            f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
+            + ("" if held is None else f" {'marginal':>9} {'ratio':>7}  {'interval':11}")
+            + ("" if truth is None else f" {'truth':>10}")
+            + ("  contraction" if known else "")
+        ).rstrip()
+        numbers = np.column_stack([self.mean, self.sd, self._central(0.9)])
+        for i, (label, (mean, sd, low, high)) in enumerate(
+            zip(self.labels[:MOST], numbers, strict=False)
+        ):
+            line = f"{label:{wide}} {mean:>10.4g} {sd:>9.3g} {low:>10.4g} {high:>10.4g}"
+            line += f"  {self.units[i]:6}"
+            if held is not None:
+                line += f" {held.marginal[i]:>9.3g} {held.ratios[i]:>7.3g}  conditional"
+            if truth is not None:
+                line += f" {truth[i]:>10.4g}"
+            if known:
+                line += f"  {contraction_bar(float(bars[i]))}"
+            yield line.rstrip()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.blocks.layout import entries
 from workbench.errors import BadArgument
@@ -17,14 +17,14 @@ from workbench.sampling.conditioning import conditioning
 from workbench.sampling.ensembles import (
     Callback,
     EnsembleRun,
-    EnsembleSettings,
     Moves,
+    SamplerSettings,
     differential_evolution,
     run,
     thinning,
     without_burn_in,
 )
-from workbench.sampling.hamiltonian import HamiltonianRun, HamiltonianSettings, run_hamiltonian
+from workbench.sampling.hamiltonian import HamiltonianRun, run_hamiltonian
 from workbench.sampling.importance import of_the_rest
 from workbench.sampling.log_density import LogDensity, refuse_flat, violation_in_words
 from workbench.sampling.modes import (
@@ -52,7 +52,10 @@ from workbench.sampling.subspace import (
 from workbench.threads import limited_threads
 
 MOST = 21  # free numbers that ensembles sample well
-MOST_LIMITED = 200  # and that Laplace's Gaussian is cut off in
+SAME = 1.0  # standard deviations between two modes that are one in what is named
+WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
+LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
+WARM_UP = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
 
 
 def named(problem: Problem, names: str | Iterable[str] | None) -> tuple[str, ...]:
@@ -63,52 +66,28 @@ def named(problem: Problem, names: str | Iterable[str] | None) -> tuple[str, ...
 
 
 def jointly(
-    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...]
+    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...], most: int = MOST
 ) -> tuple[str, ...]:
-    """The labels of all numbers that can be drawn with the named ones; empty if these are too many.
+    """The labels of all numbers to be drawn with the named ones, if there are at most so many.
 
-    Empty as well where nothing but the named ones could be drawn. Numbers with equal bounds, and
-    those that equations read, are not drawn.
+    Empty if there are more, if nothing but the named ones can be drawn, or if the others have no
+    width. Numbers with equal bounds, and those that equations read, are not drawn.
     """
-    return _together(problem, at, wanted, MOST)
-
-
-def jointly_with_limits(
-    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...]
-) -> tuple[str, ...]:
-    """`jointly` for Laplace's approximation; limits on any number cut off the whole Gaussian."""
-    limited = problem.bounded or problem.stacked_constraints is not None
-    return _together(problem, at, wanted, MOST_LIMITED if limited else MOST)
-
-
-def _together(
-    problem: Problem,
-    at: Mapping[str, ArrayLike],
-    wanted: tuple[str, ...],
-    most: int,
-) -> tuple[str, ...]:
     chosen = entries(problem.free, wanted)
     if problem.free.size > most or len(chosen) == problem.free.size:
         return ()
-    x, given = problem.split(at)
-    here = problem.linearize_at(x, given)
+    here = problem.linearize_at(*problem.split(at))
     free = movable(problem)
-    if (
-        here.by_frames or not free[chosen].all()
-    ):  # an equation or equal bounds: refused where they are read
-        return ()
     others = np.setdiff1d(np.flatnonzero(free), chosen)
-    if not others.size:
+    # named ones that cannot be drawn are refused where they are read
+    if here.by_frames or not free[chosen].all() or not others.size:
         return ()
     between = rows_between(problem.lower, problem.upper, 1.0)
     J = np.vstack([here.dense, between])[:, others]
     lengths = np.linalg.norm(J, axis=0)
     if np.linalg.matrix_rank(J / np.where(lengths > 0, lengths, 1.0)) < len(others):
-        return ()  # they would have no width; the named ones may have one
+        return ()
     return tuple(problem.free.labels_of(np.sort(np.concatenate([chosen, others]))))
-
-
-SAME = 1.0  # standard deviations between two modes that are one in what is named
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +106,7 @@ class WholeRun:
 
 def drawn_with_the_rest(
     target: LogDensity,
-    plan: HamiltonianSettings,
+    plan: SamplerSettings,
     rng: np.random.Generator,
     callback: Callback = None,
 ) -> WholeRun | None:
@@ -151,7 +130,11 @@ def drawn_with_the_rest(
     except (Improper, NoMinimum, np.linalg.LinAlgError):
         return None
     starts = walkers_at(whole, found.modes, plan.ensembles * plan.walkers, rng)
-    into = _into(space, free)
+    into = np.asarray(  # (k, c): takes a change of all that is free to the change of z
+        np.linalg.pinv(space.span[free])[: space.size]
+        if space.entries is None
+        else (space.entries[:, None] == free).astype(float)
+    )
     run = run_hamiltonian(
         whole,
         starts,
@@ -165,35 +148,19 @@ def drawn_with_the_rest(
     return WholeRun(run, replace(found, modes=_seen(found.modes, space, x[free], into)))
 
 
-def _into(space: Subspace, free: Index) -> Array:
-    """The matrix (k, c) that takes a change of all that is free to the change of z."""
-    if space.entries is not None:
-        return np.asarray((space.entries[:, None] == free).astype(float))
-    return np.asarray(np.linalg.pinv(space.span[free])[: space.size])
-
-
 def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) -> tuple[Mode, ...]:
     """The modes in z; those that are the same there are one."""
     kept: list[Mode] = []
     for mode in found:
-        half = np.asarray(np.asarray(np.linalg.qr((into @ mode.half).T, mode="r")).T)
-        one = replace(mode, z=space.centre + into @ (mode.z - centre), half=half)
-        same = [
-            i for i, known in enumerate(kept) if max(known.away(one.z), one.away(known.z)) < SAME
-        ]
-        if same:
-            known = kept[same[0]]
-            kept[same[0]] = replace(
-                known, share=known.share + one.share, found=known.found + one.found
-            )
+        one = mode.seen(into, space.centre + into @ (mode.z - centre))
+        for i, known in enumerate(kept):
+            if max(known.away(one.z), one.away(known.z)) < SAME:
+                share, count = known.share + one.share, known.found + one.found
+                kept[i] = replace(known, share=share, found=count)
+                break
         else:
             kept.append(one)
     return tuple(kept)
-
-
-WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
-LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
-WARM_UP = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
 
 
 def sample(
@@ -221,10 +188,10 @@ def sample(
     Laplace's approximation stands for those that are not named (`rest=integrated`). Unless
     importance weights say that it surely holds, all free numbers are then drawn by Hamiltonian
     Monte Carlo, and the verdict judges the draws of those that are named. Numbers can also be held
-    fixed (`rest=fixed`), which makes intervals narrower, or conditional;
-    `Posterior.conditioning` says by how much, and if the factor is above 1.2, the draws are not
-    called usable. Up to about 20 entries can be sampled well; more are allowed, and the verdict
-    says whether their draws are usable.
+    fixed (`rest=fixed`), which makes intervals narrower, or conditional: `Posterior.conditioning`
+    says by how much, and if the factor is above 1.2, the draws are not called usable. Up to about
+    20 entries can be sampled well; more are allowed, and the verdict says whether their draws are
+    usable.
 
     The posterior density is zero beyond bounds and inequality constraints, and outside of the
     domains of residuals, such as where a keypoint is behind its camera (`Residual.domain`).
@@ -232,10 +199,10 @@ def sample(
     There are `ensembles` independent ensembles of `walkers` walkers (64, or more than twice the
     number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
     usable; Hamiltonian Monte Carlo takes at most twice as many leapfrog steps. One of every `thin`
-    steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`,
-    which is an .npz file that is replaced every few seconds, a run that was
-    stopped or killed continues where it was, and its result is the same; draws of Hamiltonian Monte
-    Carlo are not in that file and are made again. If the checkpoint cannot be written, for example
+    steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`, which
+    is an .npz file that is replaced every so many seconds, a run that was stopped or killed
+    continues where it was, and its result is the same; draws of Hamiltonian Monte Carlo are not in
+    that file and are made again. If the checkpoint cannot be written, for example
     on a full disk, the log says so once, `Posterior.unsaved` says why, and the run continues. An
     interrupt from the keyboard, or a callback that returns True, ends a run; the draws up to then
     are kept.
@@ -255,11 +222,18 @@ def sample(
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
         moves = differential_evolution() if moves is None else moves
-        _check(walkers, steps, ensembles, k)
+        if walkers < 2 * k or walkers < 4 or walkers % 2:
+            raise BadArgument(
+                f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
+                f"{max(4, 2 * k)} or more"
+            )
+        for name, value in (("steps", steps), ("ensembles", ensembles)):
+            if value < 1:
+                raise BadArgument(f"{name} must be 1 or more, not {value}")
         thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
         if not 1 <= thin <= steps:
             raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
-        plan = EnsembleSettings(
+        plan = SamplerSettings(
             walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable
         )
         worth = walkers * ensembles * steps >= WORTH_COMPILING
@@ -288,7 +262,7 @@ def sample(
 
 
 def _along_the_ridge(
-    target: LogDensity, given: Values, drawn: EnsembleRun, plan: EnsembleSettings
+    target: LogDensity, given: Values, drawn: EnsembleRun, plan: SamplerSettings
 ) -> Posterior:
     """The draws of the ensembles, and what is known of them."""
     space, thin, k = target.subspace, plan.thin, target.subspace.size
@@ -313,12 +287,11 @@ def _along_the_ridge(
 
 
 def _with_the_rest(
-    target: LogDensity, along: Posterior, plan: EnsembleSettings, callback: Callback
+    target: LogDensity, along: Posterior, plan: SamplerSettings, callback: Callback
 ) -> Posterior:
     """Draws of all free numbers in place of those along the ridge, unless only these are usable."""
     assert along.importance is not None
-    most = LEAPFROG * plan.steps
-    settings = HamiltonianSettings(plan.ensembles, plan.walkers, most, plan.whole)
+    settings = replace(plan, steps=LEAPFROG * plan.steps)
     try:
         whole = drawn_with_the_rest(target, settings, plan.generator(2), callback)
     except KeyboardInterrupt:
@@ -340,14 +313,3 @@ def _with_the_rest(
         interrupted=run.interrupted,
         all_free=run.points,
     )
-
-
-def _check(walkers: int, steps: int, ensembles: int, k: int) -> None:
-    if walkers < 2 * k or walkers < 4 or walkers % 2:
-        raise BadArgument(
-            f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
-            f"{max(4, 2 * k)} or more"
-        )
-    for name, value in (("steps", steps), ("ensembles", ensembles)):
-        if value < 1:
-            raise BadArgument(f"{name} must be 1 or more, not {value}")
