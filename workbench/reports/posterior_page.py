@@ -47,7 +47,7 @@ def write_posterior(
     for anchor, part in anchors.items():
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
-    against = contradictions(setup)
+    against = contradictions(setup, [part.posterior for part in parts])
     words = [f"{text[0].upper()}{text[1:]}.\n" for text in against]
     words.append("\n".join(blocks_table(parts, setup).lines()) + "\n")
     for part in parts:

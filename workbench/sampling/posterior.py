@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.special
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
@@ -15,6 +16,7 @@ from workbench.blocks.layout import entries
 from workbench.environment import optional_library, version_of
 from workbench.errors import BadArgument, WorkbenchError, some_of
 from workbench.problem import Problem
+from workbench.residuals import quadratic
 from workbench.sampling.conditioning import (
     Conditioning,
     contraction,
@@ -27,6 +29,7 @@ from workbench.sampling.modes import Mode, ModeSearch, missed_mode
 from workbench.sampling.subspace import Subspace
 
 MOST = 40  # entries in a summary
+DOUBTED = 1e-6  # the chance of a sum of squares as large
 
 
 class NotConverged(WorkbenchError):
@@ -155,6 +158,34 @@ class Posterior:
             return Usability.CONDITIONAL, mixed + self.conditioning.failed
         fits = [] if self.importance is None else [str(self.importance)]
         return verdict, "; ".join([why, *fits, str(self.mode_search)])
+
+    @cached_property
+    def doubt(self) -> str:
+        """That the data contradict sigmas or priors, in a sentence; empty if that is not seen.
+
+        Where residuals are linear and sigmas right, the sum of squares of m rows at the minimum is
+        chi-square of m less the rank of J. It is doubted if a larger sum has a chance below 1e-6.
+        Nothing is known where a kernel or a mixture makes rows other than Gaussian, nor of long
+        sequences.
+        """
+        problem, of = self.problem, self if self.whole is None else self.whole
+        at, given = problem.split(self.given)
+        here = problem.linearize_at(of.subspace.points(of.modes[0].z[None])[0], given)
+        others = [one for one in problem.residuals if one.kernel is not quadratic or one.components]
+        if others or here.by_frames:
+            return ""
+        J, rows = here.dense, [here.residual, problem.residual(at, given)]
+        squares = min(float(r @ r) for r in rows)  # `at` may be the better minimum
+        lengths = np.linalg.norm(J, axis=0)
+        rank = int(np.linalg.matrix_rank(J / np.where(lengths > 0, lengths, 1.0)))
+        freedom = int((J.any(axis=1) | (rows[0] != 0)).sum()) - rank
+        if freedom < 1 or scipy.special.chdtrc(freedom, squares) >= DOUBTED:
+            return ""
+        return (
+            f"the data contradict the sigmas or the priors: the least sum of squares is "
+            f"{squares:,.0f}, where {freedom:,} are expected. The draws are those of this model, "
+            "whose intervals will hold the truth less often than they say"
+        )
 
     @property
     def usable(self) -> bool:
@@ -311,6 +342,8 @@ class Posterior:
         the names of the residuals that are `priors`, each line has a bar of `contraction`.
         """
         lines = [self.verdict, self._how, f"Modes: {self.mode_search}."]
+        if self.doubt:
+            lines.append(f"Doubtful: {self.doubt}.")
         if truth is not None:
             lines.append("The data are synthetic; `truth` is what they were made of")
         if len(self.modes) > 1:
