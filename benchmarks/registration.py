@@ -1,7 +1,7 @@
 """The command `python -m benchmarks.registration`: bodies fitted to simulated scans, against truth.
 
 `python -m benchmarks.registration RECORDING` fits `default` to scans of people in poses of a
-recording that are held out of the pose prior (`priors.mocap.held_out_poses`), with shapes outside
+recording that are held out of the pose prior (`held_out_poses`), with shapes outside
 of the body's shape space, and judges every fit by the truth. Numbers go to `results/`, and the
 tables of REGISTRATION.md are written from them.
 """
@@ -23,7 +23,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.comparison.statistics import rate
 from workbench.fitting import Scan, pose_prior, shape_prior
-from workbench.priors.mocap import held_out_poses
+from workbench.priors.recordings import held_out_poses
 from workbench.problem import Problem
 from workbench.registration import SEEN_STAGES, ModelFit, doubts, fit_model, support
 from workbench.residuals.contacts import Form, distance, offset

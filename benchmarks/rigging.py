@@ -2,7 +2,7 @@
 
     python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved] [--seed 3]
 
-RECORDING is a recording as `workbench.priors.mocap` reads it. In `recorded` the body makes the
+RECORDING is a recording as `workbench.priors.recordings` reads it. In `recorded` the body makes the
 recorded poses, in which feet, collars and hands do not move at all, and elbows and wrists hardly
 about more than one axis. In `moved` every joint is turned by made-up angles as well, of 0.15 rad
 (standard deviation) about each axis, so that each of them can be found. In `placed` the body is
@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
-from workbench.priors.mocap import read_mocap
+from workbench.priors.recordings import read_recording
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 
 RESULTS = Path(__file__).parent / "results" / "rigging.json"
@@ -87,7 +87,7 @@ def driven(recording: Path, kind: str, frames: int, seed: int) -> Driven:
         shapedirs=whole.shapedirs[:, :, :0],
         capsules=None,
     )
-    learned, others = read_mocap(recording).split()
+    learned, others = read_recording(recording).split()
     rng = np.random.default_rng(seed)
     meshes = []
     for source, count in ((learned, frames), (others, HELD_OUT)):

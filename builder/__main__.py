@@ -17,7 +17,7 @@ from builder.population import gather_sources
 from builder.sets import SetRecipe
 from builder.stored import PEOPLE, SEED, write_fine_weights, write_held_out_people
 from builder.wheel import Wheel, read_tensors
-from workbench.priors.mocap import read_mocap
+from workbench.priors.recordings import read_recording
 
 
 def main() -> None:
@@ -36,7 +36,7 @@ def main() -> None:
     )
     parser.add_argument("--jobs", type=int, default=2)
     arguments = parser.parse_args()
-    recorded = read_mocap(arguments.mocap).split()[1].poses if arguments.mocap else None
+    recorded = read_recording(arguments.mocap).split()[1].poses if arguments.mocap else None
     arguments.out.mkdir(parents=True, exist_ok=True)
     wheel = Wheel(arguments.wheel)
     write_fine_weights(wheel, arguments.out)

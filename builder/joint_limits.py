@@ -18,7 +18,7 @@ import numpy as np
 
 from workbench.bodies.hand_axes import ABDUCTION, DEVIATION, FLEXION, TWIST
 from workbench.geometry.mirror import AXIAL, opposite
-from workbench.priors.mocap import Mocap, read_mocap
+from workbench.priors.recordings import PoseRecording, read_recording
 
 AAOS, MERCK, ASSUMED = "AAOS", "Merck", "assumed"
 HAND_SOURCES = {
@@ -105,7 +105,7 @@ def _minus(limit: float | None) -> float | None:
     return None if limit is None else 0 - limit
 
 
-def recorded(mocap: Mocap) -> dict[str, Any]:
+def recorded(mocap: PoseRecording) -> dict[str, Any]:
     """The extremes of each joint below the pelvis, and the middle 98 % of its frames."""
     rows = []
     for j, joint in enumerate(mocap.joint_names):
@@ -137,7 +137,7 @@ def main() -> None:
     arguments = parser.parse_args()
     files = {
         "anatomical": anatomical(),
-        "recorded": recorded(read_mocap(arguments.mocap)),
+        "recorded": recorded(read_recording(arguments.mocap)),
         "hand": hand_limits(),
     }
     for name, content in files.items():

@@ -28,7 +28,7 @@ from workbench.errors import BadFile, WorkbenchError
 
 NEEDED = ("jupyterlite_core", "jupyterlite_pyodide_kernel")
 LAST = 8  # the lectures that are tried with what a browser has: the first eight
-FROM_PYODIDE = ("casadi", "nlopt", "numpy", "scipy", "matplotlib", "h5py")  # in C, built by it
+FROM_PYODIDE = ("casadi", "nlopt", "numpy", "scipy", "matplotlib")  # in C, built by it
 PURE = ("trimesh", "typer", "rich", "jinja2", "threadpoolctl", "joblib", "cloudpickle")  # Python
 INSTALLATION = f"""\
 # Once for each notebook; it takes a minute. The package asks for a newer CasADi than a browser has,

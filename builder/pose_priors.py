@@ -3,8 +3,8 @@
     python -m builder.pose_priors gaussian MOCAP.npz --out workbench/data/poses
 
 writes `cmu_gaussian.npz`; `mixture` and `student` write `cmu_mixture.npz` and `cmu_student.npz`.
-The recording is as `workbench.priors.mocap` describes it. `regressor` writes `regressor.npz`, the
-regressor of poses; it takes three minutes, and nothing but the package and scikit-learn (the extra
+The recording is as `workbench.priors.recordings` describes it. `regressor` writes
+`regressor.npz`, the regressor of poses; it takes three minutes, and nothing but the package and scikit-learn (the extra
 `learn`)."""
 
 import argparse
@@ -22,16 +22,17 @@ from workbench.errors import BadArgument
 from workbench.fitting.regressor_files import REGRESSOR_FILE, save_regressor
 from workbench.fitting.regressor_training import train_pose_regressor
 from workbench.geometry.mirror import AXIAL, opposites
-from workbench.priors.mocap import Mocap, read_mocap
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
     MIXTURE_FILE,
+    STUDENT_FILE,
     PoseGaussian,
     PoseMixture,
+    PoseStudent,
     numbers_of,
     shipped_mixture,
 )
-from workbench.priors.tailed_poses import STUDENT_FILE, PoseStudent
+from workbench.priors.recordings import PoseRecording, read_recording
 
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
@@ -51,7 +52,7 @@ def mirrored_pose(pose: Array, joints: Index) -> Array:
     return mirrored
 
 
-def both_ways(mocap: Mocap) -> tuple[Array, Mask]:
+def both_ways(mocap: PoseRecording) -> tuple[Array, Mask]:
     """The frames of a recording and their mirror images without the root, (2 F, 3 (K - 1)) rad.
 
     The second array (K - 1,) says which joints do not move in any of them.
@@ -62,7 +63,7 @@ def both_ways(mocap: Mocap) -> tuple[Array, Mask]:
     return both.reshape(len(both), -1), still
 
 
-def learn_pose_gaussian(mocap: Mocap) -> PoseGaussian:
+def learn_pose_gaussian(mocap: PoseRecording) -> PoseGaussian:
     """The Gaussian of the frames and their mirror images."""
     flat, still = both_ways(mocap)
     covariance = np.cov(flat.T) + LEAST_STD**2 * np.eye(flat.shape[1])
@@ -101,7 +102,9 @@ def build_gaussian(recording: Path | None, folder: Path) -> None:
     print(f"held out: {', '.join(prior.held_out)}")
 
 
-def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0) -> PoseMixture:
+def learn_pose_mixture(
+    mocap: PoseRecording, components: int = COMPONENTS, seed: int = 0
+) -> PoseMixture:
     """By expectation and maximisation over the frames and their mirror images.
 
     Joints that the recording does not move get a spread of their own, as in `pose_prior`.
@@ -191,7 +194,7 @@ def build_mixture(recording: Path | None, folder: Path) -> None:
     print(f"mean log density of held-out frames: {density:.2f}")
 
 
-def learn_pose_student(mocap: Mocap) -> PoseStudent:
+def learn_pose_student(mocap: PoseRecording) -> PoseStudent:
     """The scale of all frames and their mirror images, and the tails of clips that were left out.
 
     Each eighth of the clips is left out once. The degrees of freedom and a factor of the scale are
@@ -223,7 +226,7 @@ def learn_pose_student(mocap: Mocap) -> PoseStudent:
     return replace(whole, dof=float(dof), scale=factor * whole.scale)
 
 
-def _scale_of(mocap: Mocap, moves: Mask) -> PoseStudent:
+def _scale_of(mocap: PoseRecording, moves: Mask) -> PoseStudent:
     """Mean and scale of the joints that move (K - 1,), without the root, by expectation and
     maximisation (Lange, Little and Taylor 1989).
     """
@@ -281,11 +284,11 @@ def build_regressor(recording: Path | None, folder: Path) -> None:
     save_regressor(regressor, folder / REGRESSOR_FILE)
 
 
-def _split(recording: Path | None) -> tuple[Mocap, Mocap]:
+def _split(recording: Path | None) -> tuple[PoseRecording, PoseRecording]:
     """The clips to learn from, and those that are held out."""
     if recording is None:
         raise BadArgument("this prior is learned from a recording; give its file")
-    return read_mocap(recording).split()
+    return read_recording(recording).split()
 
 
 def main() -> None:

@@ -29,8 +29,8 @@ from builder.population import JITTER, Report, Sources, gather_sources
 from builder.wheel import Wheel
 from workbench.arrays import Array, Index, Mask
 from workbench.geometry.mirror import opposites
-from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
+from workbench.priors.recordings import read_recording
 from workbench.synthetic.teacher import JOINT_NAMES, PARENTS, Teacher, at_most_four
 from workbench.training.evaluation import AT_REST, CARD, GroundTruth
 from workbench.training.first_guess import Start, write_start
@@ -362,7 +362,7 @@ def main() -> None:
     arguments = parser.parse_args()
     recorded = None
     if arguments.mocap:
-        recorded = read_mocap(arguments.mocap).split()[1].poses
+        recorded = read_recording(arguments.mocap).split()[1].poses
     asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
     recipe = replace(SetRecipe(), **asked)
     wheel = Wheel(arguments.wheel)

@@ -2,7 +2,7 @@
 
     python -m builder.soft_tissue RECORDING --out workbench/data/tissue
 
-RECORDING is an .npz as `workbench.priors.recorded_motions` reads it. Clips of 2 s and more are
+RECORDING is an .npz as `workbench.priors.recordings` reads it. Clips of 2 s and more are
 splined to 60 frames a second and made by synthetic people, tissue is simulated on each of them, and
 the model is learned from it. The clips that the pose priors hold out are held out here as well. It
 takes about two minutes.
@@ -19,8 +19,7 @@ from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.motions import Motion, save_tissue, splined
 from workbench.motions.soft_tissue import SoftTissue
-from workbench.priors.mocap import read_mocap
-from workbench.priors.recorded_motions import recorded_motions
+from workbench.priors.recordings import read_recording, recorded_motions
 from workbench.synthetic import TissueLaw, simulate_tissue
 from workbench.training.soft_tissue import TissueClip, TissuePlan, train_tissue
 
@@ -47,7 +46,7 @@ class Recorded:
 
 def recorded(path: Path) -> Recorded:
     """The motions of a recording. Every fifth of the clips to learn from is for choices."""
-    held_out = set(read_mocap(path).split()[0].absent)
+    held_out = set(read_recording(path).split()[0].absent)
     long = [m for m in recorded_motions(path) if len(m) >= LEAST]
     wrong = [m for m in long if hardest_push(m) > FASTEST]
     good = [m for m in long if hardest_push(m) <= FASTEST]

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from workbench import environment
 
 LACKING = (
-    *("emcee", "arviz", "corner", "rtree"),
+    *("emcee", "arviz", "arviz_stats", "corner", "rtree"),
     *("_multiprocessing", "_posixshmem", "fcntl", "grp", "pwd", "readline", "resource", "termios"),
 )
 

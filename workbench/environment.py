@@ -5,7 +5,7 @@ this one. The distribution is therefore called `smpl-workbench`; the package tha
 the command that is typed are called `workbench`.
 
 In a browser (Pyodide) there are no other processes, no threads and few compiled packages: emcee,
-ArviZ and corner are imported where they are needed (`optional_library`). Whatever would start
+arviz-stats and corner are imported where they are needed (`optional_library`). Whatever would start
 threads or processes asks `in_browser` first; what cannot do without raises NoProcesses.
 """
 
@@ -20,11 +20,12 @@ from workbench.errors import BadFile, WorkbenchError
 DISTRIBUTION = "smpl-workbench"
 VERSION = "0.1.0"  # pyproject.toml reads it from here, so that a checkout knows it uninstalled
 
-# What only sampling needs of the distribution's dependencies, as pyproject.toml has it: a browser,
-# where compiled packages are few, runs everything else without them.
+# What only sampling needs, as pyproject.toml has it: a browser, where compiled packages are few,
+# runs everything else without them, and ArviZ is an extra.
 SAMPLING = {
     "emcee": "emcee>=3.1.6",
-    "arviz": "arviz>=0.20,<1",
+    "arviz": "arviz>=0.20,<2",
+    "arviz_stats.base": "arviz-stats>=0.8,<2",
     "corner": "corner>=2.2.2",
 }
 

@@ -1,8 +1,7 @@
 """Writing files whole or not at all.
 
 A checkpoint or stored result that cannot be written is reported once, as a warning in the log, and
-the work goes on (`Keeping`); an output that a command promised is an error. HDF5 may only write to
-memory: after a failed write to a disk it crashes the process when Python exits.
+the work goes on (`Keeping`); an output that a command promised is an error.
 """
 
 import hashlib

@@ -11,7 +11,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import HAND_POINTS, SkinnedBody
 from workbench.fitting import hand_problem, hand_start, pose_prior, shape_prior
-from workbench.priors.hand_limits import hand_limits
+from workbench.priors.joint_limits import hand_limits
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian
 from workbench.solvers import TrustRegion

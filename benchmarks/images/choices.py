@@ -26,7 +26,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.fitting.image_fit import ImageFits
 from workbench.fitting.setup import Setup
-from workbench.priors.mocap import held_out_poses
+from workbench.priors.recordings import held_out_poses
 from workbench.sampling import posterior_mean
 
 HERE = Path(__file__).parents[1]

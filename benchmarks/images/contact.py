@@ -31,8 +31,8 @@ from workbench.bodies.capsules import capsule_distances
 from workbench.bodies.parts import solid_of
 from workbench.comparison.statistics import rate
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.priors.mocap import held_out_poses, read_mocap
 from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.priors.recordings import held_out_poses, read_recording
 from workbench.reading.arrays import read_expected, reals, shipped
 from workbench.residuals import apart, gaps, landmarks, spheres
 from workbench.solvers import DEFAULT, Ipopt, Solver, Sqp
@@ -301,7 +301,7 @@ def run(recording: Path, tuning: bool, parts: Sequence[str] = PARTS) -> dict[str
     body = load_body("default")
     assert isinstance(body, SkinnedBody)
     seed = TUNED if tuning else SEED
-    clips = read_mocap(recording).split()[0].poses if tuning else held_out_poses(recording)
+    clips = read_recording(recording).split()[0].poses if tuning else held_out_poses(recording)
     rng = np.random.default_rng(seed)
     found: dict[str, Any] = {"machine": machine.description()}
     if "linearizations" in parts:

@@ -146,7 +146,7 @@ def draw(folder: Path, plan: tuple[Posteriors, ...] = PLAN) -> Iterator[str]:
                 if some.kind != "people" and camera not in some.cameras:
                     continue
                 name = f"{some.kind}, {image}, {camera}, {some.method}"
-                saved = folder / f"{name.replace(', ', '-')}.h5"
+                saved = folder / f"{name.replace(', ', '-')}.npz"
                 of = partial(drawn, fits, some.kind, some.method, case, image, saved)
                 one = pieces.once(name, of)
                 yield f"{name}: {one['seconds']:.0f} s, {one['times']:.0f} times"

@@ -46,8 +46,8 @@ from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup, View
 from workbench.fitting.stature import stature
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.priors.recordings import held_out_poses
 from workbench.residuals import Residual, gaussian
 
 RESULTS = Path(__file__).parent.parent / "results" / "intervals.json"

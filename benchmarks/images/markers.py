@@ -1,7 +1,7 @@
 """The command `python -m benchmarks.images.markers RECORDING`: shape and offsets from 41 markers.
 
 Synthetic markers on `default`, in poses of clips that are held out of the pose prior
-(`priors.mocap.Mocap.split`): 60 frames of which 12 are chosen, noise of 1 mm along each axis, 5 %
+(`PoseRecording.split`): 60 frames of which 12 are chosen, noise of 1 mm along each axis, 5 %
 missing, and offsets 5 mm along each axis from their nominal places. Every choice of frames gets the
 same markers. A second person wears markers of the nominal height, displaced by 5 mm along each of
 two directions of the surface; they are fitted as if nothing was known of their heights, and with
@@ -39,7 +39,7 @@ from workbench.fitting import (
 )
 from workbench.fitting.marker_frames import Choice
 from workbench.fitting.marker_sets import MarkerSet
-from workbench.priors.mocap import read_mocap
+from workbench.priors.recordings import read_recording
 
 RESULTS = Path(__file__).parent.parent / "results" / "markers.json"
 FRAMES, CHOSEN, NOISE, MISSING, APART = 60, 12, 0.001, 0.05, 0.005
@@ -87,7 +87,7 @@ def main() -> None:
     given = parser.parse_args()
     body = load_body("default")
     worn = default_markers(body)
-    learned, held_out = read_mocap(given.recording).split()
+    learned, held_out = read_recording(given.recording).split()
     poses = (learned if given.tuning else held_out).poses
     rows: dict[str, list[dict[str, float]]] = {}
     for seed in range(given.seeds):

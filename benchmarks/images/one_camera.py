@@ -2,7 +2,7 @@
 
 The person of `balance`, whom four cameras saw, is fitted to one of them; the truth is the fit to
 all four. With a recording of motion capture, synthetic people in poses that are held out of the
-priors (`priors.mocap.held_out_poses`) are fitted as well, with and without gross outliers among
+priors (`held_out_poses`) are fitted as well, with and without gross outliers among
 their keypoints. Numbers go to `results/images.json`, and the tables of IMAGES.md are written from
 them.
 """
@@ -46,7 +46,7 @@ from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.priors.mocap import held_out_poses
+from workbench.priors.recordings import held_out_poses
 from workbench.residuals import Residual
 from workbench.sampling import posterior_mean
 from workbench.solvers import Solution

@@ -17,14 +17,14 @@ from workbench.bodies import SkinnedBody
 from workbench.fitting.setup import Setup
 from workbench.problem.costs import compiled
 from workbench.sampling import Mixing, sample
-from workbench.sampling.autocorrelation import integrated_time
-from workbench.sampling.descent import mode_from
-from workbench.sampling.hamiltonian import HamiltonianSettings, run_hamiltonian
+from workbench.sampling.ensembles import SamplerSettings
+from workbench.sampling.hamiltonian import run_hamiltonian
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.modes import modes, walkers_at
+from workbench.sampling.mixing import integrated_time
+from workbench.sampling.modes import mode_from, modes, walkers_at
 from workbench.sampling.subspace import fixed, movable
 
-LEAPFROGS = HamiltonianSettings(ensembles=4, walkers=8, steps=30_000)  # at most, of each chain
+LEAPFROGS = SamplerSettings(ensembles=4, walkers=8, steps=30_000)  # at most, of each chain
 STEPS = 80_000  # of each walker of emcee's at most
 DRAWN = 30_000  # draws of emcee's of which the numbers are computed, about
 NUMBERS = 38  # depth, stature, 24 across and 12 along; see `seen_from`

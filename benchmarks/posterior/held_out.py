@@ -27,7 +27,7 @@ from workbench.experiments.balance import balance, balance_monocular, published
 from workbench.fitting.setup import View
 from workbench.priors.poses import shipped_gaussian
 from workbench.sampling import fixed, sample
-from workbench.sampling.descent import Mode
+from workbench.sampling.modes import Mode
 from workbench.threads import limited_threads
 
 Interval = dict[str, Any]  # `ends` (2, 16), `mean`, `sd`, `usable`, and what else is known

@@ -12,7 +12,7 @@ from benchmarks.posterior.pieces import Pieces
 from workbench.arrays import Array
 from workbench.blocks.layout import entries
 from workbench.sampling import Posterior, fixed, laplace, sample
-from workbench.sampling.descent import Mode
+from workbench.sampling.modes import Mode
 
 NUTS = NutsSettings(draws=3000, warm=1500, accepted=0.95)
 PERSON = ("trans", "pose[left_elbow]", "betas")  # of balance-monocular

@@ -22,8 +22,7 @@ from benchmarks.posterior.fitted import BLOCKS, monocular
 from workbench.arrays import Array, Index
 from workbench.blocks.layout import entries
 from workbench.sampling import Posterior, fixed, sample
-from workbench.sampling.arviz_interface import arviz
-from workbench.sampling.descent import Mode
+from workbench.sampling.modes import Mode
 from workbench.threads import limited_threads
 
 ALLOWED_SD, ALLOWED_MEAN, TIMES = 0.05, 0.1, 50.0
@@ -147,7 +146,8 @@ def nuts(
         progress_bar=False,
         target_accept=settings.accepted,
     )
-    az = arviz()
+    import arviz as az  # beside nutpie, which needs it
+
     return np.asarray(trace.posterior["z"]), {
         "R-hat": float(az.rhat(trace)["z"].max()),
         "divergences": int(np.asarray(trace.sample_stats["diverging"]).sum()),

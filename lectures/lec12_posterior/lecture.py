@@ -18,7 +18,7 @@ from workbench.experiments import find
 from workbench.plots import house_style, sheet
 from workbench.reports.replay.sequences import recorded_bodies
 from workbench.sampling import laplace, sample
-from workbench.sampling.autocorrelation import integrated_time
+from workbench.sampling.mixing import integrated_time
 
 # %% [markdown]
 # ## A bone in one image

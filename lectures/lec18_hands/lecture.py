@@ -24,7 +24,7 @@ from workbench.fitting.hand_fit import points_of
 from workbench.geometry.mirror import AXIAL, REFLECTION
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, line_up
-from workbench.priors.hand_limits import hand_limits
+from workbench.priors.joint_limits import hand_limits
 
 hand, left = wb.load_body("hand"), wb.load_body("hand-left")
 print(f"the hand: {hand.n_vertices} vertices, {hand.n_joints} joints, {3 * hand.n_joints} angles")

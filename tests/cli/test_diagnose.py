@@ -102,7 +102,7 @@ def test_sample_goes_on_from_its_checkpoint(workbench: Run) -> None:
     with np.load(folder / "all.npz") as file:
         draws = file["draws"]
     assert draws.shape[0] == 4
-    assert Path("runs/line-draws/all.h5").is_file()
+    assert Path("runs/line-draws/all.npz").is_file()
     page = (folder / "index.html").read_text()
     assert "usable" in page
     assert "x[0]" in page
@@ -143,7 +143,7 @@ def test_sample_refuses_unknown_names(workbench: Run) -> None:
     Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
     for arguments, said in (
         (("--block", "y"), "no free block is called 'y'"),
-        (("--move", "random"), "de-snooker"),
+        (("--move", "random"), "stretch"),
         (("--directions", "9"), "1 to 3 directions"),
     ):
         code, _, err = workbench("sample", "line.py", *arguments)

@@ -44,9 +44,8 @@ from workbench.fitting.marker_files import read_markers
 from workbench.fitting.scan_files import read_scan
 from workbench.geometry.meshes import read_mesh, write_mesh
 from workbench.motions import SoftTissue, load_tissue, read_motion, save_tissue
-from workbench.priors.mocap import read_mocap
-from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
-from workbench.priors.tailed_poses import read_pose_student
+from workbench.priors.poses import read_pose_gaussian, read_pose_mixture, read_pose_student
+from workbench.priors.recordings import read_recording
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import TrainingCheckpoint, read_checkpoint
@@ -263,18 +262,18 @@ def _sound_store(found: list[Any]) -> None:
     assert len(judgement.costs) == len(judgement.points)
 
 
+DRAWN = {"entries": ["x", "y"], "ensembles": 2, "walkers": 4, "steps": 5, "thin": 1, "seed": 1}
+
+
 def _draws(folder: Path) -> None:
     rng = np.random.default_rng(2)
     state = np.random.RandomState(3).get_state()
     chain, log_prob = rng.normal(size=(5, 4, 2)), rng.normal(size=(5, 4))
-    saved = [SavedEnsemble(chain, log_prob, np.ones(4), state)] * 2
-    save(folder / "draws.h5", saved, {"names": ["x", "y"], "steps": 5, "seed": 1})
+    save(folder / "draws.npz", [SavedEnsemble(chain, log_prob, np.ones(4), state)] * 2, DRAWN)
 
 
 def _sound_draws(found: Any) -> None:
-    saved, settings = found
-    assert isinstance(settings, dict)
-    for one in saved:
+    for one in found:
         S, W, _ = one.chain.shape
         assert one.log_prob.shape == (S, W)
         assert one.accepted.shape == (W,)
@@ -583,7 +582,7 @@ FORMATS: dict[str, Format] = {
         _sound_solution,
     ),
     "comparison": Format(_write_store, _read_store, _sound_store),
-    "draws.h5": Format(_draws, lambda folder: load(folder / "draws.h5"), _sound_draws),
+    "draws.npz": Format(_draws, lambda folder: load(folder / "draws.npz", DRAWN), _sound_draws),
     "training-checkpoint": Format(_write_checkpoint, _read_checkpoint, _sound_checkpoint),
     "training-start": Format(
         _write_start, lambda folder: read_start(folder / "start.npz"), _sound_start
@@ -620,5 +619,5 @@ FORMATS: dict[str, Format] = {
     "pose-priors": Format(
         _priors, lambda folder: [read(folder / name) for name, read in PRIORS.items()]
     ),
-    "mocap.npz": Format(_poses, lambda folder: read_mocap(folder / "mocap.npz")),
+    "mocap.npz": Format(_poses, lambda folder: read_recording(folder / "mocap.npz")),
 }

@@ -11,10 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-
-from workbench.sampling.checkpoint import SEAL, sealed
 
 Rng = np.random.Generator
 Mutation = Callable[[bytes, Rng], bytes]
@@ -290,35 +287,6 @@ def opcode_changed(content: bytes, rng: Rng) -> bytes:
     return b"".join(parts)
 
 
-# ---- HDF5 --------------------------------------------------------------------------------------
-
-
-def dataset_changed(content: bytes, rng: Rng) -> bytes:
-    """A dataset or an attribute has another type, shape or content, or is missing; sealed anew."""
-    image = io.BytesIO(content.rpartition(SEAL)[0])
-    with h5py.File(image, "r+") as file:
-        groups = [file, *(file[name] for name in file if isinstance(file[name], h5py.Group))]
-        group = groups[rng.integers(len(groups))]
-        names = [("attribute", name) for name in group.attrs] + [("member", name) for name in group]
-        kind, name = names[rng.integers(len(names))]
-        if kind == "attribute":
-            given = group.attrs[name]
-            del group.attrs[name]
-            if isinstance(given, str) and rng.random() < 0.7:
-                new = json_changed(given.encode(), rng).decode(errors="replace")
-                group.attrs[name] = new[:30_000]
-            elif rng.random() < 0.7:
-                value = VALUES[rng.integers(len(VALUES))]
-                group.attrs[name] = h5py.Empty("f8") if value is None else value
-        elif isinstance(group[name], h5py.Dataset) and rng.random() < 0.8:
-            given = np.asarray(group[name])
-            del group[name]
-            group[name] = _wrong(given, rng)
-        else:
-            del group[name]
-    return sealed(image.getvalue())
-
-
 # ---- claims and traps --------------------------------------------------------------------------
 
 
@@ -361,8 +329,8 @@ def overstated(name: str, content: bytes) -> bytes:
         return b"[" + b"[]," * 3_000_000 + content + b"]"
     if name.endswith(".toml"):
         return b"#" * 2_000_000 + b"\n" + content
-    if name.endswith((".glb", ".stl", ".h5", ".c3d", ".pkl")):
-        at = {".glb": 12, ".stl": 80, ".h5": 44, ".c3d": 2}.get(name[name.rfind(".") :], 300)
+    if name.endswith((".glb", ".stl", ".c3d", ".pkl")):
+        at = {".glb": 12, ".stl": 80, ".c3d": 2}.get(name[name.rfind(".") :], 300)
         return content[:at] + b"\xff" * 4 + content[at + 4 :]
     return re.sub(rb"(?<=[\s#,])[1-9][0-9]*(?=[\s,])", many, content, count=2)
 
@@ -373,7 +341,6 @@ BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
     ".npy": (npy_changed,),
     ".json": (json_changed, json_changed, *TEXT),
     ".pkl": (opcode_changed,),
-    ".h5": (dataset_changed,),
     **dict.fromkeys((".toml", ".csv", ".obj", ".off", ".ply", ".stl", ".py", ".bvh", ".trc"), TEXT),
     **dict.fromkeys((".xyz", ".pcd", ".gltf"), TEXT),
     ".glb": (*TEXT,),

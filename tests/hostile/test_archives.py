@@ -49,6 +49,7 @@ def test_damaged_archives_are_refused(tmp_path: Path) -> None:
 ARRAYS: dict[str, tuple[str, str]] = {  # of files that say nothing but what they must
     "solution.npz": ("fit.npz", "value:x trace:x"),
     "training-checkpoint": ("checkpoint.npz", "templates joints posedirs weights poses"),
+    "draws.npz": ("draws.npz", "chain_1 log_prob_0 accepted_0 random_words_0 random_normal_1"),
     "truth.npz": ("truth.npz", "rest joints subject poses trans weights"),
     "pose-priors": ("cmu_gaussian.npz", "mean covariance n_frames"),
     "mocap.npz": ("mocap.npz", "poses clip"),
@@ -172,6 +173,23 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
             "weights that sum to two": lambda a: {"weights": 2 * a["weights"]},
             "joints far away": lambda a: {"joints": 1e9 + a["joints"]},
             "an array that was never saved": lambda a: {"further": np.zeros(3)},
+        },
+    ),
+    "draws.npz": (
+        "draws.npz",
+        {
+            "settings that are no JSON": lambda a: {"settings": np.array("{seed")},
+            "deep settings": lambda a: {"settings": np.array("[" * 50_000)},
+            "settings of another run": lambda a: {"settings": np.array('{"seed": 2}')},
+            "draws of other walkers": lambda a: {"chain_1": a["chain_1"][:, :3]},
+            "more steps than there were": lambda a: {
+                "chain_0": np.zeros((6, 4, 2)),
+                "log_prob_0": np.zeros((6, 4)),
+            },
+            "no draws": lambda a: {"chain_0": a["chain_0"][:0], "log_prob_0": a["log_prob_0"][:0]},
+            "more accepted moves than steps": lambda a: {"accepted_1": np.full(4, 6.0)},
+            "words that are none": lambda a: {"random_words_0": np.full(624, 2**32)},
+            "a position far away": lambda a: {"random_place_0": np.array([10**9, 0])},
         },
     ),
     "solution.npz": (

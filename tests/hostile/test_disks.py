@@ -1,28 +1,24 @@
-"""Disks that are full or cannot be written, and checkpoints of draws that are forged."""
+"""Disks that are full or cannot be written."""
 
 import logging
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
-from tests.hostile.formats import whole
 from workbench import Block, Problem, train
 from workbench.course.outline import hand_out, lecture
 from workbench.errors import BadFile
 from workbench.reports.folder import replacing_folder
 from workbench.residuals import gaussian
 from workbench.sampling import Posterior, sample
-from workbench.sampling.checkpoint import SEAL, SETTINGS, load, sealed
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import BlockOptions, Plan, alternation
 from workbench.writing import Keeping, replacing
@@ -47,82 +43,6 @@ def full_disk(size: int = 1024) -> Iterator[None]:
         signal.signal(signal.SIGXFSZ, before)
 
 
-# Checkpoints of draws, whose seal says that no byte was changed.
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(BadFile) as raised:
-        load(path)
-    said = str(raised.value)
-    assert said.startswith(f"{path} is no checkpoint of `sample` (")
-    assert said.endswith("; give another file, or remove it to begin anew")
-    return said
-
-
-def test_every_changed_byte_of_draws_is_noticed(tmp_path: Path) -> None:
-    content = whole("draws.h5")["draws.h5"]
-    unsealed = content.rpartition(SEAL)[0]
-    rng, path = np.random.default_rng(5), tmp_path / "draws.h5"
-    for place in rng.integers(len(content), size=100):
-        changed = bytearray(content)
-        changed[place] ^= int(rng.integers(1, 256))
-        path.write_bytes(changed)
-        assert "damaged" in refusal(path)
-    for other in (unsealed, content + b"\n", SEAL, sealed(b""), unsealed + SEAL + b"0" * 64):
-        path.write_bytes(other)
-        refusal(path)
-
-
-def put(name: str, **given: Any) -> Callable[[h5py.File], None]:
-    """Another dataset in the place of one."""
-
-    def change(file: h5py.File) -> None:
-        del file["ensemble 1"][name]
-        file["ensemble 1"].create_dataset(name, **given)
-
-    return change
-
-
-def told(name: str, value: Any) -> Callable[[h5py.File], None]:
-    """Another attribute of the file, or of an ensemble."""
-
-    def change(file: h5py.File) -> None:
-        (file if name == SETTINGS else file["ensemble 1"]).attrs[name] = value
-
-    return change
-
-
-def linked(file: h5py.File) -> None:
-    del file["ensemble 1"]["chain"]
-    file["ensemble 1"]["chain"] = h5py.ExternalLink("/etc/passwd", "chain")
-
-
-FORGED: dict[str, Callable[[h5py.File], None]] = {
-    "settings that are no JSON": told(SETTINGS, "{seed"),
-    "deep settings": told(SETTINGS, "[" * 50_000),
-    "a number for settings": told(SETTINGS, 3),
-    "NaN among the draws": put("chain", data=np.full((5, 4, 2), np.nan)),
-    "draws of other walkers": put("chain", data=np.zeros((5, 3, 2))),
-    "draws in single precision": put("chain", data=np.zeros((5, 4, 2), "f4")),
-    "draws that take 8 TB": put("chain", shape=(10**12, 1, 1), dtype="f8", chunks=(1000, 1, 1)),
-    "compressed zeros": put("chain", data=np.zeros((10**5, 10, 10)), compression="gzip"),
-    "draws in another file": linked,
-    "more accepted moves than steps": put("accepted", data=np.full(4, 6.0)),
-    "a generator of few words": told("random_state_1", np.zeros(3, np.uint32)),
-    "a position far away": told("random_state_2", 10**9),
-}
-
-
-def test_draws_forged_under_a_right_seal_are_refused(tmp_path: Path) -> None:
-    for change in FORGED.values():
-        path = tmp_path / "draws.h5"
-        path.write_bytes(whole("draws.h5")["draws.h5"].rpartition(SEAL)[0])
-        with h5py.File(path, "r+") as file:
-            change(file)
-        path.write_bytes(sealed(path.read_bytes()))
-        refusal(path)
-
-
 # Runs go on where what they keep on the way cannot be written.
 
 
@@ -144,7 +64,7 @@ def draw(checkpoint: Path | None) -> Posterior:
 def test_sampling_goes_on_when_the_disk_is_full(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    path = tmp_path / "draws.h5"
+    path = tmp_path / "draws.npz"
     with caplog.at_level(logging.WARNING), full_disk():
         posterior = draw(path)
     np.testing.assert_array_equal(posterior.draws, draw(None).draws)
@@ -162,23 +82,6 @@ def test_failed_writing_keeps_the_file_before(tmp_path: Path) -> None:
         temporary.write_bytes(b"x" * 5000)
     assert (tmp_path / "kept").read_text() == "before"
     assert len(list(tmp_path.iterdir())) == 1
-
-
-@WITH_A_LIMIT
-@pytest.mark.thorough
-def test_python_leaves_after_sampling_on_a_full_disk(tmp_path: Path) -> None:
-    """HDF5 itself ended the process when Python left, long after the disk was full."""
-    code = (
-        "import resource, sys\n"
-        "from tests.hostile.test_disks import draw\n"
-        "from pathlib import Path\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
-        "print(draw(Path(sys.argv[1])).draws.shape)\n"
-    )
-    done = run(code, str(tmp_path / "draws.h5"), cwd=HOUSE)
-    assert (done.returncode, done.stdout[:3]) == (0, "(4,")
-    assert done.stderr.startswith("going on without what is kept on the way: cannot write")
-    assert list(tmp_path.iterdir()) == []
 
 
 @WITH_A_LIMIT

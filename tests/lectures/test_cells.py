@@ -11,7 +11,7 @@ from workbench.course.formulas import in_letters
 from workbench.course.outline import course
 from workbench.errors import BadFile
 from workbench.motions.accelerations import MovingFrames, second_differences
-from workbench.sampling.autocorrelation import integrated_time
+from workbench.sampling.mixing import integrated_time
 
 THERE = [one for one in course() if one.there]
 
@@ -39,7 +39,7 @@ def test_source_shows_constants_above_the_code_that_reads_them() -> None:
     shown = source(integrated_time)
     assert shown.text.startswith("WINDOW = 5.0  # autocorrelation times")
     assert "TOGETHER = " not in shown.text
-    assert shown.where == "workbench.sampling.autocorrelation.integrated_time"
+    assert shown.where == "workbench.sampling.mixing.integrated_time"
     shown = source(second_differences, MovingFrames.forces)
     order = [shown.text.index(part) for part in ("GRAVITY = ", "def second_d", "def forces")]
     assert order == sorted(order)

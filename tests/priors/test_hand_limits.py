@@ -16,7 +16,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadBody, BadResidual
 from workbench.fitting import usual_priors
 from workbench.geometry.mirror import AXIAL
-from workbench.priors.hand_limits import hand_limits
+from workbench.priors.joint_limits import hand_limits
 
 FILE = Path(workbench.__file__).parent / "data" / "joint_limits" / "hand.json"
 HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")

@@ -13,7 +13,7 @@ from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.errors import BadArgument, UnknownName
 from workbench.geometry.mirror import opposites
 from workbench.priors.joint_limits import JointLimits, joint_limits
-from workbench.priors.mocap import Mocap
+from workbench.priors.recordings import PoseRecording
 
 FOLDER = Path(workbench.__file__).parent / "data" / "joint_limits"
 BODY = load_body("small")
@@ -81,7 +81,7 @@ def test_recorded_limits_are_the_extremes() -> None:
     rng = np.random.default_rng(0)
     poses = 0.3 * rng.normal(size=(400, 24, 3))
     poses[:, NAMES.index("left_foot")] = 0
-    content = recorded(Mocap(poses, np.arange(400) // 50, tuple("abcdefgh"), NAMES))
+    content = recorded(PoseRecording(poses, np.arange(400) // 50, tuple("abcdefgh"), NAMES))
     rows = {(row["joint"], row["axis"]): row for row in content["limits"]}
     knee = np.degrees(poses[:, NAMES.index("left_knee"), 0])
     assert rows["left_knee", "x"]["lower"] == pytest.approx(knee.min(), abs=0.06)

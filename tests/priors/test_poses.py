@@ -19,7 +19,6 @@ from builder.pose_priors import (
 )
 from workbench.errors import BadFile
 from workbench.geometry.mirror import AXIAL, opposites
-from workbench.priors.mocap import ELBOW_LIMIT, Mocap, read_mocap
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
     MIXTURE_FILE,
@@ -27,17 +26,18 @@ from workbench.priors.poses import (
     read_pose_gaussian,
     read_pose_mixture,
     shipped_gaussian,
+    shipped_student,
 )
-from workbench.priors.tailed_poses import shipped_student
+from workbench.priors.recordings import ELBOW_LIMIT, PoseRecording, read_recording
 from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 
 
-def recording(n: int = 500) -> Mocap:
+def recording(n: int = 500) -> PoseRecording:
     poses = 0.2 * np.random.default_rng(0).normal(size=(n, 24, 3))
     poses[:, JOINT_NAMES.index("left_hand")] = poses[:, JOINT_NAMES.index("right_hand")] = 0
-    return Mocap(poses, np.arange(n) // 50, tuple("abcdefghij"), JOINT_NAMES)
+    return PoseRecording(poses, np.arange(n) // 50, tuple("abcdefghij"), JOINT_NAMES)
 
 
 def test_shipped_prior_is_a_gaussian_alike_on_both_sides() -> None:
@@ -116,7 +116,7 @@ def test_frames_with_flipped_elbows_are_left_out(tmp_path: Path) -> None:
         clip_name=np.array(["walk"]),
         joint_names=np.array(JOINT_NAMES),
     )
-    mocap = read_mocap(tmp_path / "mocap.npz")
+    mocap = read_recording(tmp_path / "mocap.npz")
     assert np.array_equal(mocap.poses, poses[2:3])
 
 
@@ -124,18 +124,18 @@ def test_missing_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="there is no file"):
         read_pose_gaussian(tmp_path / "nothing.npz")
     with pytest.raises(BadFile, match="there is no file"):
-        read_mocap(tmp_path / "nothing.npz")
+        read_recording(tmp_path / "nothing.npz")
 
 
 SHIPPED_MIXTURE = Path(workbench.__file__).parent / "data" / "poses" / MIXTURE_FILE
 
 
-def two_habits(n: int = 400) -> Mocap:
+def two_habits(n: int = 400) -> PoseRecording:
     """Frames about two poses of the spine, and nothing between them."""
     rng = np.random.default_rng(0)
     poses = 0.05 * rng.normal(size=(n, 24, 3))
     poses[:, 3, 0] += np.where(np.arange(n) % 4 == 0, 1.0, -1.0)
-    return Mocap(poses, np.arange(n) // 40, tuple("abcdefghij"), JOINT_NAMES)
+    return PoseRecording(poses, np.arange(n) // 40, tuple("abcdefghij"), JOINT_NAMES)
 
 
 def test_mixture_tells_two_habits_apart() -> None:
@@ -190,7 +190,7 @@ def test_student_learns_the_tails() -> None:
     for joint, sd in (("spine1", 0.2), ("spine2", 0.1)):
         poses[:, JOINT_NAMES.index(joint)] = sd * scale * rng.normal(size=(n, 3))
     names = tuple(f"{k:02}" for k in range(clips))
-    found = learn_pose_student(Mocap(poses, np.arange(n) // frames, names, JOINT_NAMES))
+    found = learn_pose_student(PoseRecording(poses, np.arange(n) // frames, names, JOINT_NAMES))
     assert found.joint_names == ("spine1", "spine2")
     assert 2.3 < found.dof < 3.9
     np.testing.assert_allclose(np.sqrt(np.diag(found.scale))[[0, 3]], [0.2, 0.1], rtol=0.1)

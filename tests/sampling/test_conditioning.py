@@ -7,8 +7,9 @@ import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.errors import BadArgument
 from workbench.experiments import find
+from workbench.residuals import huber, quadratic
 from workbench.sampling import NotConverged, Usability, fixed, integrated, laplace, sample
-from workbench.sampling.contraction import contraction, prior_deviations
+from workbench.sampling.conditioning import contraction, prior_deviations
 from workbench.sampling.subspace import Subspace
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
@@ -151,3 +152,18 @@ def test_marginal_is_some_columns_of_the_draws() -> None:
     assert one.judgement == near.judgement
     with pytest.raises(BadArgument, match="only what was sampled"):
         one.marginal("x[0]")
+
+
+def test_data_that_contradict_the_prior_are_doubted() -> None:
+    """x ~ N(0, 1) seen at 10 with a sigma of 0.1: 10^2 / 1.01 = 99 in place of one square."""
+    for seen, kernel, doubted in (
+        (10.0, None, True),
+        (3.0, None, False),
+        (10.0, huber(1.3), False),
+    ):
+        data = wb.Residual("data", X.symbol - seen, 0.1, kernel=kernel or quadratic)
+        problem = wb.Problem((wb.residuals.gaussian(X.symbol), data), ["x"])
+        drawn = wb.laplace(problem, wb.solve(problem, AT).values)
+        assert bool(drawn.doubt) == doubted
+        assert ("least sum of squares is 198, where 2 are expected" in str(drawn)) == doubted
+        assert drawn.marginal("x[0]").doubt == drawn.doubt

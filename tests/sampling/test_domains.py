@@ -20,9 +20,9 @@ from workbench.errors import BadArgument, BadFile, BadResidual
 from workbench.problem.costs import compiled, interpreted
 from workbench.residuals import Residual, gaussian, keypoints
 from workbench.sampling import laplace, posterior_mean, sample
-from workbench.sampling.descent import mode_from
-from workbench.sampling.hamiltonian import HamiltonianSettings, run_hamiltonian
-from workbench.sampling.modes import modes, walkers_at
+from workbench.sampling.ensembles import SamplerSettings
+from workbench.sampling.hamiltonian import run_hamiltonian
+from workbench.sampling.modes import mode_from, modes, walkers_at
 
 CAMERA = wb.Camera("camera/")
 AT = wb.Block("at", (3,), "m", ("x", "y", "z"))
@@ -132,7 +132,7 @@ def test_samplers_draw_only_in_front() -> None:
         found,
         lambda z: z,
         target.subspace.labels,
-        HamiltonianSettings(4, 8, 500),
+        SamplerSettings(8, 4, 500),
         rng,
     )
     assert (depth(run.mixing.draws) > 0).all()
@@ -181,9 +181,9 @@ def test_starts_behind_the_camera_are_refused() -> None:
 
 @pytest.mark.thorough
 def test_checkpoint_without_domain_is_refused(tmp_path: Path) -> None:
-    saved = tmp_path / "draws.h5"
+    saved = tmp_path / "draws.npz"
     sample(everywhere(SEEN), VALUES, steps=50, walkers=32, checkpoint=saved)
-    with pytest.raises(BadFile, match="its domain is None"):
+    with pytest.raises(BadFile, match="its domain is False"):
         sample(SEEN, VALUES, steps=50, walkers=32, checkpoint=saved)
 
 

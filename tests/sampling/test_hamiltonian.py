@@ -6,14 +6,33 @@ import pytest
 import scipy.stats
 
 import workbench as wb
+from tests.sampling.densities import bounded, gaussian
 from workbench.errors import BadArgument
 from workbench.residuals import Residual
-from workbench.sampling import Improper, Usability, integrated, laplace, posterior_mean, sample
-from workbench.sampling.importance import Importance, compared
+from workbench.sampling import (
+    Improper,
+    Progress,
+    Usability,
+    fixed,
+    integrated,
+    laplace,
+    posterior_mean,
+    sample,
+)
+from workbench.sampling.ensembles import SamplerSettings
+from workbench.sampling.hamiltonian import HamiltonianRun, run_hamiltonian
+from workbench.sampling.importance import Importance, compared, of_laplace, psis
 from workbench.sampling.log_density import LogDensity
+from workbench.sampling.modes import mode_from
 from workbench.sampling.subspace import subspace_of
 
 WALKERS = 16  # in each of four ensembles
+
+
+def target_of(problem: wb.Problem) -> LogDensity:
+    """Of all free numbers, about zero."""
+    x, given = problem.split({"x": np.zeros(problem.free.size)})
+    return LogDensity(problem, given, subspace_of(problem, x, given, None, fixed))
 
 
 def beside(kind: str) -> wb.Problem:
@@ -126,6 +145,25 @@ def test_runs_can_be_stopped() -> None:
     assert not again.usable
 
 
+def test_progress_ends_at_its_goal_and_numpys_true_stops() -> None:
+    target = target_of(gaussian(np.eye(2)))
+    modes = (mode_from(target, np.zeros(2)),)
+    plan = SamplerSettings(4, 2, steps=100, whole=True)
+    seen: list[int] = []
+
+    def draw(stop: int) -> HamiltonianRun:
+        def callback(progress: Progress) -> np.bool_:
+            seen.append(progress.step)
+            return np.bool_(len(seen) == stop)
+
+        starts, rng = np.zeros((8, 2)), np.random.default_rng(0)
+        return run_hamiltonian(target, starts, modes, lambda z: z, ("a", "b"), plan, rng, callback)
+
+    assert not draw(stop=0).interrupted
+    assert max(seen) == plan.steps
+    assert draw(stop=len(seen) + 70).interrupted
+
+
 def test_gradients_along_subspaces_are_differences() -> None:
     problem = beside("bent")
     x, given = problem.split(AT)
@@ -141,6 +179,31 @@ def test_gradients_along_subspaces_are_differences() -> None:
             np.testing.assert_allclose(
                 slope[:, i], (target(z + step) - target(z - step)) / (2 * h), atol=1e-6
             )
+
+
+def test_no_draw_is_effective_where_none_has_a_density() -> None:
+    target, rng = target_of(bounded()), np.random.default_rng(0)
+    told = of_laplace(target, -np.abs(rng.standard_normal((100, 2))), np.zeros(100), 0.0, rng)
+    assert told.effective == 0
+    assert told.outside == 1
+    assert "k-hat inf, above 0.7; importance weights leave 0% of the draws effective" in str(told)
+
+
+def test_smoothed_weights_are_those_of_arviz() -> None:
+    """By ArviZ 0.23's `psislw`: k-hat, the largest of 1000 weights, and their effective number."""
+    heavy = scipy.stats.t(2).ppf((np.arange(1000) + 0.5) / 1000)
+    for log_weights, known in (
+        (0.5 * heavy, (1.6494, 0.6032, 2.6541)),
+        (0.1 * heavy, (0.7162, 0.009578, 874.36)),
+    ):
+        smoothed, k_hat = psis(log_weights)
+        weights = np.exp(smoothed - np.logaddexp.reduce(smoothed))
+        found = k_hat, weights.max(), 1 / np.sum(weights**2)
+        np.testing.assert_allclose(found, known, rtol=0.01)
+    for few in (np.where(heavy > 0, 0.0, -1e3), 1e3 * heavy):  # no tail to fit
+        smoothed, k_hat = psis(few)
+        assert k_hat == np.inf
+        assert np.isfinite(smoothed).all()
 
 
 def test_importance_compares_quantiles_and_widths() -> None:

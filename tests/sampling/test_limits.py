@@ -9,11 +9,11 @@ import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from tests.tiers import few
 from workbench.errors import BadArgument
-from workbench.sampling import determined, directions, integrated, laplace, sample
-from workbench.sampling.descent import mode_from
+from workbench.sampling import directions, integrated, laplace, sample
+from workbench.sampling.laplace import truncated_normal
 from workbench.sampling.log_density import LogDensity
+from workbench.sampling.modes import mode_from
 from workbench.sampling.subspace import Choice, Subspace, fixed, subspace_of
-from workbench.sampling.truncated_gaussian import truncated_normal
 
 UNLIKELY = 1e-3  # of a test of draws that are right, the seeds being fixed
 
@@ -207,68 +207,6 @@ def test_directions_stay_within_bounds(way: object, count: int) -> None:
     for z in (posterior.flat, posterior.mode_search.modes[0].z[None]):
         # a direction moves all three; they are sums of four numbers of order one
         assert posterior.subspace.points(z).min() >= -1e-14
-
-
-# Equations that some numbers follow.
-
-
-def tied_gaussian() -> tuple[wb.Problem, np.ndarray, np.ndarray, np.ndarray]:
-    """N(0, C) of x (3,) and y (2,) under x0 + 2 x1 = 1 and x1 - x2 + y0 = 0.5; y1 is by itself.
-
-    With the mean and the covariance given the equations, by the formula for Gaussians.
-    """
-    C = conditioned(5, 20.0, seed=3)
-    x, y, L = wb.Block("x", (3,)), wb.Block("y", (2,)), np.linalg.inv(np.linalg.cholesky(C))
-    A, b = np.array([[1, 2, 0, 0, 0], [0, 1, -1, 1, 0]], dtype=float), np.array([1.0, 0.5])
-    both = cs.vertcat(x.symbol, y.symbol)
-    tie = wb.Constraint("tie", cs.DM(A) @ both, b, b)
-    data = wb.Residual("data", cs.DM(L) @ both, 1.0)
-    gain = C @ A.T @ np.linalg.inv(A @ C @ A.T)
-    problem = wb.Problem([data], ("x", "y"), blocks=[x, y], constraints=[tie])
-    return problem, A, gain @ b, C - gain @ A @ C
-
-
-@pytest.mark.parametrize("names", [["x[1]", "y"]])
-def test_equations_give_the_conditional_gaussian(names: list[str]) -> None:
-    problem, A, mean, C = tied_gaussian()
-    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=determined)
-    assert posterior.usable, posterior.verdict
-    x = posterior.subspace.points(posterior.flat)
-    np.testing.assert_allclose(x @ A.T, np.broadcast_to([1, 0.5], (len(x), 2)), atol=1e-12)
-    error = np.sqrt(np.diag(C) / len(x))  # of a mean of draws that are free of each other
-    assert (abs(x.mean(axis=0) - mean) < 4 * error).all()
-    spread = np.sqrt(np.outer(np.diag(C), np.diag(C)))
-    np.testing.assert_allclose(np.cov(x.T) / spread, C / spread, atol=4 * np.sqrt(2 / len(x)))
-    assert posterior.conditioning.count == 0
-    assert str(posterior.conditioning).endswith(
-        "every free number is sampled or follows by equations."
-    )
-
-
-def test_bounds_hold_for_what_follows() -> None:
-    """x + y = 1 and y >= 0: x ends at 1."""
-    x, y = wb.Block("x"), wb.Block("y")
-    tie = wb.Constraint("tie", x.symbol + y.symbol, 1.0, 1.0)
-    problem = wb.Problem(
-        [wb.Residual("x", x.symbol - 1, 1.0)], ("x", "y"), {"y": (0.0, np.inf)}, [x, y], [tie]
-    )
-    posterior = laplace(problem, {"x": 0.5, "y": 0.5}, "x", rest=determined)
-    assert posterior.flat.max() <= 1 + 1e-9
-    found = scipy.stats.halfnorm().cdf(1 - np.quantile(posterior.flat, [0.05, 0.5, 0.95]))
-    np.testing.assert_allclose(found, [0.95, 0.5, 0.05], atol=4 * 0.5 / np.sqrt(4000))
-
-
-@pytest.mark.parametrize(
-    ("names", "text"),
-    [
-        ("x[1]", r"leave open how x\[0\], x\[2\], y\[0\] follow: of these 3 numbers they tell 2"),
-        (["x[0]", "x[1]", "y"], r"tie x\[0\], x\[1\], y\[0\], y\[1\] to each other"),
-    ],
-)
-def test_names_tied_by_equations_are_refused(names: list[str], text: str) -> None:
-    problem = tied_gaussian()[0]
-    with pytest.raises(wb.WorkbenchError, match=text):
-        laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=determined)
 
 
 def mass(problem: wb.Problem, at: float) -> float:

@@ -10,12 +10,14 @@ import workbench as wb
 from tests.sampling.densities import gaussian, two_modes
 from workbench.residuals import geman_mcclure
 from workbench.sampling import Usability, laplace, sample
-from workbench.sampling.descent import Mode, mode_from
-from workbench.sampling.hamiltonian import HamiltonianRun, HamiltonianSettings, run_hamiltonian
+from workbench.sampling.ensembles import SamplerSettings
+from workbench.sampling.hamiltonian import HamiltonianRun, run_hamiltonian
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.modes import (
     REACH,
+    Mode,
     missed_mode,
+    mode_from,
     modes,
     nearest_mode,
     shortest_rotations,
@@ -196,7 +198,7 @@ def jumping_run(both_modes: list[Mode]) -> HamiltonianRun:
     """Half of the chains begin in each mode."""
     of, rng = jumping_target(), np.random.default_rng(0)
     starts = walkers_at(of, tuple(both_modes), 64, rng)
-    plan = HamiltonianSettings(ensembles=4, walkers=16, steps=2000, whole=True)
+    plan = SamplerSettings(ensembles=4, walkers=16, steps=2000, whole=True)
     return run_hamiltonian(of, starts, both_modes, lambda z: z, ("x", "y", "z"), plan, rng)
 
 

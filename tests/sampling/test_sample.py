@@ -23,8 +23,8 @@ from workbench.sampling import (
     sample,
     sampling_blocks,
 )
-from workbench.sampling.limbs import limbs
-from workbench.sampling.moves import stretch
+from workbench.sampling.ensembles import stretch
+from workbench.sampling.subspace import limbs
 
 COVARIANCE, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = ("x[1]", "x[3]")

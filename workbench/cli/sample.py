@@ -97,9 +97,15 @@ def sample(
 
     with interrupts_say(left):
         for part, names in chosen.items():
-            path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".h5")
+            path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".npz")
             if fresh:
                 path.unlink(missing_ok=True)
+            elif (before := path.with_suffix(".h5")).exists() and not path.exists():
+                say(
+                    console,
+                    f"[yellow]{escape(str(before))} is of an earlier version and is not continued; "
+                    "sampling begins anew[/]",
+                )
             console.print(f"\n[bold]{escape(part)}[/]")
             with _bar(console) as bar:
                 task = bar.add_task("sampling", total=steps, info="")
@@ -108,7 +114,7 @@ def sample(
                     info = f"{progress.acceptance:.0%} accepted"
                     if progress.all_free:
                         info += ", all unknowns by Hamiltonian Monte Carlo"
-                    bar.update(task, completed=progress.step, info=info)
+                    bar.update(task, completed=progress.step, total=progress.steps, info=info)
 
                 posterior = sampling.sample(
                     problem,

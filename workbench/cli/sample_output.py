@@ -19,7 +19,7 @@ from workbench.reports.posterior_summary import (
 def print_posteriors(console: Console, parts: Sequence[BlockPosterior], setup: Setup) -> None:
     """One line for every block, and then all that is known of each."""
     console.print()
-    warn_of(console, contradictions(setup))
+    warn_of(console, contradictions(setup, [part.posterior for part in parts]))
     for line in blocks_table(parts, setup).lines():
         say(console, escape(line))
     for part in parts:

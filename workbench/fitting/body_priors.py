@@ -9,9 +9,8 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.hand_axes import hands_of
 from workbench.bodies.pose_space import PoseSpace, has_pose_space, pose_space
-from workbench.priors.hand_limits import hand_limits
-from workbench.priors.poses import numbers_of, shipped_gaussian
-from workbench.priors.tailed_poses import shipped_student
+from workbench.priors.joint_limits import hand_limits
+from workbench.priors.poses import numbers_of, shipped_gaussian, shipped_student
 from workbench.residuals import Residual, gaussian, student_t
 
 POSE_PRIOR = "pose prior"

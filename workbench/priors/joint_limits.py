@@ -1,17 +1,25 @@
-"""How far joints turn, as bounds of a body's pose."""
+"""How far joints turn: bounds of a body's pose, and a residual for the joints of hands."""
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Any
 
+import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block
-from workbench.errors import BadArgument, check_known
+from workbench.blocks.checks import reals
+from workbench.bodies.body import Body
+from workbench.bodies.hand_axes import HandMotion, hand_motions, hands_of
+from workbench.errors import BadArgument, BadBody, check_known
+from workbench.residuals import Residual, limits
 
 KNOWN = ("anatomical", "recorded")
+SIGMA = 0.1  # rad: limits of hands are averages over people, and nobody's own
 
 
 @dataclass(frozen=True)
@@ -41,15 +49,16 @@ class JointLimits:
                 f"block {pose.name!r} {pose.shape} is no pose: rotation vectors (K, 3) whose rows "
                 "are labelled with names of joints; give the first of body.blocks()"
             )
+        known = {joint for joint, _ in self.limits}
+        if known.isdisjoint(joints):
+            raise BadArgument(
+                f"no joint of block {pose.name!r} is among those known: {', '.join(sorted(known))}"
+            )
         lower, upper = np.full(pose.shape, -np.inf), np.full(pose.shape, np.inf)
-        found = False
-        for (joint, axis), (low, high) in self.limits.items():
+        for (joint, axis), ends in self.limits.items():
             if joint in joints:
-                row, found = joints.index(joint), True
-                lower[row, axis], upper[row, axis] = low, high
-        if not found:
-            known = ", ".join(sorted({joint for joint, _ in self.limits}))
-            raise BadArgument(f"no joint of block {pose.name!r} is among those known: {known}")
+                row = joints.index(joint)
+                lower[row, axis], upper[row, axis] = ends
         return lower, upper
 
     def widened(self, margin: float) -> "JointLimits":
@@ -69,6 +78,11 @@ class JointLimits:
         return JointLimits(both, {**others.sources, **self.sources})
 
 
+def _content(name: str) -> Any:
+    path = files("workbench") / "data" / "joint_limits" / f"{name}.json"
+    return json.loads(path.read_text("utf-8"))
+
+
 def joint_limits(name: str = "anatomical") -> JointLimits:
     """The joint limits of this name.
 
@@ -79,8 +93,7 @@ def joint_limits(name: str = "anatomical") -> JointLimits:
     Sources and licences: `workbench/data/joint_limits/PROVENANCE.md`.
     """
     check_known("set of joint limits", name, KNOWN)
-    text = (files("workbench") / "data" / "joint_limits" / f"{name}.json").read_text("utf-8")
-    content = json.loads(text)
+    content = _content(name)
     limits = {
         (row["joint"], "xyz".index(row["axis"])): (
             -np.inf if row["lower"] is None else float(np.radians(row["lower"])),
@@ -89,3 +102,94 @@ def joint_limits(name: str = "anatomical") -> JointLimits:
         for row in content["limits"]
     }
     return JointLimits(limits, content["sources"])
+
+
+@dataclass(frozen=True)
+class HandLimits:
+    """How far each joint of a hand turns about its anatomical axes.
+
+    The angle of a motion is a . theta + a0, with the rotation vector theta of the joint, the axis a
+    of the motion and its angle a0 at rest (`hand_motions`). For turns about one axis alone this is
+    exact, as the measured ranges are; for several together it is an approximation.
+
+    Attributes:
+        limits: (lower, upper) in rad, by joint (without a side) and motion.
+        sources: where the limits are from.
+    """
+
+    limits: Mapping[tuple[str, str], tuple[float, float]]
+    sources: Mapping[str, str]
+
+    def residual(
+        self,
+        body: Body,
+        pose: cs.MX | None = None,
+        *,
+        sigma: float = SIGMA,
+        name: str = "hand limits",
+    ) -> Residual:
+        """How far each motion of the body's hands is beyond its limits, in rad.
+
+        `pose` (3, K) is an expression, such as that of a `PoseSpace`; without it, the symbol of the
+        body's block. Raises BadBody for a body without hands.
+        """
+        theta = body.blocks()[0].symbol if pose is None else pose
+        motions = self._motions(body)
+        columns = [body.joint_names.index(motion.joint) for motion in motions]
+        angles = [
+            cs.dot(cs.DM(motion.axis), theta[:, k]) + motion.at_rest
+            for motion, k in zip(motions, columns, strict=True)
+        ]
+        lower, upper = self._ends(motions)
+        labels = tuple(f"{motion.joint}, {motion.motion}" for motion in motions)
+        return limits(
+            cs.vertcat(*angles), lower, upper, sigma=sigma, name=name, unit="rad", labels=labels
+        )
+
+    def beyond(self, body: Body, poses: ArrayLike) -> Array:
+        """How far each limited motion is beyond its limits, (..., R) rad, at poses (..., K, 3).
+
+        Above the upper limit it is positive, below the lower one negative.
+        """
+        theta, motions = reals("poses", poses), self._motions(body)
+        angles = np.stack(
+            [
+                theta[..., body.joint_names.index(motion.joint), :] @ motion.axis + motion.at_rest
+                for motion in motions
+            ],
+            axis=-1,
+        )
+        lower, upper = self._ends(motions)
+        return np.asarray(np.maximum(angles - upper, 0) + np.minimum(angles - lower, 0))
+
+    def _motions(self, body: Body) -> list[HandMotion]:
+        sides = hands_of(body)
+        if not sides:
+            raise BadBody(
+                f"body {body.name!r} has no hand with 15 joints of fingers, whose limits are known;"
+                " take the embedded body 'hand', or one of MANO's"
+            )
+        every = [(side, motion) for side in sides for motion in hand_motions(body, side)]
+        return [m for side, m in every if (m.joint[len(side) :], m.motion) in self.limits]
+
+    def _ends(self, motions: list[HandMotion]) -> tuple[Array, Array]:
+        bare = [m.joint.removeprefix("left_").removeprefix("right_") for m in motions]
+        ends = [self.limits[joint, m.motion] for joint, m in zip(bare, motions, strict=True)]
+        lower, upper = np.array(ends).T
+        return lower, upper
+
+
+def hand_limits() -> HandLimits:
+    """Normal ranges of motion of the joints of the fingers, as measured on people.
+
+    That fingers hardly twist, and that their last two joints hardly move aside, is assumed: these
+    ranges are 10 or 20 degrees to either side. For the base of the thumb only palmar abduction has
+    limits, because its other motions are measured in a plane that moves with it. Sources:
+    `workbench/data/joint_limits/PROVENANCE.md`.
+    """
+    content = _content("hand")
+    ends = {
+        (row["joint"], row["motion"]): (np.radians(row["lower"]), np.radians(row["upper"]))
+        for row in content["limits"]
+    }
+    return HandLimits(ends, content["sources"])

@@ -30,7 +30,7 @@ from workbench.reports.posterior_summary import (
     truth_of,
 )
 from workbench.reports.replay import Recording, recorded_posterior
-from workbench.sampling import Posterior, compared_with_laplace, search_in_words
+from workbench.sampling import Posterior, compared_with_laplace
 
 DRAWN = 24  # bodies in a spray
 
@@ -52,7 +52,7 @@ def write_posterior(
     for anchor, part in anchors.items():
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
-    against = contradictions(setup)
+    against = contradictions(setup, [part.posterior for part in parts])
     words = [f"{text[0].upper()}{text[1:]}.\n" for text in against]
     words.append("\n".join(blocks_table(parts, setup).lines()) + "\n")
     for part in parts:
@@ -147,7 +147,7 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
 
 
 def _modes(p: Posterior) -> str:
-    said = f"Modes: {search_in_words(p.mode_search)}."
+    said = f"Modes: {p.mode_search}."
     if len(p.modes) < 2:
         return said
     shares = ", ".join(f"{mode.share:.0%}" for mode in p.modes)

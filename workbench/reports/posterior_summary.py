@@ -30,14 +30,14 @@ def truth_of(p: Posterior, setup: Setup) -> Array | None:
     return None if setup.made_of is None else p.coordinates(setup.made_of)
 
 
-def contradictions(setup: Setup) -> list[str]:
-    """Sentences on priors that make the synthetic truth improbable; none for other data.
+def contradictions(setup: Setup, posteriors: Sequence[Posterior] = ()) -> list[str]:
+    """Sentences on doubts of the model, and on priors that make a synthetic truth improbable.
 
     Of draws from a prior of m whitened Gaussian rows, the sum of squares is chi-square of m.
     """
+    problem, found = setup.problem, list(dict.fromkeys(p.doubt for p in posteriors if p.doubt))
     if setup.made_of is None:
-        return []
-    problem, found = setup.problem, []
+        return found
     whitened = problem.residual(*problem.split({**setup.start, **setup.made_of}))
     for name in setup.priors:
         rows = whitened[problem.rows[name]]

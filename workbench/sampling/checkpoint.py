@@ -1,6 +1,5 @@
-"""Ensembles on disk, in emcee's own HDF5 format, whole or not at all."""
+"""Ensembles on disk, in an .npz that is replaced whole or not at all."""
 
-import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -8,17 +7,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadFile
-from workbench.sampling.emcee_interface import emcee
-from workbench.writing import Keeping, write_file
+from workbench.reading.arrays import (
+    Archive,
+    damage,
+    opened,
+    read_expected,
+    reals,
+    taken_for,
+    texts,
+    wholes,
+)
+from workbench.reading.facts import parsed
+from workbench.writing import Keeping, replacing
 
-SETTINGS = "workbench"  # the attribute that says what was sampled, and how
-SEAL = b"\nworkbench sha256 "  # after the end of the HDF5 file, with the digest of all before it
-LONGEST = 1_000_000  # characters of settings
+WHAT, DO = "checkpoint of `sample`", "give another file, or remove it to begin anew"
+HDF5 = b"\x89HDF"  # the first bytes of a checkpoint that an earlier version wrote
 TWISTER = 624  # words in the state of NumPy's RandomState
 
 
@@ -67,159 +74,73 @@ class Checkpoint:
             self._keeping(lambda: self._write(path))
 
 
-def group(ensemble: int) -> str:
-    """What an ensemble is called in the file: `emcee.backends.HDFBackend(path, name)` opens it."""
-    return f"ensemble {ensemble}"
-
-
 def save(path: Path, ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> None:
     """Replace the file by another that is complete. Raises BadFile if it cannot be written.
 
-    The file is made in memory: if HDF5 itself cannot write, it ends the process later.
+    Nothing is compressed, which would take seconds and gain little on random numbers.
     """
-    content = image(ensembles, settings)
-    write_file(path, content)
+    arrays: dict[str, Any] = {"settings": np.array(json.dumps(dict(settings)))}
+    for e, saved in enumerate(ensembles):
+        _, words, position, has_normal, normal = saved.random_state
+        arrays |= {
+            f"chain_{e}": saved.chain,
+            f"log_prob_{e}": saved.log_prob,
+            f"accepted_{e}": saved.accepted,
+            f"random_words_{e}": words,
+            f"random_place_{e}": np.array([position, has_normal]),
+            f"random_normal_{e}": np.array(float(normal)),
+        }
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)
 
 
-def image(ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> bytes:
-    """What is in the file: an HDF5 file, and its seal."""
-    with h5py.File("in memory", "w", driver="core", backing_store=False) as file:
-        file.attrs[SETTINGS] = json.dumps(dict(settings))
-        for e, saved in enumerate(ensembles):
-            steps, walkers, k = saved.chain.shape
-            inside = file.create_group(group(e))
-            inside.attrs["version"] = emcee().__version__
-            inside.attrs["nwalkers"], inside.attrs["ndim"] = walkers, k
-            inside.attrs["has_blobs"], inside.attrs["iteration"] = False, steps
-            for i, part in enumerate(saved.random_state):
-                inside.attrs[f"random_state_{i}"] = part
-            inside.create_dataset("accepted", data=saved.accepted)
-            for name, values in (("chain", saved.chain), ("log_prob", saved.log_prob)):
-                inside.create_dataset(name, data=values, maxshape=(None, *values.shape[1:]))
-        file.flush()
-        return sealed(file.id.get_file_image())
+def load(path: Path, settings: Mapping[str, Any]) -> list[SavedEnsemble]:
+    """The ensembles that `save` wrote with these settings.
 
-
-def sealed(content: bytes) -> bytes:
-    """The bytes of an HDF5 file followed by their digest, which readers of HDF5 ignore."""
-    return content + SEAL + hashlib.sha256(content).hexdigest().encode()
-
-
-def load(path: Path) -> tuple[list[SavedEnsemble], dict[str, Any]]:
-    """What `save` wrote; raises BadFile if that is not what the file holds.
-
-    A damaged file can make the HDF5 library hang, or end the process. So it is shown nothing that
-    has changed since it was written, and looks at bytes in memory.
+    The settings must have `ensembles`, `walkers`, `steps`, `thin` and `entries`. Raises BadFile if
+    that is not what the file holds, or if it was written with other settings or an earlier version.
     """
-    try:
-        content, seal, _ = (whole := path.read_bytes()).rpartition(SEAL)
-        if not seal or sealed(content) != whole:
-            raise BadFile("it is damaged, or was changed, or an earlier version wrote it")
-        with h5py.File(h5py.h5f.open_file_image(content), "r") as file:
-            settings = _settings(file)
-            return [_ensemble(file, e, len(content)) for e in range(len(file))], settings
-    except Exception as error:  # h5py raises many kinds where parts are missing or of other kinds
-        raise BadFile(
-            f"{path} is no checkpoint of `sample` ({error}); give another file, or remove it to "
-            "begin anew"
-        ) from error
-
-
-def _settings(file: h5py.File) -> dict[str, Any]:
-    said = file.attrs.get(SETTINGS)
-    if not isinstance(said, str) or len(said) > LONGEST:
-        raise BadFile(f"its attribute {SETTINGS!r} is no text that says how it was made")
-    settings = json.loads(said)
-    if not isinstance(settings, dict):
-        raise BadFile(f"its attribute {SETTINGS!r} holds no settings by name")
-    return settings
-
-
-def _ensemble(file: h5py.File, e: int, size: int) -> SavedEnsemble:
-    inside = file.get(group(e))
-    if not isinstance(inside, h5py.Group):
-        raise BadFile(f"it has no group {group(e)!r}, but {len(file)} groups")
-    chain = _numbers(inside, "chain", 3, size)
-    log_prob, accepted = (
-        _numbers(inside, "log_prob", 2, size),
-        _numbers(inside, "accepted", 1, size),
-    )
-    S, W, k = chain.shape
-    if log_prob.shape != (S, W) or accepted.shape != (W,) or not S * W * k:
-        raise BadFile(
-            f"{group(e)} has draws of shape {chain.shape}, log densities of shape "
-            f"{log_prob.shape} and accepted moves of shape {accepted.shape}, which do not fit"
-        )
-    if not ((accepted >= 0) & (accepted <= S)).all():
-        raise BadFile(f"{group(e)} has accepted more or less moves than there were steps")
-    return SavedEnsemble(chain, log_prob, accepted, _random_state(inside, e))
-
-
-def _numbers(inside: h5py.Group, name: str, dimensions: int, size: int) -> Array:
-    """A dataset, looked at before it is read: it takes no more room than the file."""
-    there = inside.get(name)
-    what = f"{inside.name[1:]}: {name}"
-    if not isinstance(there, h5py.Dataset):
-        raise BadFile(f"{what} is missing")
-    if there.dtype != np.float64 or there.ndim != dimensions or 8 * (there.size or 0) > size:
-        raise BadFile(
-            f"{what} is no array of {dimensions} dimensions of numbers that are in the file"
-        )
-    found = np.asarray(there[...])
-    if not np.isfinite(found).all():
-        raise BadFile(f"{what} holds numbers that are not finite")
-    return found
-
-
-def _random_state(inside: h5py.Group, e: int) -> Sequence[Any]:
-    """NumPy's state: its name, 624 words, a position, and a normal number that is left."""
-    found: list[Any] = [inside.attrs.get(f"random_state_{i}") for i in range(5)]
-    name, words, position, has_normal, normal = found
-    try:
-        if getattr(words, "shape", ()) != (TWISTER,) or words.dtype.kind != "u":
-            raise ValueError(f"it takes {TWISTER} words")
-        if not 0 <= position <= TWISTER or not np.isfinite(normal):
-            raise ValueError("its position or its number is out of range")
-        state = (str(name), words.astype(np.uint32), int(position), int(has_normal), float(normal))
-        np.random.RandomState().set_state(state)
-    except (TypeError, ValueError, OverflowError, IndexError) as error:
-        raise BadFile(f"{group(e)} has no state of a random generator ({error})") from error
-    return state
-
-
-def refuse_other(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Raise BadFile unless a checkpoint is of the same posterior, sampled the same way."""
-    for name, value in now.items():
-        if before.get(name) != value:
+    with taken_for(path, WHAT, DO), damage(), path.open("rb") as file:
+        if file.read(len(HDF5)) == HDF5:
             raise BadFile(
-                f"{path} holds draws of another run: its {name} is {before.get(name)!r:.80}, not "
-                f"{value!r:.80}; give another file, or the same settings"
+                "it is HDF5, as an earlier version wrote it, whose draws this one does not "
+                "continue; emcee.backends.HDFBackend reads them"
             )
-
-
-def refuse_unlike(
-    path: Path, ensembles: Sequence[SavedEnsemble], count: int, shape: tuple[int, int, int]
-) -> None:
-    """Raise BadFile unless there are `count` ensembles of at most the `shape` (S, W, k).
-
-    S may be smaller, because a chain may have fewer steps than the settings allow.
-    """
-    S, W, k = shape
-    shapes = [saved.chain.shape for saved in ensembles]
-    if len(shapes) != count or any(s > S or (w, d) != (W, k) for s, w, d in shapes):
+    with opened(path, WHAT, DO) as archive:
+        text = str(read_expected(archive, {"settings": texts()})["settings"])
+        before = parsed(text)
+        if not isinstance(before, dict):
+            raise BadFile("its settings are no settings by name")
+        other = [name for name, value in settings.items() if before.get(name) != value]
+        count = 0 if other else settings["ensembles"]
+        ensembles = [_ensemble(archive, e, settings) for e in range(count)]
+    if other:
+        name = other[0]
         raise BadFile(
-            f"{path} holds draws of other shapes than its settings say: {shapes}, not {count} "
-            f"ensembles of up to {S} steps of {W} walkers in {k} dimensions; remove it to begin "
-            "anew"
+            f"{path} holds draws of another run: its {name} is {before.get(name)!r:.80}, not "
+            f"{settings[name]!r:.80}; give another file, or the same settings"
         )
+    return ensembles
 
 
-def memory(saved: SavedEnsemble) -> Any:
-    """A backend of emcee's in memory that continues from this state."""
-    steps, walkers, k = saved.chain.shape
-    backend = emcee().backends.Backend()
-    backend.reset(walkers, k)
-    backend.chain, backend.log_prob = saved.chain.copy(), saved.log_prob.copy()
-    backend.accepted = saved.accepted.copy()
-    backend.random_state, backend.iteration = tuple(saved.random_state), steps
-    return backend
+def _ensemble(archive: Archive, e: int, settings: Mapping[str, Any]) -> SavedEnsemble:
+    W, k = settings["walkers"], len(settings["entries"])
+    expected = {
+        f"chain_{e}": reals("steps", W, k),
+        f"log_prob_{e}": reals("steps", W),
+        f"accepted_{e}": reals(W),
+        f"random_words_{e}": wholes(TWISTER),
+        f"random_place_{e}": wholes(2),
+        f"random_normal_{e}": reals(),
+    }
+    chain, log_prob, accepted, words, (position, has_normal), normal = read_expected(
+        archive, expected
+    ).values()
+    if not 0 < len(chain) <= settings["steps"] // settings["thin"]:
+        raise BadFile(f"chain_{e} has {len(chain)} steps, none or more than its settings say")
+    if not ((accepted >= 0) & (accepted <= len(chain))).all():
+        raise BadFile(f"accepted_{e} has more or less moves than there were steps")
+    if not (words.min() >= 0 and words.max() < 2**32 and 0 <= position <= TWISTER):
+        raise BadFile(f"random_words_{e} and its place are no state of a random generator")
+    state = ("MT19937", words.astype(np.uint32), int(position), int(has_normal), float(normal))
+    return SavedEnsemble(chain, log_prob, accepted, state)

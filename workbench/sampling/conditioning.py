@@ -5,18 +5,21 @@ a is H_aa^-1 given b (conditional), and the block (H^-1)_aa with b free as well 
 ratio of their standard deviations, at least 1, says what holding b fixed claims to know.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
+from workbench.blocks.layout import entries
 from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.errors import TooLarge, joined
 from workbench.problem import Linearization, Problem
 from workbench.problem.banded import BlockMatrix
-from workbench.sampling.descent import rows_between
+from workbench.sampling.modes import rows_between
 from workbench.sampling.subspace import Subspace
 
 RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
@@ -35,7 +38,6 @@ class Conditioning:
         conditional: (k,) standard deviations with these numbers held fixed.
         marginal: (k,) standard deviations with all numbers free; infinite where nothing determines
             them.
-        following: how many numbers equations determine from what is sampled.
     """
 
     labels: tuple[str, ...]
@@ -44,7 +46,6 @@ class Conditioning:
     given: tuple[str, ...]
     conditional: Array
     marginal: Array
-    following: int = 0
 
     def of_entries(self, at: Index) -> "Conditioning":
         """The same of some entries (m,)."""
@@ -79,10 +80,7 @@ class Conditioning:
 
     def __str__(self) -> str:
         if not self.count:
-            how = (
-                "sampled or follows by equations" if self.following else "sampled or integrated out"
-            )
-            return f"Held fixed: nothing; every free number is {how}."
+            return "Held fixed: nothing; every free number is sampled or integrated out."
         numbers = "1 number" if self.count == 1 else f"{self.count:,} numbers"
         return f"Held fixed: {self.what} ({numbers}). {self.wider}."
 
@@ -130,17 +128,14 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
         between = np.isfinite(there.upper - there.lower) & ~there.equal
         A = there.linearize(x, given).rows(between)
         J = np.vstack([J, A * (np.sqrt(12) / (there.upper - there.lower)[between])[:, None]])
-    free = problem.free.size
-    follow = space.entries is not None and not space.rest.shape[1]
-    tied = free - len(held) - span.shape[1] if follow else 0
-    if span.shape[1] + tied + len(held) == problem.free.size:
+    count = problem.free.size - span.shape[1]
+    if count == len(held):
         others = np.eye(problem.free.size)[:, held[width[held] > 0]]
     else:  # directions, which entries do not complete
         others = scipy.linalg.null_space(span.T)
     if there is not None and there.equal.any() and others.shape[1]:
         A = there.linearize(x, given).rows(there.equal)
         others = others @ scipy.linalg.null_space(A @ others)
-    count = problem.free.size - span.shape[1] - tied
     conditional = _deviations(J @ span)[: space.size]
     marginal = _deviations(J @ np.hstack([span, others]))[: space.size] if count else conditional
     return Conditioning(
@@ -150,7 +145,6 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
         problem.fixed.names,
         conditional,
         np.maximum(marginal, conditional),
-        tied,
     )
 
 
@@ -220,3 +214,45 @@ def _named(problem: Problem, held: Index, count: int) -> tuple[str, ...]:
     left = count - len(held)
     ways = "1 direction" if left == 1 else f"{left} directions"
     return (*names, ways) if left else tuple(names)
+
+
+WIDTH = 10  # characters of a bar
+
+
+def prior_deviations(
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    names: str | Iterable[str],
+    priors: Iterable[str],
+) -> Array:
+    """The standard deviation (k,) of each named entry before there are data, by J'J of the priors.
+
+    `priors` are the names of the residuals that are priors, taken as linear at `at`. An entry
+    between two bounds has at most the spread of a uniform distribution there. Infinite where
+    nothing is known beforehand. Raises UnknownName for a prior that is no residual.
+    """
+    here = problem.linearize(at)
+    named = entries(problem.free, names)
+    told = here.dense[problem.rows_named(tuple(priors))]
+    J = np.vstack([told, rows_between(problem.lower, problem.upper, np.sqrt(12))])
+    if not len(J):
+        return np.full(len(named), np.inf)
+    return np.asarray(np.sqrt(np.diag(Linearization(np.zeros(len(J)), J).covariance))[named])
+
+
+def contraction(sd: Array, before: Array) -> Array:
+    """1 - sd / before, (k,): 0 if the data said nothing, near 1 if they said nearly all.
+
+    `before` (k,) are the prior's standard deviations; NaN where these are not known. It is negative
+    where the posterior is wider than the prior.
+    """
+    known = np.isfinite(before) & (before > 0)
+    return np.where(known, 1 - sd / np.where(known, before, 1.0), np.nan)
+
+
+def contraction_bar(value: float, full: str = "#", empty: str = ".") -> str:
+    """A contraction as a bar with its number, such as `0.72 #######...`; else `no prior known`."""
+    if not np.isfinite(value):
+        return "no prior known"
+    filled = int(np.clip(round(WIDTH * value), 0, WIDTH))
+    return f"{value:5.2f} {full * filled}{empty * (WIDTH - filled)}"

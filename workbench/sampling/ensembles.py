@@ -1,42 +1,217 @@
-"""Several independent ensembles of emcee's, side by side, that can be stopped and taken up."""
+"""Several independent ensembles of emcee's, side by side, that can be stopped and taken up.
+
+By default walkers move by differential evolution (ter Braak 2006; Nelson et al. 2014): a step is
+the difference of two other walkers times 2.38 / sqrt(2 k), and every tenth time the whole
+difference, which leads from mode to mode. All moves offered are invariant under affine maps, so
+there is nothing to whiten. The proposals are emcee's, accepted for half of the ensemble at once:
+emcee's own loop asks one walker after the other, which costs more than a compiled posterior does.
+"""
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array
-from workbench.errors import BadFile
+from workbench.arrays import Array, Mask
+from workbench.environment import optional_library
+from workbench.errors import BadFile, WorkbenchError
 from workbench.interrupts import Interrupts
-from workbench.sampling.checkpoint import (
-    Checkpoint,
-    SavedEnsemble,
-    load,
-    memory,
-    refuse_other,
-    refuse_unlike,
-    save,
-)
-from workbench.sampling.descent import Mode, mode_from
-from workbench.sampling.emcee_interface import emcee
-from workbench.sampling.ensemble_settings import (
-    Callback,
-    EnsembleSettings,
-    Progress,
-    without_burn_in,
-)
+from workbench.sampling.checkpoint import Checkpoint, SavedEnsemble, load, save
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.mixing import TIMES
-from workbench.sampling.modes import ModeSearch, improper_in_words, modes, walkers_at
-from workbench.sampling.moves import refuse_biased
+from workbench.sampling.mixing import TIMES, Mixing
+from workbench.sampling.modes import (
+    Mode,
+    ModeSearch,
+    improper_in_words,
+    mode_from,
+    modes,
+    walkers_at,
+)
 from workbench.threads import limited_threads
 
+
+def emcee() -> ModuleType:
+    """The module emcee. Raises MissingLibrary where it is not installed."""
+    return optional_library("emcee", "drawing a posterior by ensembles of walkers")
+
+
+Moves = Sequence[tuple[Any, float]]  # moves of emcee's, or of the same form, with weights
+JUMPS = 0.1  # of the steps
+KEPT = 2e7  # numbers that are kept in memory: 160 MB
+CHECKED = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the steps: when usable then, that is enough
+BURNT = 0.1  # share of the steps that is discarded at least
+BURNT_TIMES = 5.0  # autocorrelation times that are discarded, but no more than half of the steps
 ASKED = 20  # kept steps between two questions whether draws run away
+
+
+class BiasedMove(WorkbenchError):
+    """The error for a move under which the posterior is not the stationary distribution."""
+
+
+@dataclass(frozen=True)
+class VectorizedMove:
+    """A red-blue move of emcee's, in array operations on all proposals of a step.
+
+    Attributes:
+        proposals: the move that proposes.
+    """
+
+    proposals: Any
+
+    def propose(self, model: Any, state: Any) -> tuple[Any, Mask]:
+        """The ensemble after a step, and which walkers (W,) have moved.
+
+        emcee's own step, with the same random numbers in the same order.
+        """
+        move, walkers = self.proposals, len(state.coords)
+        move.setup(state.coords)
+        accepted = np.zeros(walkers, dtype=bool)
+        group = np.arange(walkers) % move.nsplits
+        if move.randomize_split:
+            model.random.shuffle(group)
+        for split in range(move.nsplits):
+            ours = np.flatnonzero(group == split)
+            others = [state.coords[group == j] for j in range(move.nsplits) if j != split]
+            y, factors = move.get_proposal(state.coords[ours], others, model.random)
+            log_prob, _ = model.compute_log_prob_fn(y)
+            gain = factors + log_prob - state.log_prob[ours]
+            taken = gain > np.log(model.random.rand(len(ours)))
+            state.coords[ours[taken]], state.log_prob[ours[taken]] = y[taken], log_prob[taken]
+            accepted[ours[taken]] = True
+        return state, accepted
+
+
+def differential_evolution() -> Moves:
+    """Nine steps of differential evolution to a jump."""
+    steps = VectorizedMove(emcee().moves.DEMove())
+    jumps = VectorizedMove(emcee().moves.DEMove(gamma0=1.0))
+    return ((steps, 1 - JUMPS), (jumps, JUMPS))
+
+
+def stretch() -> Moves:
+    """Goodman and Weare's, emcee's own default: some four times slower to mix."""
+    return ((VectorizedMove(emcee().moves.StretchMove()), 1.0),)
+
+
+MOVES: Mapping[str, Callable[[], Moves]] = {
+    "de": differential_evolution,
+    "stretch": stretch,
+}
+
+
+def refuse_biased(moves: Moves) -> None:
+    """Raise BiasedMove for emcee's snooker, also inside of a VectorizedMove.
+
+    Up to emcee 3.1.6 it divides by the root of the distance and halves the exponent of the factor
+    (github.com/dfm/emcee/pull/531): the variance of a standard normal comes out as 0.89 in 2
+    dimensions and 0.53 in 40.
+    """
+    for move, _ in moves:
+        if isinstance(getattr(move, "proposals", move), emcee().moves.DESnookerMove):
+            raise BiasedMove(
+                "emcee's DESnookerMove does not leave the posterior as it is "
+                "(github.com/dfm/emcee/pull/531): its draws are too narrow. Use "
+                "`differential_evolution()` or `stretch()` of workbench.sampling.ensembles"
+            )
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is.
+
+    Attributes:
+        step: how many steps each walker has taken.
+        steps: how many it takes at most.
+        acceptance: the share of the proposals that were accepted.
+        seconds: the time since the run began.
+        all_free: whether all free numbers are being sampled, by Hamiltonian Monte Carlo.
+    """
+
+    step: int
+    steps: int
+    acceptance: float
+    seconds: float
+    all_free: bool = False
+
+
+Callback = Callable[[Progress], object] | None  # called after each step
+
+
+def asks_to_stop(answer: object) -> bool:
+    """Whether what a callback returned is True, also NumPy's; any other object is no answer."""
+    return isinstance(answer, bool | np.bool_) and bool(answer)
+
+
+@dataclass(frozen=True)
+class SamplerSettings:
+    """How to sample: several independent ensembles of walkers, or of Hamiltonian chains.
+
+    Ensembles of walkers end early, after 1/16, 1/8, 1/4 or 1/2 of the steps, if their draws are
+    usable by then; chains are judged after 150, 300, 600, ... trajectories.
+
+    Attributes:
+        walkers: how many walkers or chains an ensemble has.
+        ensembles: how many independent ensembles there are.
+        steps: how many steps, or leapfrog steps, each takes at most.
+        thin: every how many steps of a walker one is kept.
+        seed: the seed of all random numbers.
+        moves: emcee's moves with their weights.
+        whole: whether to take all steps, even if the draws are usable earlier.
+    """
+
+    walkers: int
+    ensembles: int
+    steps: int
+    thin: int = 1
+    seed: int = 0
+    moves: Moves = field(default=(), repr=False)
+    whole: bool = False
+
+    def generator(self, stream: int) -> np.random.Generator:
+        """Random numbers of what follows the ensembles, one stream for each purpose."""
+        key = (self.ensembles + stream,)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+    @property
+    def kept(self) -> int:
+        """How many steps of each walker are kept."""
+        return self.steps // self.thin
+
+    @property
+    def checks(self) -> list[int]:
+        """After how many kept steps the draws are judged: the early checks, and the end."""
+        early = [] if self.whole else [int(self.kept * share) for share in CHECKED]
+        return [*(n for n in early if n >= 20), self.kept]
+
+
+def thinning(walkers: int, ensembles: int, steps: int, size: int) -> int:
+    """Every how many steps one is to be kept, so that all that is kept fits into memory."""
+    kept = np.clip(KEPT / (walkers * ensembles * size), 200, 4000)
+    return max(1, int(np.ceil(steps / kept)))
+
+
+def without_burn_in(chain: Array, thin: int, acceptance: float, labels: tuple[str, ...]) -> Mixing:
+    """The mixing of chains (E, S, W, k) without their burn-in.
+
+    A tenth of the steps is discarded, or five autocorrelation times if that is more, but no more
+    than half of the steps.
+    """
+    _, S, _, k = chain.shape
+    labels = labels or tuple(map(str, range(k)))
+    first = int(np.ceil(BURNT * S))
+    before = Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
+    longest = before.times.max() / thin if S - first > 1 else 0.0
+    wanted = min(BURNT_TIMES * longest, S / 2)
+    if wanted <= first:
+        return before
+    first = int(np.ceil(wanted))
+    return Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +239,7 @@ class EnsembleRun:
 
 def run(
     target: LogDensity,
-    plan: EnsembleSettings,
+    plan: SamplerSettings,
     *,
     checkpoint: Path | None = None,
     every: float = 30.0,
@@ -87,11 +262,7 @@ def run(
         found = modes(target, first, np.random.default_rng(search))
         settings = _settings(target, plan)
         if checkpoint is not None and checkpoint.exists():
-            before, saved_settings = load(checkpoint)
-            refuse_other(checkpoint, saved_settings, settings)
-            shape = plan.kept, plan.walkers, target.subspace.size
-            refuse_unlike(checkpoint, before, plan.ensembles, shape)
-            samplers = [_taken_up(target, plan, saved) for saved in before]
+            samplers = [_taken_up(target, plan, saved) for saved in load(checkpoint, settings)]
         else:
             samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
         team = _Team(samplers, plan, partial(improper_in_words, target, first))
@@ -105,7 +276,7 @@ def run(
 
 def _drawn(
     team: "_Team",
-    plan: EnsembleSettings,
+    plan: SamplerSettings,
     kept: Checkpoint,
     interrupts: Interrupts,
     callback: Callback,
@@ -117,7 +288,7 @@ def _drawn(
             kept.save_now_and_then()
             if callback is not None:
                 with interrupts.raised_at_once():
-                    stop = _true(callback(progress))
+                    stop = asks_to_stop(callback(progress))
                 if stop:
                     return progress.step < plan.steps
     except KeyboardInterrupt:
@@ -131,7 +302,7 @@ class _Team:
     def __init__(
         self,
         samplers: list[tuple[Any, Any]],
-        plan: EnsembleSettings,
+        plan: SamplerSettings,
         improper: Callable[[Array], str],
     ) -> None:
         self._plan, self._improper = plan, improper
@@ -159,7 +330,7 @@ class _Team:
         `check` is called before each of them, and may raise.
         """
         for goal in self._plan.checks:
-            while min(done[0] for done in self._done) < goal:
+            while self._count < goal:
                 for e, backend in enumerate(self._backends):
                     if self._done[e][0] < goal:
                         check()
@@ -171,8 +342,13 @@ class _Team:
             if goal < self._plan.kept and self._enough(goal):
                 return
 
+    @property
+    def _count(self) -> int:
+        """How many steps all ensembles have kept."""
+        return min(done[0] for done in self._done)
+
     def _progress(self, began: float) -> Progress:
-        step = min(done[0] for done in self._done) * self._plan.thin
+        step = self._count * self._plan.thin
         return Progress(step, self._plan.steps, self.acceptance, time.perf_counter() - began)
 
     @property
@@ -184,10 +360,10 @@ class _Team:
 
     def _run_away(self) -> bool:
         """Whether walkers are where there is no posterior; asked now and then."""
-        count = min(done[0] for done in self._done)
-        if count % ASKED:
+        if self._count % ASKED:
             return False
-        return bool(self._improper(np.stack([b.chain[count - 1] for b in self._backends])))
+        last = [backend.chain[self._count - 1] for backend in self._backends]
+        return bool(self._improper(np.stack(last)))
 
     def _enough(self, goal: int) -> bool:
         draws = np.stack([backend.chain[:goal] for backend in self._backends])
@@ -196,7 +372,7 @@ class _Team:
 
     def save(self, path: Path, settings: dict[str, Any]) -> None:
         """Each ensemble after its last complete step, once each has one."""
-        if min(done[0] for done in self._done):
+        if self._count:
             pairs = zip(self._backends, self._done, strict=True)
             each = [SavedEnsemble(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
             save(path, each, settings)
@@ -205,16 +381,13 @@ class _Team:
         self, found: ModeSearch, seconds: float, interrupted: bool, unsaved: str
     ) -> EnsembleRun:
         """All that all ensembles have."""
-        n = min(done[0] for done in self._done)
-        chain, log_prob = (
-            np.stack([getattr(backend, name)[:n] for backend in self._backends])
-            for name in ("chain", "log_prob")
-        )
+        chain = np.stack([backend.chain[: self._count] for backend in self._backends])
+        log_prob = np.stack([backend.log_prob[: self._count] for backend in self._backends])
         return EnsembleRun(chain, log_prob, self.acceptance, found, seconds, interrupted, unsaved)
 
 
 def _fresh(
-    target: LogDensity, plan: EnsembleSettings, found: tuple[Mode, ...], seed: Any
+    target: LogDensity, plan: SamplerSettings, found: tuple[Mode, ...], seed: Any
 ) -> tuple[Any, Any]:
     rng = np.random.default_rng(seed)
     start = walkers_at(target, found, plan.walkers, rng)
@@ -223,12 +396,18 @@ def _fresh(
     return sampler, emcee().State(start, log_prob=target(start), random_state=random.get_state())
 
 
-def _taken_up(target: LogDensity, plan: EnsembleSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
-    sampler = _sampler(target, plan, memory(saved))
+def _taken_up(target: LogDensity, plan: SamplerSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
+    steps, walkers, k = saved.chain.shape
+    backend = emcee().backends.Backend()
+    backend.reset(walkers, k)
+    backend.chain, backend.log_prob = saved.chain, saved.log_prob
+    backend.accepted, backend.iteration = saved.accepted, steps
+    backend.random_state = tuple(saved.random_state)
+    sampler = _sampler(target, plan, backend)
     return sampler, sampler.get_last_sample()
 
 
-def _sampler(target: LogDensity, plan: EnsembleSettings, backend: Any) -> Any:
+def _sampler(target: LogDensity, plan: SamplerSettings, backend: Any) -> Any:
     k = target.subspace.size
     sampler = emcee().EnsembleSampler(
         plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
@@ -238,7 +417,7 @@ def _sampler(target: LogDensity, plan: EnsembleSettings, backend: Any) -> Any:
     return sampler
 
 
-def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
+def _settings(target: LogDensity, plan: SamplerSettings) -> dict[str, Any]:
     """The settings by which a checkpoint is known to belong to the same run."""
     space = target.subspace
     digest = hashlib.sha256()
@@ -250,11 +429,8 @@ def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
     if there is not None:
         digest.update("\n".join(there.label(row) for row in range(there.size)).encode())
         digest.update(there.lower.tobytes() + there.upper.tobytes() + there.tolerance.tobytes())
-    limited: dict[str, Any] = {}
-    if problem.domain is not None:  # draws that were made without it may be outside
-        limited["domain"] = "minded"
-        digest.update(b"domain")
-    return limited | {
+    return {
+        "domain": problem.domain is not None,  # draws that were made without it may be outside
         "walkers": plan.walkers,
         "ensembles": plan.ensembles,
         "steps": plan.steps,
@@ -265,7 +441,3 @@ def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
         "log density at the start": float(target(space.centre[None])[0]).hex(),
         "numbers": digest.hexdigest()[:24],
     }
-
-
-def _true(said: object) -> bool:
-    return isinstance(said, bool | np.bool_) and bool(said)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.sampling.arviz_interface import psis
+from workbench.environment import optional_library
 from workbench.sampling.log_density import LogDensity
 
 TRIED = 4000
@@ -174,9 +174,11 @@ def _weighed(
     log_p = target.at(x)
     log_weights = log_p - log_q + 0.5 * np.sum(w**2, axis=1)
     smoothed, k_hat = psis(log_weights)
-    weights = np.exp(smoothed - smoothed.max()) if np.isfinite(smoothed).any() else 0 * smoothed
-    if not weights.sum() > 0:
-        weights = np.ones(len(z))
+    if np.isfinite(smoothed).any():
+        weights = np.exp(smoothed - smoothed.max())
+        effective = float(weights.sum() ** 2 / np.sum(weights**2))
+    else:  # no draw has a weight: none is corrected, and none counts
+        weights, effective = np.ones(len(z)), 0.0
     allowed = target.allows(x)
     if target.problem.domain is not None:
         allowed &= np.isfinite(log_p)
@@ -193,12 +195,33 @@ def _weighed(
     return replace(
         told,
         k_hat=k_hat,
-        effective=1 / float(np.sum(weights**2)),
+        effective=effective,
         outside=outside,
         errors=errors,
         widths=right / told_now,
         labels=space.labels,
     )
+
+
+def psis(log_weights: Array) -> tuple[Array, float]:
+    """Pareto-smoothed log weights (N,), and k-hat.
+
+    Infinite, and the weights as they are, where too few or too equal ones make the tail.
+    Raises MissingLibrary where arviz-stats is not installed.
+    """
+    finite = np.isfinite(log_weights)
+    if finite.sum() < 20:
+        return np.full_like(log_weights, -np.inf), np.inf
+    kept = np.where(finite, log_weights, log_weights[finite].min() - 1e3)
+    if np.ptp(kept) < 1e-9:
+        return kept, -np.inf
+    stats = optional_library("arviz_stats.base", "smoothing importance weights").array_stats
+    try:
+        with np.errstate(all="ignore"):
+            smoothed, k_hat = stats.psislw(-kept)
+    except ValueError:  # all of the tail is equal
+        return kept, np.inf
+    return (smoothed, float(k_hat)) if np.isfinite(smoothed).all() else (kept, np.inf)
 
 
 def _weighted_quantiles(draws: Array, weights: Array) -> Array:

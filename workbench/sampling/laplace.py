@@ -1,4 +1,7 @@
-"""Laplace's approximation as draws: the Gaussian with the cost's curvature at its minimum."""
+"""Laplace's approximation as draws: the Gaussian with the cost's curvature at its minimum.
+
+Bounds and inequality constraints cut it off (`TruncatedGaussian`).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,25 +10,41 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
-from workbench.errors import BadArgument
+from workbench.arrays import Array, Index
+from workbench.errors import BadArgument, NotSupported
 from workbench.problem import Problem
 from workbench.problem.costs import compiled
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.descent import bounds_of, mode_from
-from workbench.sampling.feasible import refuse_flat, refuse_undefined
-from workbench.sampling.hamiltonian import HamiltonianSettings
+from workbench.sampling.ensembles import SamplerSettings
 from workbench.sampling.importance import compared, of_laplace
-from workbench.sampling.joint import jointly_with_limits, named
-from workbench.sampling.log_density import LogDensity
+from workbench.sampling.log_density import LogDensity, refuse_flat, refuse_undefined
 from workbench.sampling.mixing import Mixing
-from workbench.sampling.modes import modes
+from workbench.sampling.modes import (
+    Mode,
+    bounds_of,
+    dependent_bounds,
+    inverse_half,
+    mode_from,
+    modes,
+    rows_between,
+)
 from workbench.sampling.posterior import Posterior
+from workbench.sampling.sample import MOST, drawn_with_the_rest, jointly, named
 from workbench.sampling.subspace import Names, Rest, Subspace, fixed, integrated, subspace_of
-from workbench.sampling.truncated_gaussian import draws_in_domain, share_cut_off, truncated_laplace
-from workbench.sampling.with_the_rest import drawn_with_the_rest
 from workbench.threads import limited_threads
 
+TRIED = 2000  # draws that are looked at for what linear constraints cut away
+ENOUGH = 100  # of them that must be allowed, so that a share of 0.05 is seen
+REACHED = 1e-6  # of the largest value of a linear limit: on it
+WIDE = 1 / 30  # over the distance of two bounds: a Gaussian that is flat between them to 0.06 %
+PARTICLES = 1000  # side by side
+WARM = 40  # flights before the first that counts
+APART = 10  # flights from one that counts to the next: in a tail, one alone does not forget
+ROUNDS = 30  # of draws that replace those outside of the domains of residuals, at most
+REFLECTIONS = 2000  # reflections of a flight; one with more is undone, which is as likely both ways
+UNDONE = 0.01  # of all flights, at most
+TOUCHING = 1e-12  # of the size of the terms: on the limit, but for rounding
+MOST_LIMITED = 200  # numbers that limits cut the Gaussian off in
 CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
 WALKERS, STEPS = 64, 20_000  # of the draws that it is compared with, as `sample` makes them
 SHIFTED = 0.3  # of Laplace's standard deviation
@@ -33,6 +52,194 @@ WIDER, NARROWER = 1.15, 0.87  # standard deviation over Laplace's
 SKEWED = 0.5  # third moment over the cube of the standard deviation
 VALLEY = 0.7  # of the lower of two peaks: deeper ones part two modes
 SEEN = 0.1  # of the higher peak: lower ones are noise
+
+
+@dataclass(frozen=True, eq=False)
+class TruncatedGaussian:
+    """z = mean + half w, w standard normal where F w + g >= 0; `start` is a w that meets it.
+
+    Attributes:
+        mean: (k,).
+        half: (k, k) a square root of the covariance.
+        F: (c, k) the gradients of the limits.
+        g: (c,) their offsets.
+        start: (k,) a w that meets all limits.
+        cost: the cost at the start.
+        boxed: how many rows of F are bounds; the others are linearized constraints.
+    """
+
+    mean: Array
+    half: Array
+    F: Array
+    g: Array
+    start: Array
+    cost: float
+    boxed: int = 0
+
+
+def truncated_laplace(target: LogDensity, mode: Mode) -> TruncatedGaussian:
+    """The linear model at a mode, r + J (z - z*), restricted to bounds and linearized constraints.
+
+    Its mean is the point where the model is least, z* - (J'J)^-1 J'r, wherever that lies: at a
+    minimum on a bound it is beyond the bound. An entry that bounds alone hold is uniform there.
+    """
+    k, there = len(mode.z), target.problem.stacked_constraints
+    own, moved_along = bounds_of(target), dependent_bounds(target)
+    B = np.vstack([np.eye(k), moved_along[0]])
+    low, high = (np.concatenate([own[i], moved_along[1 + i]]) for i in (0, 1))
+    below, above = np.isfinite(low), np.isfinite(high)
+    if there is None and not (below.any() or above.any()):
+        return TruncatedGaussian(
+            mode.z, mode.half, np.empty((0, k)), np.empty(0), np.zeros(k), mode.cost
+        )
+    space = target.subspace
+    x = space.points(mode.z[None])[0]
+    here = target.problem.linearize_at(x, target.fixed)
+    J = here.jacobian @ space.along
+    half = inverse_half(target, np.vstack([J, rows_between(*bounds_of(target), WIDE)]))
+    mean = mode.z - half @ (half.T @ (J.T @ here.residual))
+    rows = [(B @ half)[below], -(B @ half)[above]]
+    margins = [(B @ mean - low)[below], (high - B @ mean)[above]]
+    if there is not None:
+        seen = there.linearize(x, target.fixed)
+        A = seen.along(space.along)
+        moved = A @ (mean - mode.z)
+        for side, limit in ((1.0, seen.lower), (-1.0, seen.upper)):
+            some = np.isfinite(limit) & ~there.equal
+            rows.append(side * (A @ half)[some])
+            margins.append(side * (seen.values + moved - limit)[some])
+    start = np.asarray(np.linalg.solve(half, mode.z - mean), dtype=float)
+    return TruncatedGaussian(
+        mean,
+        half,
+        np.vstack(rows),
+        np.concatenate(margins),
+        start,
+        mode.cost,
+        int(below.sum() + above.sum()),
+    )
+
+
+def share_cut_off(
+    target: LogDensity, gaussian: TruncatedGaussian, rng: np.random.Generator
+) -> float:
+    """The share of the Gaussian that constraints allow and their linearization does not.
+
+    0 where constraints are linear. Importance weights cannot see it: no draw is there to weigh.
+    1 where bounds alone leave too few allowed draws to tell.
+    """
+    there = target.problem.stacked_constraints
+    if there is None or gaussian.boxed == len(gaussian.F):
+        return 0.0
+    free = replace(gaussian, F=gaussian.F[: gaussian.boxed], g=gaussian.g[: gaussian.boxed])
+    drawn, along = draws_from(free, TRIED, rng)[0], np.linalg.inv(gaussian.half).T
+    x = target.subspace.points(drawn)
+    linear = (drawn - gaussian.mean) @ along @ gaussian.F[gaussian.boxed :].T + gaussian.g[
+        gaussian.boxed :
+    ]
+    allowed, kept = target.allows(x), (linear >= -REACHED * abs(linear).max()).all(axis=1)
+    if not (allowed & ~kept).any() and not (kept & ~allowed).any():
+        return 0.0
+    if allowed.sum() < ENOUGH:
+        return 1.0
+    return float(np.mean(~kept[allowed]))
+
+
+def draws_in_domain(
+    target: LogDensity, gaussian: TruncatedGaussian, count: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draws z (count, k) of the Gaussian, cut off where a residual means nothing; see `draws_from`.
+
+    Draws outside of the domains of residuals are replaced by others. Raises NotSupported if nearly
+    all are outside.
+    """
+    z, log_q = draws_from(gaussian, count, rng)
+    inside = target.in_domain(z)
+    z, log_q = z[inside], log_q[inside]
+    for _ in range(ROUNDS):
+        if len(z) >= count:
+            return z[:count], log_q[:count]
+        more, log_more = draws_from(gaussian, count, rng)
+        inside = target.in_domain(more)
+        z, log_q = np.concatenate([z, more[inside]]), np.concatenate([log_q, log_more[inside]])
+    raise NotSupported(
+        "nearly all of Laplace's Gaussian is where a residual means nothing, as behind a camera; "
+        "draw with `sample`"
+    )
+
+
+def draws_from(
+    gaussian: TruncatedGaussian, count: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draws z (count, k), and their log density up to a constant, (count,)."""
+    w = rng.standard_normal((count, len(gaussian.mean)))
+    if not (w @ gaussian.F.T + gaussian.g >= 0).all():
+        w = truncated_normal(gaussian.F, gaussian.g, gaussian.start, count, rng)
+    log_q = -gaussian.cost - 0.5 * (np.sum(w**2, axis=1) - np.sum(gaussian.start**2))
+    return gaussian.mean + w @ gaussian.half.T, log_q
+
+
+def truncated_normal(
+    F: Array, g: Array, start: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """`count` draws (count, k) of w ~ N(0, 1) under F w + g >= 0, from a start that satisfies it.
+
+    F is (c, k), g (c,). A limit that the start violates is moved to the start. Raises NotSupported
+    if the limits leave so little room that the particles do not get through it.
+    """
+    g = np.maximum(g, -(F @ start))
+    w = np.repeat(start[None], PARTICLES, axis=0)
+    kept, undone, flights = [], 0, WARM + APART * -(-count // PARTICLES)
+    for flight in range(flights):
+        before = w
+        w = _flown(F, g, w, rng.standard_normal(w.shape))
+        undone += int(np.sum((w == before).all(axis=1)))
+        if flight >= WARM and flight % APART == APART - 1:
+            kept.append(w)
+        if undone > UNDONE * flights * PARTICLES:
+            raise NotSupported(
+                "bounds and constraints leave the Gaussian too little room to draw from, so that "
+                "Laplace's approximation says nothing here. If they limit numbers that are "
+                "integrated out, name these numbers too; else draw with `sample`, or widen them"
+            )
+    return np.concatenate(kept)[:count]
+
+
+def _flown(F: Array, g: Array, w: Array, v: Array) -> Array:
+    """The particles w (N, k) with velocities v after a quarter of a turn."""
+    before, w = w, w.copy()
+    left = np.full(len(w), np.pi / 2)
+    lengths = np.sum(F**2, axis=1)
+    going = np.arange(len(w))
+    for _ in range(REFLECTIONS):
+        t, limit = _met(F, g, w[going], v[going])
+        t = np.minimum(t, left[going])
+        c, s = np.cos(t)[:, None], np.sin(t)[:, None]
+        w[going], v[going] = w[going] * c + v[going] * s, v[going] * c - w[going] * s
+        left[going] -= t
+        on = left[going] > 0
+        going, limit = going[on], limit[on]
+        if not going.size:
+            break
+        f = F[limit]
+        speed = np.sum(f * v[going], axis=1) / lengths[limit]
+        v[going] -= 2 * speed[:, None] * f
+    w[going] = before[going]
+    return w
+
+
+def _met(F: Array, g: Array, w: Array, v: Array) -> tuple[Array, Index]:
+    """When each particle next meets a limit from inside, and which; infinity if none is met."""
+    a, b = v @ F.T, w @ F.T  # the limit's value is b cos t + a sin t + g
+    size = np.hypot(a, b)
+    phase = np.arctan2(-a, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        falls = np.arccos(np.clip(-g / size, -1, 1)) - phase
+    t = np.where(size > abs(g), np.mod(falls, 2 * np.pi), np.inf)
+    touching = b + g <= TOUCHING * (abs(b) + abs(g))
+    t = np.where(touching & (a < 0), 0.0, t)
+    limit = np.argmin(t, axis=1)
+    return t[np.arange(len(w)), limit], limit
 
 
 def laplace(
@@ -48,8 +255,8 @@ def laplace(
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
     J'J is Gauss and Newton's Hessian, whitened. What is not named is integrated out, unless `rest`
-    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off (see
-    `cut`), which is exact where residuals and constraints are linear, and so do the domains of
+    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off,
+    which is exact where residuals and constraints are linear, and so do the domains of
     residuals: no draw is behind a camera. The verdict compares the Gaussian with the posterior by
     importance weights, and looks for other modes, of which the Gaussian knows nothing. Where the
     weights say that the Gaussian of all free numbers does not fit, the named entries alone are
@@ -61,7 +268,10 @@ def laplace(
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
     wanted = None if callable(names) or rest is not integrated else named(problem, names)
-    if wanted is not None and (all_of := jointly_with_limits(problem, at, wanted)):
+    # limits on any number cut off the Gaussian of all numbers
+    limited = problem.bounded or problem.stacked_constraints is not None
+    most = MOST_LIMITED if limited else MOST
+    if wanted is not None and (all_of := jointly(problem, at, wanted, most)):
         found_whole = laplace(problem, at, all_of, rest=fixed, draws=draws, seed=seed)
         space = subspace_of(problem, x, given, wanted, rest)
         return _named_alone(found_whole.marginal(wanted), space, given, against, seed)
@@ -118,7 +328,7 @@ def _named_alone(
     else:
         target = LogDensity(posterior.problem, given, space, compiled)
         rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
-        whole = drawn_with_the_rest(target, HamiltonianSettings(CHAINS, WALKERS, STEPS), rng)
+        whole = drawn_with_the_rest(target, SamplerSettings(WALKERS, CHAINS, STEPS), rng)
         if whole is None or not whole.run.mixing.usable:
             return posterior
         beside, drawn = whole.in_words, whole.run.mixing.draws.reshape(-1, posterior.size)

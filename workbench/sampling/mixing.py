@@ -6,10 +6,46 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
+import scipy.fft
 import scipy.special
 
 from workbench.arrays import Array
-from workbench.sampling.autocorrelation import integrated_time
+from workbench.environment import optional_library
+
+TOGETHER = 64  # chains in one transform
+WINDOW = 5.0  # autocorrelation times: Sokal's compromise between bias and noise
+
+
+def integrated_time(draws: Array) -> float:
+    """The integrated autocorrelation time in steps, at least 1 (Sokal 1997, emcee's window).
+
+    Deviations are from the mean of everything, not of each walker: a walker that stays where it
+    began has then an endless memory, as it should. Of constant draws it is infinite.
+    """
+    covariance, S = autocovariance(draws), draws.shape[1]
+    if not covariance[0] > 0:
+        return np.inf
+    times = 2 * np.cumsum(covariance / covariance[0]) - 1
+    inside = np.arange(S) < WINDOW * times
+    window = int(np.argmin(inside)) if not inside.all() else S - 1
+    return float(max(1.0, times[window]))
+
+
+def autocovariance(draws: Array) -> Array:
+    """The sum of products of deviations that are t steps apart, (S,), over all walkers.
+
+    It is computed by the Fourier transform, padded so that the end does not meet the beginning.
+    """
+    S = draws.shape[1]
+    deviations = (draws - draws.mean()).transpose(0, 2, 1).reshape(-1, S)
+    n = scipy.fft.next_fast_len(2 * S)
+    power = np.zeros(n // 2 + 1)
+    for first in range(0, len(deviations), TOGETHER):
+        some = scipy.fft.rfft(deviations[first : first + TOGETHER], n, axis=1)
+        power += np.sum(some.real**2 + some.imag**2, axis=0)
+    covariance: Array = scipy.fft.irfft(power, n)[:S]
+    return covariance
+
 
 TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
 LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
@@ -181,14 +217,15 @@ class Mixing:
             return Usability.TOO_SHORT, (
                 f"there is nothing to judge by; take {self.asked(FIRST * GAUSSIAN * k)}"
             )
+        fewer = "sample fewer entries" if k > 1 else "give it bounds: it may have no width"
         if self.acceptance < SLOW:
             return Usability.NOT_MIXING, (
-                f"only {self.acceptance:.1%} of the proposals are accepted; sample fewer entries"
+                f"only {self.acceptance:.1%} of the proposals are accepted; {fewer}"
             )
         if self.stuck:
             return Usability.NOT_MIXING, (
                 f"{self.stuck} of {E * W} walkers did not move at all in the second half; start "
-                "nearer to the mode, or sample fewer entries"
+                f"nearer to the mode, or {fewer}"
             )
         worst, scale = int(np.argmax(self.scales)), float(self.scales.max())
         if scale > APART:
@@ -208,7 +245,7 @@ class Mixing:
             return Usability.NOT_MIXING, (
                 f"ensembles differ by more than their memory explains in "
                 f"{self.labels[int(np.argmin(chance))]} (a chance of {chance.min():.0e}): they "
-                "remember longer than their autocorrelation times say. Sample fewer entries"
+                "remember longer than their autocorrelation times say; take more steps, or " + fewer
             )
         if scale > SCALE or self.effective.min() < DRAWS:
             few = DRAWS / float(self.effective.min())
@@ -274,33 +311,20 @@ class Mixing:
 
 
 def potential_scale(draws: Array) -> float:
-    """Rank-normalised split R-hat of ensembles (Vehtari et al. 2021), the larger of bulk and tails.
+    """Rank-normalised split R-hat of ensembles (E, S, W), the larger of bulk and tails.
 
-    1 where ensembles, and their first and second halves, have the same distribution.
+    1 where ensembles, and their first and second halves, have the same distribution (Vehtari et
+    al. 2021). Raises MissingLibrary where arviz-stats is not installed.
     """
     E, S, _ = draws.shape
     half = S // 2
-    if half == 0:
+    if half == 0 or np.ptp(draws) == 0:
         return np.inf
-    halves = np.concatenate([draws[:, :half], draws[:, S - half :]]).reshape(2 * E, -1)
-    if np.ptp(halves) == 0:
-        return np.inf
-    folded = abs(halves - np.median(halves))
-    return max(_plain_scale(_normal_scores(part)) for part in (halves, folded))
-
-
-def _normal_scores(chains: Array) -> Array:
-    from scipy.stats import rankdata  # a second to import: not before it is needed
-
-    ranks = rankdata(chains, axis=None).reshape(chains.shape)
-    return np.asarray(scipy.special.ndtri((ranks - 0.375) / (chains.size + 0.25)))
-
-
-def _plain_scale(chains: Array) -> float:
-    n = chains.shape[1]
-    within = chains.var(axis=1, ddof=1).mean()
-    between = n * chains.mean(axis=1).var(ddof=1)
-    return float(np.sqrt((n - 1) / n + between / (n * within))) if within > 0 else np.inf
+    halves = np.concatenate([draws[:, :half], draws[:, S - half :]], axis=1).reshape(E, -1)
+    stats = optional_library("arviz_stats.base", "comparing independent ensembles")
+    with np.errstate(all="ignore"):
+        scale = stats.array_stats.rhat(halves, chain_axis=0, draw_axis=1)
+    return float(np.nan_to_num(scale, nan=np.inf))
 
 
 def disagreement(draws: Array, time: float) -> float:

@@ -1,20 +1,282 @@
 """Where a posterior has its modes: minima of the cost, looked for from many places."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy.optimize
+import scipy.special
 
 from workbench.arrays import Array, Index
+from workbench.errors import WorkbenchError
 from workbench.geometry import rotation
-from workbench.sampling.descent import Mode, NoMinimum, bounds_of, into_bounds, mode_from
-from workbench.sampling.log_density import LogDensity
-from workbench.sampling.subspace import Improper
+from workbench.sampling.log_density import LogDensity, violation_in_words
+from workbench.sampling.subspace import Improper, svd_of_full_rank
+
+Vector = Callable[[Array], Array]
+DECREASE = 0.1  # of the cost that the linear model predicts: at a minimum it is less
+AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
+INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
+BISECTIONS = 50  # of the way out of a domain: what is left of it is no more than rounding
+ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
+
+
+class NoMinimum(WorkbenchError):
+    """A search that ended where constraints are violated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """A minimum of the cost in z, and Laplace's approximation there.
+
+    Attributes:
+        z: (k,) where the cost is least.
+        cost: the cost there.
+        half: (k, k) such that half @ half.T is the covariance.
+        log_mass: the log of its integral, up to a constant that all modes share.
+        share: its share of the mass of all modes.
+        found: how many searches ended here.
+        settled: whether the linear model predicts almost no further decrease of the cost.
+    """
+
+    z: Array
+    cost: float
+    half: Array
+    log_mass: float
+    share: float = 1.0
+    found: int = 1
+    settled: bool = True
+
+    def seen(self, into: Array, z: Array) -> "Mode":
+        """The same minimum at z (m,) in other coordinates, of which `into` (m, k) is the Jacobian.
+
+        Its Gaussian is the marginal where m < k.
+        """
+        R = np.linalg.qr((into @ self.half).T, mode="r")
+        return replace(self, z=z, half=np.asarray(R).T)
+
+    def away(self, z: Array) -> float:
+        """How many standard deviations a point is away, as a root mean square over entries."""
+        return float(np.linalg.norm(np.linalg.solve(self.half, z - self.z)) / np.sqrt(len(z)))
+
+
+def mode_from(target: LogDensity, start: Array) -> Mode:
+    """The minimum that least squares reaches from z = start, inside bounds and constraints.
+
+    It takes no step that leads out of the domain of a residual, such as one behind a camera. Raises
+    Improper where a direction is held by nothing, and NoMinimum where no point that meets the
+    constraints is reached.
+    """
+    problem, space = target.problem, target.subspace
+
+    def residual(z: Array) -> Array:
+        return problem.residual(_x(target, z), target.fixed)
+
+    def limited_residual(z: Array) -> Array:
+        """Infinite outside of a domain, so that no step leads there."""
+        r = residual(z)
+        return r if target.in_domain(z[None])[0] else np.full_like(r, np.inf)
+
+    def jacobian(z: Array) -> Array:
+        return problem.linearize_at(_x(target, z), target.fixed).jacobian @ space.along
+
+    low, high = bounds_of(target)
+    gap = 1e-10 * np.maximum(1.0, abs(start))
+    thin = high - low <= 4 * gap  # trf wants room
+    start = np.where(thin, start, np.clip(start, low + gap, high - gap))
+    wide = np.where(thin, -np.inf, low), np.where(thin, np.inf, high)
+    ended = scipy.optimize.least_squares(
+        limited_residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
+    )
+    z, settled = np.asarray(ended.x), True
+    limited = problem.stacked_constraints is not None or len(dependent_bounds(target)[0])
+    if not limited or target.allows(space.points(z[None]))[0]:
+        settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < DECREASE
+    else:
+        z, settled = _constrained(target, start, residual, jacobian)
+    half = covariance_half(target, jacobian(z))
+    cost = 0.5 * float(np.sum(residual(z) ** 2))
+    log_det = np.linalg.slogdet(half)[1] + _cut_off(jacobian(z), residual(z), z, low, high)
+    return Mode(z, cost, half, float(log_det - cost), settled=settled)
+
+
+def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
+    """The log of the share of Laplace's Gaussian at z that bounds leave, where z is on bounds.
+
+    For an entry on a bound let g be the slope with which the cost rises away from the bound, and
+    sigma its standard deviation if the entries on no bound are free. The share is
+    exp((g sigma)^2 / 2) Phi(-g sigma): the integral of exp(-g t - t^2 / (2 sigma^2)) over t > 0,
+    divided by that of exp(-t^2 / (2 sigma^2)) over all t. The shares of several such entries are
+    multiplied.
+    """
+    near = AT_A_BOUND * np.maximum(1.0, abs(z))
+    at_low, at_high = z - low <= near, high - z <= near
+    held = (at_low | at_high) & (high > low)
+    if not held.any():
+        return 0.0
+    slope = np.where(at_low, J.T @ r, -(J.T @ r))[held]
+    rest, _ = np.linalg.qr(J[:, ~held])
+    across = J[:, held] - rest @ (rest.T @ J[:, held])
+    lengths = np.linalg.norm(across, axis=0)  # 0 where bounds alone hold an entry
+    reach = np.divide(slope, lengths, out=np.zeros_like(slope), where=lengths > 0)
+    return float(np.sum(log_scaled_tail(reach)))
+
+
+def log_scaled_tail(u: Array) -> Array:
+    """log of exp(u^2 / 2) Phi(-u), which is erfcx(u / sqrt 2) / 2."""
+    return np.asarray(np.log(scipy.special.erfcx(u / np.sqrt(2)) / 2))
+
+
+def bounds_of(target: LogDensity) -> tuple[Array, Array]:
+    """The bounds of z, (k,) each; infinite if z are directions and not entries."""
+    space, problem = target.subspace, target.problem
+    if space.entries is None:
+        return np.full(space.size, -np.inf), np.full(space.size, np.inf)
+    return problem.lower[space.entries], problem.upper[space.entries]
+
+
+def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
+    """Bounds on numbers that move with z without being among its entries: low <= A z <= high.
+
+    Such are all numbers where z are directions, and those on the ridge of what is integrated out.
+    A is (c, k), low and high (c,); c is 0 where z are entries and the rest stays where it is.
+    """
+    space, problem = target.subspace, target.problem
+    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    if space.entries is not None:
+        bounded[space.entries] = False
+    size = abs(space.along).max(axis=0, initial=0.0)  # what rounding moves does not move
+    bounded &= (abs(space.along) > ROUNDED * size).any(axis=1)
+    A = space.along[bounded]
+    there = space.origin[bounded] - A @ space.centre
+    return A, problem.lower[bounded] - there, problem.upper[bounded] - there
+
+
+def covariance_half(target: LogDensity, J: Array) -> Array:
+    """A square root of (J'J)^-1.
+
+    The variance of an entry with two bounds is at most that of a uniform distribution.
+    """
+    return inverse_half(target, np.vstack([J, rows_between(*bounds_of(target), np.sqrt(12))]))
+
+
+def rows_between(low: Array, high: Array, scale: float) -> Array:
+    """For every entry with two bounds, a row that weighs it by `scale` over their distance."""
+    width = high - low
+    known = np.isfinite(width) & (width > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.diag(np.where(known, scale / width, 0.0))[known])
+
+
+def inverse_half(target: LogDensity, J: Array) -> Array:
+    """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
+    labels = target.subspace.labels
+
+    lengths, s, V = svd_of_full_rank(
+        J, lambda direction: f"a direction with {labels[int(np.argmax(abs(direction)))]}"
+    )
+    return np.asarray(V / s / lengths[:, None])
+
+
+def _x(target: LogDensity, z: Array) -> Array:
+    return np.asarray(target.subspace.points(z[None])[0])
+
+
+def _constrained(
+    target: LogDensity, start: Array, residual: Vector, jacobian: Vector
+) -> tuple[Array, bool]:
+    """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns.
+
+    SLSQP may end outside of the domain of a residual. Then the point is the last one in the domains
+    on the straight way to that end, and False says that it is no minimum.
+    """
+    space, there = target.subspace, target.problem.stacked_constraints
+    lengths = np.linalg.norm(jacobian(start), axis=0)
+    scale = 1 / np.where(lengths > 0, lengths, 1.0)
+    G, low, high = dependent_bounds(target)
+    inside = [
+        INSIDE * np.maximum(1.0, np.where(np.isfinite(side), abs(side), 0)) for side in (low, high)
+    ]
+    low, high = low + inside[0], high - inside[1]
+    moving = np.zeros(0, dtype=bool)
+    if there is not None:
+        moving = ~there.equal  # an equation between numbers that stay is no matter of z
+        low = np.concatenate([there.lower[moving], low])
+        high = np.concatenate([there.upper[moving], high])
+    below, above = np.isfinite(low), np.isfinite(high)
+
+    def margins(u: Array) -> Array:
+        z = start + scale * u
+        c = G @ z
+        if there is not None:
+            c = np.concatenate([there.values(_x(target, z), target.fixed)[moving], c])
+        return np.concatenate([(c - low)[below], (high - c)[above]])
+
+    def slopes(u: Array) -> Array:
+        A = G * scale
+        if there is not None:
+            seen = there.linearize(_x(target, start + scale * u), target.fixed)
+            A = np.vstack([seen.along(space.along)[moving] * scale, A])
+        return np.concatenate([A[below], -A[above]])
+
+    def cost(u: Array) -> float:
+        z = start + scale * u
+        inside = target.in_domain(z[None])[0]
+        return 0.5 * float(np.sum(residual(z) ** 2)) if inside else np.inf
+
+    def gradient(u: Array) -> Array:
+        z = start + scale * u
+        return np.asarray(scale * (jacobian(z).T @ residual(z)))
+
+    least, most = ((side - start) / scale for side in bounds_of(target))
+    ended = scipy.optimize.minimize(
+        cost,
+        np.zeros(len(start)),
+        method="SLSQP",
+        jac=gradient,
+        bounds=scipy.optimize.Bounds(least, most),
+        constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=slopes),
+        options={"maxiter": 500, "ftol": 1e-10},
+    )
+    end = np.asarray(start + scale * ended.x)
+    z = _into_domain(target, start, end)
+    if not target.allows(space.points(z[None]))[0]:
+        why = violation_in_words(target.problem, target.fixed, _x(target, z))
+        raise NoMinimum(
+            f"no point near the start meets the bounds and constraints ({why}); solve the problem "
+            "with a solver that takes constraints, and start at its answer"
+        )
+    return z, z is end
+
+
+def _into_domain(target: LogDensity, start: Array, end: Array) -> Array:
+    """The end (k,), or the last point in the domains on the way to it from a start in them."""
+    if target.in_domain(end[None])[0]:
+        return end
+    inside, outside = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (inside + outside)
+        if target.in_domain((start + middle * (end - start))[None])[0]:
+            inside = middle
+        else:
+            outside = middle
+    return np.asarray(start + inside * (end - start))
+
+
+def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
+    """By how much the linear model predicts that the cost can fall, entries at bounds fixed."""
+    near = AT_A_BOUND * np.maximum(1.0, abs(z))
+    free = (z - low > near) & (high - z > near)
+    if not free.any() or not np.isfinite(J).all():
+        return 0.0 if not free.any() else np.inf
+    step = np.linalg.lstsq(J[:, free], -r)[0]
+    return 0.5 * float(np.sum((J[:, free] @ step) ** 2))
+
 
 APART = 1.0  # standard deviations: minima that are nearer to each other are one
 NEGLIGIBLE = 1e-4  # of the largest mass
-SETTLED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
+POPULATED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
 COMPARABLE = 0.05  # of the mass of all: a mode that draws have to visit
 VISITED = 0.2  # of a mode's share: fewer of the draws are there, and it counts as missed
 ASSIGNED = 20_000  # draws that are looked at
@@ -41,8 +303,6 @@ class SearchExtent:
     components: int = 0
 
     def __str__(self) -> str:
-        if not self.starts:
-            return "no other modes were looked for"
         said = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
         if self.components:
             said += f", from each of {self.components} components of mixtures"
@@ -56,6 +316,13 @@ class ModeSearch:
 
     modes: tuple[Mode, ...]
     extent: SearchExtent
+
+    def __str__(self) -> str:
+        count, extent = len(self.modes), self.extent
+        if not extent.starts:
+            return "no other modes were looked for"
+        said = f"{extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
+        return said if extent.components else f"{said}; a much narrower mode can be missed"
 
 
 def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSearch:
@@ -81,16 +348,13 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
             continue
         if not mode.settled:
             continue
-        same = [
-            j
-            for j, known in enumerate(found)
-            if abs(known.cost - mode.cost) < 0.1
-            and min(known.away(mode.z), mode.away(shortest_rotations(target, known.z))) < APART
-        ]
-        if same:
-            j = same[0]
-            best = min(found[j], mode, key=lambda m: m.cost)
-            found[j] = replace(best, found=found[j].found + 1)
+        for j, known in enumerate(found):
+            turned = shortest_rotations(target, known.z)
+            near = min(known.away(mode.z), mode.away(turned)) < APART
+            if near and abs(known.cost - mode.cost) < 0.1:
+                best = min(known, mode, key=lambda m: m.cost)
+                found[j] = replace(best, found=known.found + 1)
+                break
         else:
             found.append(mode)
     masses = np.array([mode.log_mass for mode in found])
@@ -101,28 +365,6 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
         if share > NEGLIGIBLE * shares.max()
     ]
     return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), extent)
-
-
-def missed_in_words(missed: tuple[float, float], exact: bool) -> str:
-    """What draws lack that hardly visit a mode; `exact` draws are Laplace's, of one mode."""
-    share, here = missed
-    return (
-        f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
-        f"approximation), where {here:.1%} of the draws are. "
-    ) + (
-        "Laplace's approximation is of one mode; draw with `sample`"
-        if exact
-        else "Begin at the other mode and compare, or add what tells the modes apart"
-    )
-
-
-def search_in_words(found: ModeSearch) -> str:
-    """How widely other modes were looked for, and how many modes are known."""
-    count = len(found.modes)
-    if not found.extent.starts:
-        return str(found.extent)
-    said = f"{found.extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
-    return said if found.extent.components else f"{said}; a much narrower mode can be missed"
 
 
 def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
@@ -159,7 +401,7 @@ def walkers_at(
 ) -> Array:
     """Draws (count, k) of the modes' Laplace approximations, each mode by its share, in bounds."""
     shares = np.array([mode.share for mode in found])
-    shares[shares < SETTLED * shares.sum()] = 0.0
+    shares[shares < POPULATED * shares.sum()] = 0.0
     which = rng.choice(len(found), size=count, p=shares / shares.sum())
     z = np.empty((count, target.subspace.size))
     for i, k in enumerate(which):
@@ -169,7 +411,12 @@ def walkers_at(
             if np.isfinite(target(z[i : i + 1])[0]):
                 break
         else:
-            z[i] = into_bounds(target, mode.z, z[i])
+            for _ in range(60):  # so much of the way from the mode that it has a density
+                z[i] = mode.z + 0.5 * (z[i] - mode.z)
+                if np.isfinite(target(z[i : i + 1])[0]):
+                    break
+            else:
+                z[i] = mode.z
     return z
 
 

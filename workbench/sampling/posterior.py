@@ -1,29 +1,35 @@
 """A posterior as draws, with what is known of their worth."""
 
-from collections.abc import Iterable, Mapping
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.special
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.blocks.layout import entries
+from workbench.environment import optional_library, version_of
 from workbench.errors import BadArgument, WorkbenchError, some_of
 from workbench.problem import Problem
-from workbench.sampling.arviz_interface import inference_data
-from workbench.sampling.conditioning import Conditioning
-from workbench.sampling.contraction import contraction, prior_deviations
-from workbench.sampling.descent import Mode
+from workbench.residuals import quadratic
+from workbench.sampling.conditioning import (
+    Conditioning,
+    contraction,
+    contraction_bar,
+    prior_deviations,
+)
 from workbench.sampling.importance import Importance
 from workbench.sampling.mixing import Mixing, Usability
-from workbench.sampling.modes import ModeSearch, missed_in_words, missed_mode, search_in_words
+from workbench.sampling.modes import Mode, ModeSearch, missed_mode
 from workbench.sampling.subspace import Subspace
-from workbench.sampling.summary_tables import entry_table, how_sampled, time_table
 
 MOST = 40  # entries in a summary
+DOUBTED = 1e-6  # the chance of a sum of squares as large
 
 
 class NotConverged(WorkbenchError):
@@ -136,14 +142,50 @@ class Posterior:
         if verdict is not Usability.USABLE:
             return verdict, why
         if of.missed_mode is not None:
-            return Usability.MODE_MISSED, missed_in_words(of.missed_mode, of.mixing.exact)
+            share, here = of.missed_mode
+            return Usability.MODE_MISSED, (
+                f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
+                f"approximation), where {here:.1%} of the draws are. "
+            ) + (
+                "Laplace's approximation is of one mode; draw with `sample`"
+                if of.mixing.exact
+                else "Begin at the other mode and compare, or add what tells the modes apart"
+            )
         if self.importance is not None and not self.importance.holds:
             return Usability.NOT_GAUSSIAN, str(self.importance)
         if not self.conditioning.holds:
             mixed = "" if self.mixing.exact else f"the chains have mixed ({why}), but "
             return Usability.CONDITIONAL, mixed + self.conditioning.failed
         fits = [] if self.importance is None else [str(self.importance)]
-        return verdict, "; ".join([why, *fits, search_in_words(self.mode_search)])
+        return verdict, "; ".join([why, *fits, str(self.mode_search)])
+
+    @cached_property
+    def doubt(self) -> str:
+        """That the data contradict sigmas or priors, in a sentence; empty if that is not seen.
+
+        Where residuals are linear and sigmas right, the sum of squares of m rows at the minimum is
+        chi-square of m less the rank of J. It is doubted if a larger sum has a chance below 1e-6.
+        Nothing is known where a kernel or a mixture makes rows other than Gaussian, nor of long
+        sequences.
+        """
+        problem, of = self.problem, self if self.whole is None else self.whole
+        at, given = problem.split(self.given)
+        here = problem.linearize_at(of.subspace.points(of.modes[0].z[None])[0], given)
+        others = [one for one in problem.residuals if one.kernel is not quadratic or one.components]
+        if others or here.by_frames:
+            return ""
+        J, rows = here.dense, [here.residual, problem.residual(at, given)]
+        squares = min(float(r @ r) for r in rows)  # `at` may be the better minimum
+        lengths = np.linalg.norm(J, axis=0)
+        rank = int(np.linalg.matrix_rank(J / np.where(lengths > 0, lengths, 1.0)))
+        freedom = int((J.any(axis=1) | (rows[0] != 0)).sum()) - rank
+        if freedom < 1 or scipy.special.chdtrc(freedom, squares) >= DOUBTED:
+            return ""
+        return (
+            f"the data contradict the sigmas or the priors: the least sum of squares is "
+            f"{squares:,.0f}, where {freedom:,} are expected. The draws are those of this model, "
+            "whose intervals will hold the truth less often than they say"
+        )
 
     @property
     def usable(self) -> bool:
@@ -207,7 +249,10 @@ class Posterior:
                 f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
             )
         at = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in meant])
-        there, modes = space.of_columns(at), tuple(mode.of_entries(at) for mode in self.modes)
+        there, modes = (
+            space.of_columns(at),
+            tuple(mode.seen(np.eye(self.size)[at], mode.z[at]) for mode in self.modes),
+        )
         draws = np.ascontiguousarray(self.draws[..., at])
         return replace(
             self,
@@ -238,8 +283,27 @@ class Posterior:
         return [fixed | self.problem.free.unpack(x, fixed) for x in self.points(count, seed)]
 
     def inference_data(self) -> Any:
-        """The draws as arviz.InferenceData; a chain is an ensemble, not a walker."""
-        return inference_data(self.draws, self.log_prob, self.labels, self.verdict)
+        """The draws for ArviZ; a chain is an ensemble, not a walker.
+
+        An InferenceData of ArviZ 0.x, or a DataTree from 1.0 on. The variable is `z` with the
+        coordinate `entry`; `lp` is the log density; the verdict is an attribute of the posterior.
+        Raises MissingLibrary without the extra `arviz`.
+        """
+        E, S, W, k = self.draws.shape
+        groups = {
+            "posterior": {"z": self.draws.reshape(E, S * W, k)},
+            "sample_stats": {"lp": self.log_prob.reshape(E, S * W)},
+        }
+        named: dict[str, Any] = {"coords": {"entry": list(self.labels)}, "dims": {"z": ["entry"]}}
+        with warnings.catch_warnings():  # ArviZ 0.x announces 1.0 whenever it is imported
+            warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
+            arviz = optional_library("arviz", "InferenceData of a posterior")
+        if (version_of("arviz") or "") < "1":
+            data = arviz.from_dict(**groups, **named)
+        else:
+            data = arviz.from_dict(groups, **named)
+        data["posterior"].attrs["verdict"] = self.verdict
+        return data
 
     def __str__(self) -> str:
         return self.summary()
@@ -277,8 +341,9 @@ class Posterior:
         `truth` (k,) holds what synthetic data were made of, and is printed beside the entries. With
         the names of the residuals that are `priors`, each line has a bar of `contraction`.
         """
-        how = how_sampled(self.method, self.mixing, self.seconds, self.interrupted)
-        lines = [self.verdict, how, f"Modes: {search_in_words(self.mode_search)}."]
+        lines = [self.verdict, self._how, f"Modes: {self.mode_search}."]
+        if self.doubt:
+            lines.append(f"Doubtful: {self.doubt}.")
         if truth is not None:
             lines.append("The data are synthetic; `truth` is what they were made of")
         if len(self.modes) > 1:
@@ -290,12 +355,64 @@ class Posterior:
         if known := self.conditioning.given:
             lines.append(f"The problem assumes that these are known: {', '.join(known)}.")
         if self.mixed:
-            held = self.conditioning if self.conditional else None
-            numbers = np.column_stack([self.mean, self.sd, self.conditional_interval(0.9)])
-            bars = self.contraction(priors)
-            lines += entry_table(self.labels[:MOST], self.units, numbers, held, truth, bars)
+            lines += self._entry_lines(truth, self.contraction(priors))
+        elif self.mixing.exact:
+            lines.append("No intervals are given.")
         else:
-            lines += time_table(self.mixing, MOST)
+            lines.append(
+                "No intervals are given. The autocorrelation time of each entry, in steps:"
+            )
+            wide, mixing = max([5, *map(len, self.labels[:MOST])]), self.mixing
+            for i in np.argsort(-mixing.times)[:MOST]:
+                name, scale = mixing.labels[i], mixing.scales[i]
+                lines.append(f"{name:{wide}} {mixing.times[i]:>8.0f}   R-hat {scale:.3f}")
         if self.size > MOST:
             lines.append(f"and {self.size - MOST} entries more")
         return "\n".join(lines)
+
+    @property
+    def _how(self) -> str:
+        """How many ensembles, walkers and steps there were, and how long they took."""
+        E, S, W, k = self.draws.shape
+        if self.method == "laplace":
+            return f"Laplace's approximation, {E * S} independent draws of {k} entries"
+        how = f"emcee: {E} ensembles of {W} walkers"
+        if self.method == "hamiltonian":
+            how = f"Hamiltonian Monte Carlo of all free numbers: {E} groups of {W} chains"
+        return (
+            f"{how}, {self.mixing.steps} steps after {self.mixing.discarded} discarded, "
+            f"{self.mixing.acceptance:.0%} accepted, {self.seconds:.1f} s"
+            + (", interrupted" if self.interrupted else "")
+        )
+
+    def _entry_lines(self, truth: Array | None, bars: Array) -> Iterator[str]:
+        """A line for each entry, after lines that say what the columns are."""
+        held = self.conditioning if self.conditional else None
+        wide, known = max([5, *map(len, self.labels[:MOST])]), bool(np.isfinite(bars).any())
+        if held is not None:
+            yield (
+                "The intervals are conditional: they hold only if what is held fixed is known "
+                "exactly. `marginal` is the sd by J'J if it is free too, and `ratio` is `marginal` "
+                "over the sd by J'J with it fixed"
+            )
+        if known:
+            yield "`contraction` is 1 - sd / (sd of the prior): 0 if the data said nothing"
+        yield (
+            f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
+            + ("" if held is None else f" {'marginal':>9} {'ratio':>7}  {'interval':11}")
+            + ("" if truth is None else f" {'truth':>10}")
+            + ("  contraction" if known else "")
+        ).rstrip()
+        numbers = np.column_stack([self.mean, self.sd, self._central(0.9)])
+        for i, (label, (mean, sd, low, high)) in enumerate(
+            zip(self.labels[:MOST], numbers, strict=False)
+        ):
+            line = f"{label:{wide}} {mean:>10.4g} {sd:>9.3g} {low:>10.4g} {high:>10.4g}"
+            line += f"  {self.units[i]:6}"
+            if held is not None:
+                line += f" {held.marginal[i]:>9.3g} {held.ratios[i]:>7.3g}  conditional"
+            if truth is not None:
+                line += f" {truth[i]:>10.4g}"
+            if known:
+                line += f"  {contraction_bar(float(bars[i]))}"
+            yield line.rstrip()

@@ -22,11 +22,9 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.sampling.chains import Chains
-from workbench.sampling.descent import covariance_half
-from workbench.sampling.feasible import refuse_undefined
-from workbench.sampling.hamiltonian import LENGTH, adapted
-from workbench.sampling.log_density import LogDensity
+from workbench.sampling.hamiltonian import LENGTH, Chains, adapted
+from workbench.sampling.log_density import LogDensity, refuse_undefined
+from workbench.sampling.modes import covariance_half
 from workbench.sampling.subspace import fixed, movable, subspace_of
 from workbench.threads import limited_threads
 

@@ -1,39 +1,166 @@
 """`sample`: a posterior from a problem, a point and the names of what is to be sampled."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.blocks.layout import entries
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.problem.costs import compiled, interpreted
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.ensemble_settings import (
+from workbench.sampling.ensembles import (
     Callback,
-    EnsembleSettings,
+    EnsembleRun,
+    Moves,
+    SamplerSettings,
+    differential_evolution,
+    run,
     thinning,
     without_burn_in,
 )
-from workbench.sampling.ensembles import EnsembleRun, run
-from workbench.sampling.feasible import refuse_flat, violation_in_words
-from workbench.sampling.hamiltonian import HamiltonianSettings
+from workbench.sampling.hamiltonian import HamiltonianRun, run_hamiltonian
 from workbench.sampling.importance import of_the_rest
-from workbench.sampling.joint import jointly, named
-from workbench.sampling.log_density import LogDensity
-from workbench.sampling.modes import improper_in_words
-from workbench.sampling.moves import Moves, differential_evolution
+from workbench.sampling.log_density import LogDensity, refuse_flat, violation_in_words
+from workbench.sampling.modes import (
+    Mode,
+    ModeSearch,
+    NoMinimum,
+    improper_in_words,
+    mode_from,
+    modes,
+    rows_between,
+    walkers_at,
+)
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.subspace import Names, Rest, fixed, integrated, subspace_of
-from workbench.sampling.with_the_rest import drawn_with_the_rest
+from workbench.sampling.subspace import (
+    BandedRest,
+    Improper,
+    Names,
+    Rest,
+    Subspace,
+    fixed,
+    integrated,
+    movable,
+    subspace_of,
+)
 from workbench.threads import limited_threads
 
+MOST = 21  # free numbers that ensembles sample well
+SAME = 1.0  # standard deviations between two modes that are one in what is named
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
 LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
 WARM_UP = 1000  # leapfrog steps: with fewer, draws of all free numbers do not begin
+
+
+def named(problem: Problem, names: str | Iterable[str] | None) -> tuple[str, ...]:
+    """The names as a tuple: of all free blocks, if none are given."""
+    if names is None:
+        return problem.free.names
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def jointly(
+    problem: Problem, at: Mapping[str, ArrayLike], wanted: tuple[str, ...], most: int = MOST
+) -> tuple[str, ...]:
+    """The labels of all numbers to be drawn with the named ones, if there are at most so many.
+
+    Empty if there are more, if nothing but the named ones can be drawn, or if the others have no
+    width. Numbers with equal bounds, and those that equations read, are not drawn.
+    """
+    chosen = entries(problem.free, wanted)
+    if problem.free.size > most or len(chosen) == problem.free.size:
+        return ()
+    here = problem.linearize_at(*problem.split(at))
+    free = movable(problem)
+    others = np.setdiff1d(np.flatnonzero(free), chosen)
+    # named ones that cannot be drawn are refused where they are read
+    if here.by_frames or not free[chosen].all() or not others.size:
+        return ()
+    between = rows_between(problem.lower, problem.upper, 1.0)
+    J = np.vstack([here.dense, between])[:, others]
+    lengths = np.linalg.norm(J, axis=0)
+    if np.linalg.matrix_rank(J / np.where(lengths > 0, lengths, 1.0)) < len(others):
+        return ()
+    return tuple(problem.free.labels_of(np.sort(np.concatenate([chosen, others]))))
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRun:
+    """A run on all free numbers, with modes and draws of what is named."""
+
+    run: HamiltonianRun
+    mode_search: ModeSearch
+
+    @property
+    def in_words(self) -> str:
+        """What was drawn, for a comparison."""
+        n, effective = self.run.points.shape[1], self.run.mixing.effective.min()
+        return f"{effective:,.0f} effective draws of all {n} free numbers"
+
+
+def drawn_with_the_rest(
+    target: LogDensity,
+    plan: SamplerSettings,
+    rng: np.random.Generator,
+    callback: Callback = None,
+) -> WholeRun | None:
+    """Draws of all free numbers, judged in what the target samples; None where that is not to be.
+
+    That is so for long sequences, and where a direction of the rest has no width or leads to no
+    minimum. Chains begin at draws of Laplace's approximation at the modes of everything, each mode
+    by its share of the mass.
+    """
+    problem, given, space = target.problem, target.fixed, target.subspace
+    if isinstance(space.rest, BandedRest):
+        return None
+    x = space.origin
+    free = np.flatnonzero(movable(problem))
+    whole = LogDensity(
+        problem, given, fixed(problem, problem.linearize_at(x, given), x, free), target.way
+    )
+    try:
+        first = mode_from(whole, whole.subspace.centre)
+        found = modes(whole, first, rng)
+    except (Improper, NoMinimum, np.linalg.LinAlgError):
+        return None
+    starts = walkers_at(whole, found.modes, plan.ensembles * plan.walkers, rng)
+    into = np.asarray(  # (k, c): takes a change of all that is free to the change of z
+        np.linalg.pinv(space.span[free])[: space.size]
+        if space.entries is None
+        else (space.entries[:, None] == free).astype(float)
+    )
+    run = run_hamiltonian(
+        whole,
+        starts,
+        found.modes,
+        lambda z: space.centre + (z - x[free]) @ into.T,
+        space.labels,
+        plan,
+        rng,
+        callback,
+    )
+    return WholeRun(run, replace(found, modes=_seen(found.modes, space, x[free], into)))
+
+
+def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) -> tuple[Mode, ...]:
+    """The modes in z; those that are the same there are one."""
+    kept: list[Mode] = []
+    for mode in found:
+        one = mode.seen(into, space.centre + into @ (mode.z - centre))
+        for i, known in enumerate(kept):
+            if max(known.away(one.z), one.away(known.z)) < SAME:
+                share, count = known.share + one.share, known.found + one.found
+                kept[i] = replace(known, share=share, found=count)
+                break
+        else:
+            kept.append(one)
+    return tuple(kept)
 
 
 def sample(
@@ -61,11 +188,10 @@ def sample(
     Laplace's approximation stands for those that are not named (`rest=integrated`). Unless
     importance weights say that it surely holds, all free numbers are then drawn by Hamiltonian
     Monte Carlo, and the verdict judges the draws of those that are named. Numbers can also be held
-    fixed (`rest=fixed`), or follow the named entries by the linear equations among the constraints
-    (`rest=determined`). Holding numbers fixed makes intervals narrower, or conditional;
-    `Posterior.conditioning` says by how much, and if the factor is above 1.2, the draws are not
-    called usable. Up to about 20 entries can be sampled well; more are allowed, and the verdict
-    says whether their draws are usable.
+    fixed (`rest=fixed`), which makes intervals narrower, or conditional: `Posterior.conditioning`
+    says by how much, and if the factor is above 1.2, the draws are not called usable. Up to about
+    20 entries can be sampled well; more are allowed, and the verdict says whether their draws are
+    usable.
 
     The posterior density is zero beyond bounds and inequality constraints, and outside of the
     domains of residuals, such as where a keypoint is behind its camera (`Residual.domain`).
@@ -73,10 +199,10 @@ def sample(
     There are `ensembles` independent ensembles of `walkers` walkers (64, or more than twice the
     number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
     usable; Hamiltonian Monte Carlo takes at most twice as many leapfrog steps. One of every `thin`
-    steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`,
-    which is a file in emcee's HDF5 format that is replaced every few seconds, a run that was
-    stopped or killed continues where it was, and its result is the same; draws of Hamiltonian Monte
-    Carlo are not in that file and are made again. If the checkpoint cannot be written, for example
+    steps of the ensembles is kept. The same seed gives the same draws. With a `checkpoint`, which
+    is an .npz file that is replaced every so many seconds, a run that was stopped or killed
+    continues where it was, and its result is the same; draws of Hamiltonian Monte Carlo are not in
+    that file and are made again. If the checkpoint cannot be written, for example
     on a full disk, the log says so once, `Posterior.unsaved` says why, and the run continues. An
     interrupt from the keyboard, or a callback that returns True, ends a run; the draws up to then
     are kept.
@@ -96,11 +222,18 @@ def sample(
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
         moves = differential_evolution() if moves is None else moves
-        _check(walkers, steps, ensembles, k)
+        if walkers < 2 * k or walkers < 4 or walkers % 2:
+            raise BadArgument(
+                f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
+                f"{max(4, 2 * k)} or more"
+            )
+        for name, value in (("steps", steps), ("ensembles", ensembles)):
+            if value < 1:
+                raise BadArgument(f"{name} must be 1 or more, not {value}")
         thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
         if not 1 <= thin <= steps:
             raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
-        plan = EnsembleSettings(
+        plan = SamplerSettings(
             walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable
         )
         worth = walkers * ensembles * steps >= WORTH_COMPILING
@@ -129,7 +262,7 @@ def sample(
 
 
 def _along_the_ridge(
-    target: LogDensity, given: Values, drawn: EnsembleRun, plan: EnsembleSettings
+    target: LogDensity, given: Values, drawn: EnsembleRun, plan: SamplerSettings
 ) -> Posterior:
     """The draws of the ensembles, and what is known of them."""
     space, thin, k = target.subspace, plan.thin, target.subspace.size
@@ -154,12 +287,11 @@ def _along_the_ridge(
 
 
 def _with_the_rest(
-    target: LogDensity, along: Posterior, plan: EnsembleSettings, callback: Callback
+    target: LogDensity, along: Posterior, plan: SamplerSettings, callback: Callback
 ) -> Posterior:
     """Draws of all free numbers in place of those along the ridge, unless only these are usable."""
     assert along.importance is not None
-    most = LEAPFROG * plan.steps
-    settings = HamiltonianSettings(plan.ensembles, plan.walkers, most, plan.whole)
+    settings = replace(plan, steps=LEAPFROG * plan.steps)
     try:
         whole = drawn_with_the_rest(target, settings, plan.generator(2), callback)
     except KeyboardInterrupt:
@@ -181,14 +313,3 @@ def _with_the_rest(
         interrupted=run.interrupted,
         all_free=run.points,
     )
-
-
-def _check(walkers: int, steps: int, ensembles: int, k: int) -> None:
-    if walkers < 2 * k or walkers < 4 or walkers % 2:
-        raise BadArgument(
-            f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
-            f"{max(4, 2 * k)} or more"
-        )
-    for name, value in (("steps", steps), ("ensembles", ensembles)):
-        if value < 1:
-            raise BadArgument(f"{name} must be 1 or more, not {value}")

@@ -47,13 +47,14 @@ def people(
 ) -> tuple[ScannedPerson, ...]:
     """`n` people of a body, in some of the poses (P, K, 3) rad, which are drawn at random.
 
-    For poses that the pose prior was not learned from, give `priors.mocap.held_out_poses(FILE)` of
-    the recording; without a recording, `priors.poses.draw_poses` draws from the prior, which makes
-    fits look better than they are. Betas are from N(0, 1). Each person is turned about the vertical
-    by up to `turn` rad to either side, and moved by 0.1 m per axis. `own_shape` in m is the rms
-    length of a smooth random displacement of the template: with it, no betas give the person's
-    shape. Person i depends on the seed and on i alone, and its pose and betas do not depend on
-    `own_shape`. Raises BadArgument for poses of another body, none at all, or a negative number.
+    For poses that the pose prior was not learned from, give `held_out_poses(FILE)` of
+    `priors.recordings`; without a recording, `priors.poses.draw_poses` draws from the prior, which
+    makes fits look better than they are. Betas are from N(0, 1). Each person is turned about the
+    vertical by up to `turn` rad to either side, and moved by 0.1 m per axis. `own_shape` in m is
+    the rms length of a smooth random displacement of the template: with it, no betas give the
+    person's shape. Person i depends on the seed and on i alone, and its pose and betas do not
+    depend on `own_shape`. Raises BadArgument for poses of another body, none at all, or a negative
+    number.
 
     >>> from workbench import load_body
     >>> body = load_body("small")

@@ -4,9 +4,8 @@ import numpy as np
 import scipy.special
 
 from tests.lectures.prose import Run
-from workbench.sampling.autocorrelation import WINDOW
-from workbench.sampling.ensemble_settings import BURNT, BURNT_TIMES
-from workbench.sampling.mixing import LEAST, MARGIN, TIMES
+from workbench.sampling.ensembles import BURNT, BURNT_TIMES
+from workbench.sampling.mixing import LEAST, MARGIN, TIMES, WINDOW
 from workbench.sampling.modes import REACH
 
 

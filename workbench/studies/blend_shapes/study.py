@@ -11,8 +11,8 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument
-from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.priors.recordings import held_out_poses
 from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.predictors import Result, accuracy, fit_predictors, ranked
 from workbench.studies.blend_shapes.questions import ByExamples, ByPenalty

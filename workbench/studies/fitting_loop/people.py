@@ -18,8 +18,8 @@ from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.pose_regressor import PoseRegressor
 from workbench.fitting.regressed_start import regressed_start
 from workbench.fitting.synthetic_views import draw_facings
-from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.priors.recordings import read_recording
 from workbench.residuals.kernels import geman_mcclure, scaled
 
 SIGMA = 4.0  # px, of a keypoint in the fits
@@ -84,13 +84,13 @@ def drawn_shots(
 
     With a recording, people are in poses of its held-out clips, each clip being in one of the two
     sets; without one, in draws of the mixture of poses. Raises BadFile for a recording with fewer
-    than two held-out clips, and as `read_mocap` does.
+    than two held-out clips, and as `read_recording` does.
     """
     if mocap is None:
         poses = draw_poses(shipped_mixture(), sum(counts), rng)
         sets = [poses[: counts[0]], poses[counts[0] :]]
     else:
-        clips = read_mocap(mocap).split()[1]
+        clips = read_recording(mocap).split()[1]
         numbers = np.unique(clips.clip)
         if len(numbers) < 2:
             raise BadFile(f"{mocap} holds fewer than two clips of which nothing was learned")

@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
-from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.priors.recordings import held_out_poses
 from workbench.reading.arrays import any_reals, opened, read_expected
 from workbench.synthetic.teacher import BODIES, Teacher, teacher_of
 from workbench.training.evaluation import AT_REST
