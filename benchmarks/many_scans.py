@@ -25,13 +25,13 @@ import numpy as np
 from benchmarks.coregistration import SETS
 from benchmarks.keeping import keep
 from benchmarks.machine import description
+from examples.studies.simulated_scans import START, ScannedSet, scanned_set
 from workbench import load_body
 from workbench.bodies.files.saving import save_body
 from workbench.registration.coregistration.folder import BODY, SCAN
 from workbench.registration.coregistration.state import FILE
 from workbench.reports.registration_folder import table_of
 from workbench.reports.registration_page import ARRAYS, points
-from workbench.studies.coregistration.scans import START, ScannedSet, scanned_set
 from workbench.training.folder import TABLE, Row
 from workbench.writing import write_arrays
 

@@ -21,12 +21,12 @@ LAYERS = (  # from the ground up: a package imports from its own layer and from 
     "bodies motions problem residuals",
     "diagnostics priors sampling solvers",
     "conversion fitting registration synthetic training",
-    "comparison experiments plots replay reports studies",
+    "comparison experiments plots replay reports",
     "cli course lectures scaffolds site __main__",
 )
 LAYER = {package: height for height, names in enumerate(LAYERS) for package in names.split()}
 EXCEPTIONS: set[tuple[str, str]] = set()  # (module, what it imports from above); only shrinks
-DRAWING = ("plots", "studies")  # packages that draw figures
+DRAWING = ("plots",)  # packages that draw figures
 LOADING = {"np.load", "np.lib.format.read_array", "np.lib.format.open_memmap", "pickle.load"}
 LOADING |= {"pickle.loads", "eval", "exec", "yaml.load"}
 OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lecture or an answer

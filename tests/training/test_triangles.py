@@ -13,11 +13,12 @@ from tests.training.known_poses import Direct, learn
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import Stitching, edges
-from workbench.studies.triangles.explained_variance import (
+from workbench.lectures.material.variance import (
+    additivity_gap,
     explained_by_triangles,
     explained_by_vertices,
+    unposed,
 )
-from workbench.studies.triangles.measures import additivity_gap, unposed
 from workbench.training.triangles.learning import PosedMeshes, learn_person
 from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
 from workbench.training.triangles.stitched_fit import (
