@@ -3,8 +3,8 @@
     python -m examples.studies.triangles WHEEL --mocap FILE
     python -m benchmarks.triangles runs/triangles
 
-The second command keeps the study's numbers in `results/triangles.json` and writes the table between
-the marks of that file.
+The second command keeps the study's numbers in `results/triangles.json` and writes the table
+between the marks of that file.
 """
 
 import argparse

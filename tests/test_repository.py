@@ -33,7 +33,7 @@ OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lect
     "workbench.experiments.own_file",
     "workbench.comparison.worker",
     "workbench.comparison.workers",
-    "workbench.comparison.named_solvers",
+    "workbench.comparison.design",
     "workbench.course.cells",
     "workbench.course.channel",
 }

@@ -16,7 +16,7 @@ from tests.comparison import problems
 from tests.comparison.problems import LINE, SLIDE, Forever
 from workbench import GaussNewton, LevenbergMarquardt
 from workbench.comparison import Budget, Comparison, TargetOutcome, compare
-from workbench.comparison.tidy import deterministic, rows, write_csv
+from workbench.comparison.tables import deterministic, rows, write_csv
 
 pytestmark = pytest.mark.thorough
 
@@ -29,7 +29,7 @@ RESUMED = """
 import sys
 from pathlib import Path
 from tests.comparison.test_processes import many
-from workbench.comparison.tidy import deterministic, write_csv
+from workbench.comparison.tables import deterministic, write_csv
 found = many(Path(sys.argv[1]))
 write_csv(found, Path(sys.argv[2]), deterministic(found))
 """

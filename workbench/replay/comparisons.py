@@ -26,7 +26,7 @@ def recorded_ends(comparison: Comparison, problem: str) -> Recording | None:
     None if no body is fitted, or one that a page cannot pose, and for a problem that cannot be
     built here.
     """
-    instances = comparison.of(problem)[:STARTS]
+    instances = comparison.instances_of(problem)[:STARTS]
     solvers = comparison.solvers[:SOLVERS]
     try:
         setups = [one.experiment.setup() for one in instances]
@@ -85,7 +85,7 @@ def _label(instance: Instance) -> str:
 
 def _said(comparison: Comparison, instance: Instance, solvers: Sequence[str]) -> str:
     """The costs at which the runs from one start ended."""
-    known = comparison.yardsticks[instance.name]
+    known = comparison.references[instance.name]
     told = []
     for solver in solvers:
         record = comparison.records[instance.name, solver]

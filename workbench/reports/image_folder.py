@@ -10,12 +10,12 @@ from urllib.parse import quote
 import numpy as np
 
 from workbench.bodies import SkinnedBody
-from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.fitting.depth_interval import FOUND, DepthInterval
 from workbench.fitting.file_jobs import FailedFile, FileJob
 from workbench.fitting.image_jobs import FittedImage, ImageWork
 from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
+from workbench.identity import code_version, digest, file_digest
 from workbench.reading.arrays import opened, read_expected, reals
 from workbench.reports.entries import Entry, csv_text, kept_entry
 from workbench.reports.folder import SUMMARY, own_folder, summary_text

@@ -8,7 +8,7 @@ from typing import Any
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
-from workbench.comparison.identity import code_version, digest, file_digest
+from workbench.identity import code_version, digest, file_digest
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
 from workbench.registration.body_size import HEIGHT, LENGTH
 from workbench.reports.entries import Entry, csv_text, kept_entry

@@ -1,14 +1,17 @@
 """What a comparison says, in sentences; each of them is a statement about its numbers."""
 
 import math
-from collections import Counter
 from collections.abc import Iterable
 
-from workbench.comparison.comparison import MAIN, Comparison
-from workbench.comparison.pairs import duels, surer
-from workbench.comparison.prices import SOURCE, prices_in_words
+from workbench.comparison.comparison import MAIN, Comparison, by_effort, by_success
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
-from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
+from workbench.comparison.targets import (
+    SOURCE,
+    TargetOutcome,
+    ended_by_clock,
+    prices_in_words,
+    tau_text,
+)
 from workbench.diagnostics.words import counted
 from workbench.errors import joined
 
@@ -28,7 +31,7 @@ def reliable(comparison: Comparison, problems: Iterable[str], tau: float = MAIN)
     """The solvers that returned an answer within the target from every start of these problems."""
     starts = [i.name for p in problems for i in comparison.starts(p)]
     return tuple(
-        s for s in comparison.solvers if all(comparison.delivered(i, s, tau) for i in starts)
+        s for s in comparison.solvers if all(comparison.returned_within(i, s, tau) for i in starts)
     )
 
 
@@ -39,36 +42,31 @@ def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
     their starts, and if none of its runs failed, not even one that is left out of the comparison.
     The advice depends on counts and published prices, and not on any clock.
     """
-    compared = comparison.compared
-    out = _nothing_to_compare(comparison)
-    if compared:
-        everywhere = reliable(comparison, compared, tau)
+    sentences = _nothing_to_compare(comparison)
+    if comparison.compared:
+        everywhere = reliable(comparison, comparison.compared, tau)
         if everywhere:
-            out += _sure(comparison, everywhere, tau)
-            out += _failed(comparison, everywhere)
-            sound = tuple(s for s in everywhere if not failures(comparison, s))
-            out += _cheapest(comparison, sound, tau)
+            sentences += _sure(comparison, everywhere, tau)
+            failed = {solver: _failures(comparison, solver) for solver in everywhere}
+            sentences += [text for text in failed.values() if text]
+            sound = tuple(s for s in everywhere if not failed[s])
+            sentences += _cheapest(comparison, sound, tau)
         else:
-            out += _none(comparison, compared, tau)
-    return (*out, *_uncounted(comparison, tau), *_lost(comparison), *_clock(comparison))
+            sentences += _none(comparison, tau)
+    sentences += _uncounted(comparison, tau)
+    return (*sentences, *_wrong_ends(comparison), *_clock(comparison))
 
 
-def failures(comparison: Comparison, solver: str) -> Counter[TargetOutcome]:
-    """How many runs of a solver, of all that there are, ended otherwise than at the lowest cost."""
-    fine = (TargetOutcome.REACHED, TargetOutcome.ALONE)
-    counts = comparison.counted(solver)
-    return Counter({outcome: count for outcome, count in counts.items() if outcome not in fine})
-
-
-def _failed(comparison: Comparison, everywhere: tuple[str, ...]) -> list[str]:
-    """Why solvers whose answers all met the target are not advised nevertheless."""
-    out = []
-    for solver in everywhere:
-        runs, found = comparison.counted(solver).total(), failures(comparison, solver)
-        how = [f"in {found[k]} of {runs} runs it {k.value}" for k in TargetOutcome if found[k]]
-        if how:
-            out.append(f"{solver} is not advised: {'; '.join(how)}.")
-    return out
+def _failures(comparison: Comparison, solver: str) -> str:
+    """Why a solver is not advised: of all of its runs, those not at the lowest cost; or empty."""
+    counts = comparison.outcome_counts(solver)
+    runs, fine = counts.total(), (TargetOutcome.REACHED, TargetOutcome.ALONE)
+    how = [
+        f"in {counts[k]} of {runs} runs it {k.value}"
+        for k in TargetOutcome
+        if counts[k] and k not in fine
+    ]
+    return f"{solver} is not advised: {'; '.join(how)}." if how else ""
 
 
 def _nothing_to_compare(comparison: Comparison) -> list[str]:
@@ -84,41 +82,45 @@ def _nothing_to_compare(comparison: Comparison) -> list[str]:
     ]
 
 
-def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
+def _all_starts(comparison: Comparison) -> str:
     starts = len(comparison.comparable)
+    return f"all {starts} starts" if starts > 1 else "the one start"
+
+
+def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
     each = " each" if len(everywhere) > 1 else ""
-    text = f"{joined(everywhere)}{each} returned a point within the target τ = {named(tau)} from "
-    text += f"all {starts} starts." if starts > 1 else "the one start."
+    text = (
+        f"{joined(everywhere)}{each} returned a point within the target τ = {tau_text(tau)} from "
+        f"{_all_starts(comparison)}."
+    )
     others = [s for s in comparison.solvers if s not in everywhere]
     if others:
         counts = ", ".join(
-            f"{s} {sum(comparison.delivered(i.name, s, tau) for i in comparison.comparable)}"
+            f"{s} {sum(comparison.returned_within(i.name, s, tau) for i in comparison.comparable)}"
             for s in others
         )
+        starts = len(comparison.comparable)
         text += f" The others did so from fewer of the {starts}: {counts}."
-    out = [text]
-    pairs = surer(comparison, tau)
-    open_ = tuple(s for s in others if not pairs[everywhere[0], s].decided)
-    if open_:
-        least = min(pairs[everywhere[0], s].corrected for s in open_)
-        out.append(
-            f"These runs do not show whether {joined(open_)} would also fail more often on other "
-            f"problems (sign test over {_problems(comparison)}: p {_at_least(least)}; "
-            f"level {LEVEL:.0%})."
-        )
-    return out
+    pairs = by_success(comparison, tau)
+    undecided = tuple(s for s in others if not pairs[everywhere[0], s].decided)
+    if not undecided:
+        return [text]
+    least = min(pairs[everywhere[0], s].corrected for s in undecided)
+    return [
+        text,
+        f"These runs do not show whether {joined(undecided)} would also fail more often on other "
+        f"problems (sign test over {_problems(comparison)}: p {_at_least(least)}; level "
+        f"{LEVEL:.0%}).",
+    ]
 
 
-def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
+def _cheapest(comparison: Comparison, sound: tuple[str, ...], tau: float) -> list[str]:
     """Which solver that always met the target needed the least effort, and how sure that is."""
     known = comparison.all_counted(tau)
-    ranked = {s: comparison.effort(s, tau).value for s in everywhere if s in known}
+    ranked = {s: comparison.effort(s, tau).value for s in sound if s in known}
     if len(ranked) < 2:
         return []
-    pairs, test = (
-        duels(comparison, tau),
-        f"sign test over {_problems(comparison)}: p",
-    )
+    pairs, test = by_effort(comparison, tau), f"sign test over {_problems(comparison)}: p"
     level = f"corrected for all pairs; level {LEVEL:.0%}"
     for one in ranked:
         others = tuple(s for s in ranked if s != one)
@@ -148,82 +150,75 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
         text += (
             f"; yet {joined(ahead)} needed less than it on more problems than chance would explain"
         )
-    text += "."
     if len(comparison.compared) < FEWEST:
-        text += f" With fewer than {FEWEST} problems no pair can pass this test."
-    return [text]
+        text += f". With fewer than {FEWEST} problems no pair can pass this test"
+    return [f"{text}."]
 
 
 def _worth(effort: float) -> str:
     return f"{effort:.4g} evaluations of the residual at the published prices"
 
 
-def _none(comparison: Comparison, compared: tuple[str, ...], tau: float) -> list[str]:
+def _none(comparison: Comparison, tau: float) -> list[str]:
     """If no solver always met the target: which solvers did so on which problems."""
-    out = [
-        f"No solver returned a point within the target τ = {named(tau)} from "
-        + (
-            f"all {len(comparison.comparable)} starts"
-            if len(comparison.comparable) > 1
-            else "the one start"
-        )
-        + ", so none is advised"
-        + (" for all of these problems." if len(compared) > 1 else ".")
+    several = len(comparison.compared) > 1
+    sentences = [
+        f"No solver returned a point within the target τ = {tau_text(tau)} from "
+        f"{_all_starts(comparison)}, so none is advised"
+        f"{' for all of these problems' if several else ''}."
     ]
-    if len(compared) == 1:
-        return out
+    if not several:
+        return sentences
     groups: dict[tuple[str, ...], list[str]] = {}
-    for problem in compared:
+    for problem in comparison.compared:
         groups.setdefault(reliable(comparison, (problem,), tau), []).append(problem)
     order = sorted(groups, key=lambda who: (not who, -len(groups[who])))
     for who in order[:LISTED]:
-        told = f"{joined(who)} did so" if who else "no solver did so"
-        out.append(f"On {joined(tuple(groups[who]))}: {told} from every start.")
+        did = f"{joined(who)} did so" if who else "no solver did so"
+        sentences.append(f"On {joined(tuple(groups[who]))}: {did} from every start.")
     if len(order) > LISTED:
-        out.append("The page shows the other problems one by one.")
-    return out
+        sentences.append("The page shows the other problems one by one.")
+    return sentences
 
 
 def _uncounted(comparison: Comparison, tau: float) -> list[str]:
     """The solvers of which not all evaluations were counted."""
-    out = []
+    sentences = []
     for solver in comparison.solvers:
         runs = [i.name for i in comparison.instances if comparison.uncounted(i.name, solver, tau)]
         if runs:
-            out.append(
+            sentences.append(
                 f"{solver}: not everything was counted in {len(runs)} of "
                 f"{len(comparison.instances)} runs, so its effort is unknown, and it is left out "
-                "of all statements on effort. It evaluated a graph of the problem in its own code "
-                "(as nlpsol does), or returned a point that it never evaluated."
+                "of all statements on effort. It evaluated a graph or the residuals in its own "
+                "code (as nlpsol does), or returned a point that it never evaluated."
             )
-    return out
+    return sentences
 
 
-def _lost(comparison: Comparison) -> list[str]:
-    """The solvers that end in other basins, that claim convergence wrongly, or that fail."""
-    out = []
+def _wrong_ends(comparison: Comparison) -> list[str]:
+    """The solvers that end in other basins or at saddles, or that claim convergence wrongly."""
+    sentences = []
     for solver in comparison.solvers:
-        counts = comparison.counted(solver)
+        counts = comparison.outcome_counts(solver)
         runs = counts.total()
-        wrong = counts[TargetOutcome.FALSE_CLAIM]
-        if wrong:
-            out.append(
+        if wrong := counts[TargetOutcome.FALSE_CLAIM]:
+            sentences.append(
                 f"{solver} claims convergence at points that are not stationary, in {wrong} of "
                 f"{runs} runs: do not believe its status."
             )
         elsewhere = counts[TargetOutcome.OTHER_BASIN]
         if elsewhere and elsewhere >= runs / 2:
-            out.append(
+            sentences.append(
                 f"In {elsewhere} of {runs} runs {solver} ends in a basin of higher cost: start it "
                 "from several points."
             )
-        saddles = counts[TargetOutcome.SADDLE]
-        if saddles:
-            out.append(
+        if saddles := counts[TargetOutcome.SADDLE]:
+            sentences.append(
                 f"In {saddles} of {runs} runs {solver} ends at a saddle point, from which the cost "
                 "falls: start it again from the `lower` point of its solution."
             )
-    return out
+    return sentences
 
 
 def _clock(comparison: Comparison) -> list[str]:
@@ -256,7 +251,7 @@ def _at_least(p: float) -> str:
 
 def basin_sentence(comparison: Comparison, problem: str) -> str:
     """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
-    chosen = [i.name for i in comparison.of(problem)]
+    chosen = [i.name for i in comparison.instances_of(problem)]
     found = {n: comparison.end_analysis(n) for n in chosen}
     several = max((len(j.costs) for j in found.values()), default=0)
     counted = [b for (i, _), b in comparison.basins.items() if i in found]

@@ -69,7 +69,7 @@ def _named(thing: Any) -> str:
     """`module.name`, and a digest of the source of what is not the workbench's own."""
     module = str(getattr(thing, "__module__", "") or "")
     name = f"{module}.{getattr(thing, '__qualname__', type(thing).__name__)}"
-    if of_the_house(module) or module == "builtins":
+    if is_own_code(module) or module == "builtins":
         return name
     try:
         return f"{name} {digest(inspect.getsource(thing))}"
@@ -77,7 +77,7 @@ def _named(thing: Any) -> str:
         return name
 
 
-def of_the_house(module: str) -> bool:
+def is_own_code(module: str) -> bool:
     """Whether `code_version` answers for a module: one of the workbench, and of no lecture."""
     rooms = module.split(".")
     return rooms[0] == "workbench" and rooms[1:2] != ["lectures"]
