@@ -16,8 +16,8 @@ from workbench import residuals
 
 ROOT = Path(workbench.__file__).parent
 LAYERS = (  # from the ground up: a package imports from its own layer and from those below
-    "arrays blocks compiling environment errors geometry interrupts processes reading threads "
-    "writing",
+    "arrays blocks compiling environment errors geometry identity interrupts processes reading "
+    "threads writing",
     "bodies motions problem residuals",
     "diagnostics priors sampling solvers",
     "conversion fitting registration synthetic training",
@@ -33,7 +33,6 @@ OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lect
     "workbench.experiments.own_file",
     "workbench.comparison.worker",
     "workbench.comparison.workers",
-    "workbench.comparison.design",
     "workbench.course.cells",
     "workbench.course.channel",
 }

@@ -16,19 +16,11 @@ import numpy as np
 import workbench
 
 DEEP = 8  # levels that are looked into
-NOT_COUNTED = {"plots", "reports", "cli", "lectures"}  # rooms that no stored result depends on
-DERIVED = {  # of ours
-    "comparison",
-    "measured",
-    "pairs",
-    "prices",
-    "profiles",
-    "statistics",
-    "store",
-    "targets",
-    "tidy",
-    "words",
-}
+NOT_COUNTED = (  # what no stored result depends on: packages, and modules of `comparison`
+    *("cli", "course", "lectures", "plots", "replay", "reports", "scaffolds", "site"),
+    *(f"comparison/{name}.py" for name in ("advice", "comparison", "statistics", "store")),
+    *("comparison/tables.py", "comparison/targets.py"),
+)
 COMPUTE = ("casadi", "numpy", "scipy", "nlopt")
 
 
@@ -103,10 +95,9 @@ def code_version() -> str:
     root = Path(workbench.__file__).parent
     found = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
-        room = path.relative_to(root).parts[0]
-        derived = room == "comparison" and path.stem in DERIVED
-        if room not in NOT_COUNTED and not derived:
-            found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+        name = path.relative_to(root).as_posix()
+        if name not in NOT_COUNTED and name.partition("/")[0] not in NOT_COUNTED:
+            found.update(name.encode() + path.read_bytes())
     for package in COMPUTE:
         try:
             found.update(f"{package} {version(package)}".encode())

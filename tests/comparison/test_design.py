@@ -11,7 +11,7 @@ from workbench.comparison import Budget
 from workbench.comparison.design import chosen, design, named_solvers
 from workbench.course.outline import lecture
 from workbench.errors import BadFile, UnknownName
-from workbench.identity import digest, identity, is_own_code
+from workbench.identity import NOT_COUNTED, digest, identity, is_own_code
 from workbench.solvers import full_step
 
 SOLVER = """
@@ -90,6 +90,13 @@ def test_arguments_go_to_experiments_that_have_them() -> None:
     assert found[1].arguments == {"problem": "Misra1a", "start": 2}
     with pytest.raises(UnknownName, match="'bodi'"):
         chosen(["known-correspondences"], {"bodi": "small"})
+
+
+def test_code_that_no_result_depends_on_is_there() -> None:
+    """An edit of it makes no stored run count as new; under another name it would."""
+    root = Path(wb.__file__).parent
+    assert [name for name in NOT_COUNTED if not (root / name).exists()] == []
+    assert {"replay", "comparison/advice.py"} <= set(NOT_COUNTED)
 
 
 def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """What a problem is asked is counted, timed and followed, whoever asks and however."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as cs
@@ -11,12 +12,12 @@ from tests.comparison import askers
 from tests.comparison.problems import LINE, line, slide
 from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
-from workbench import SOLVERS, Block, Constraint, GaussNewton, Problem, Residual
+from workbench import SOLVERS, Block, Constraint, GaussNewton, Problem, Residual, Solution, Values
 from workbench.comparison import Budget, Comparison, compare
 from workbench.comparison.metered import RunMeter
 from workbench.comparison.record import KINDS, ObservedRun, RunLog
 from workbench.errors import NotSupported
-from workbench.solvers import Evaluations, Status
+from workbench.solvers import Callback, Evaluations, Status
 from workbench.solvers.limits import Stop
 
 NOTHING = np.zeros(0)
@@ -208,6 +209,34 @@ TAKEN: list[Callable[[cs.Function], object]] = [
     lambda f: f.jacobian(),
     lambda f: cs.Function("whole", [a := cs.MX.sym("a", 3)], [f(a, NOTHING)]),
 ]
+
+
+@dataclass(frozen=True)
+class Twin:
+    """Solves a second problem made of the same residuals, and asks the first one nothing."""
+
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
+        return GaussNewton().solve(Problem(problem.residuals, problem.free.names), start)
+
+
+def test_twins_of_a_problem_are_noticed() -> None:
+    found = compare(LINE, {"twin": Twin(), "gauss-newton": GaussNewton()})
+    instance = found.instances[0].name
+    assert found.solved(instance, "twin", 1e-5)
+    assert found.uncounted(instance, "twin")
+    assert not found.uncounted(instance, "gauss-newton")
+    assert found.all_counted(1e-5) == ("gauss-newton",)
+
+
+@pytest.mark.parametrize("use", TAKEN)
+def test_graphs_that_are_taken_are_noticed(
+    use: Callable[[cs.Function], object], tmp_path: Path
+) -> None:
+    problem, seen = line_watched(tmp_path)
+    assert problem.function.n_in() == 2
+    assert not seen().taken
+    use(problem.function)
+    assert seen().taken
 
 
 def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:

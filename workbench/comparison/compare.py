@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.design import (
@@ -80,6 +79,8 @@ class _Dispatcher:
         self, what: str, jobs: Iterable[Job], of: Callable[[Stored], T]
     ) -> tuple[dict[str, T], dict[str, JobFailed]]:
         """The results by key, and what failed. A job whose result is stored is not sent."""
+        from joblib import Parallel, delayed  # which workers, that import this, do not need
+
         every = list(jobs)
         results: dict[str, T] = {}
         for job in every:

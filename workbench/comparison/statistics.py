@@ -10,7 +10,6 @@ from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv
 
 from workbench.arrays import Array
 
@@ -43,6 +42,8 @@ def rate(successes: int, trials: int) -> Interval:
     """
     if trials == 0:
         return Interval(np.nan)
+    from scipy.special import betaincinv  # which takes a quarter of a second to import
+
     k, n, tail = successes, trials, LEVEL / 2
     low = 0.0 if k == 0 else float(betaincinv(k, n - k + 1, tail))
     high = 1.0 if k == n else float(betaincinv(k + 1, n - k, 1 - tail))
