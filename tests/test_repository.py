@@ -30,7 +30,7 @@ DRAWING = ("plots",)  # packages that draw figures
 LOADING = {"np.load", "np.lib.format.read_array", "np.lib.format.open_memmap", "pickle.load"}
 LOADING |= {"pickle.loads", "eval", "exec", "yaml.load"}
 OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lecture or an answer
-    "workbench.experiments.own_file",
+    "workbench.experiments.experiment",
     "workbench.comparison.worker",
     "workbench.comparison.workers",
     "workbench.course.cells",

@@ -9,7 +9,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import UnknownName
 from workbench.experiments import find, run
-from workbench.experiments.correspondences import known_correspondences
+from workbench.experiments.body_fits import known_correspondences
 from workbench.fitting.setup import Setup
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 

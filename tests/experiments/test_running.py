@@ -10,7 +10,7 @@ import pytest
 from tests.outcomes_made_up import outcome_made_up, setup_made_up
 from workbench.experiments import Experiment, run
 from workbench.experiments.balance import balance
-from workbench.experiments.relative_costs import as_good, best_cost, excess
+from workbench.experiments.running import as_good, best_cost, excess
 from workbench.solvers import (
     SOLVERS,
     Evaluations,

@@ -13,7 +13,7 @@ from tests.hostile.limits import READ, Reader
 from workbench.cli.train import _origin
 from workbench.comparison.store import FolderStore
 from workbench.errors import BadArgument, BadFile
-from workbench.experiments.arguments import converted
+from workbench.experiments.experiment import converted
 from workbench.reports.folder import SUMMARY, refuse_foreign, replacing_folder
 from workbench.synthetic.ground_truth import CARD
 

@@ -21,7 +21,7 @@ from workbench.comparison.design import chosen, numbering
 from workbench.comparison.tables import seconds_of_runs
 from workbench.comparison.targets import TargetOutcome, tau_text
 from workbench.experiments import EXPERIMENTS, SUITES
-from workbench.experiments.own_file import ENOUGH
+from workbench.experiments.experiment import ENOUGH
 from workbench.reports import write_comparison
 from workbench.reports.tables import Columns, Table
 from workbench.solvers import DEFAULT, SOLVERS

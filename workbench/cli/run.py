@@ -16,8 +16,8 @@ from workbench.comparison.design import named_solvers
 from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
-from workbench.experiments.own_file import BESIDE, ENOUGH
-from workbench.experiments.suites import SUMMARIES
+from workbench.experiments.catalogue import SUMMARIES
+from workbench.experiments.experiment import BESIDE, ENOUGH
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
 from workbench.solvers import DEFAULT, SOLVERS, Solver

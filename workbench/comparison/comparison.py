@@ -22,7 +22,7 @@ from workbench.comparison.targets import (
     target_outcome,
     units,
 )
-from workbench.experiments.relative_costs import share_left
+from workbench.experiments.running import share_left
 
 NO_ANSWER = (  # however near the lowest cost these ends are
     TargetOutcome.OTHER_BASIN,

@@ -13,8 +13,7 @@ import cloudpickle
 
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments import SUITES, Experiment, find
-from workbench.experiments.arguments import converted, parameters
-from workbench.experiments.own_file import run_file
+from workbench.experiments.experiment import converted, parameters, run_file
 from workbench.experiments.running import catalogue_name
 from workbench.identity import code_version, digest, file_digest, identity, is_own_code
 from workbench.solvers import SOLVERS, Solver

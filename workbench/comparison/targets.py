@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.comparison.record import KINDS, LIMITED, Record, RunEnding
-from workbench.experiments.relative_costs import SMALLEST, relative_excess
+from workbench.experiments.running import SMALLEST, relative_excess
 from workbench.solvers import Status
 from workbench.solvers.starts import AS_GOOD
 

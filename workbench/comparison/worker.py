@@ -23,8 +23,8 @@ from workbench.comparison.metered import MeteredProblem, RunMeter, feasible, loo
 from workbench.comparison.record import Description, Record, RunEnding, RunLog, Stored, machine
 from workbench.comparison.workers import AnalyseEnds, Announce, Job, JobFailed, Solve
 from workbench.errors import NotSupported, UnknownName, WorkbenchError
+from workbench.experiments.experiment import user_errors
 from workbench.experiments.running import warm
-from workbench.experiments.user_errors import user_errors
 from workbench.fitting.known import digits
 from workbench.fitting.setup import Setup
 from workbench.processes import Channel, end_with_parent

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from workbench.arrays import Array
-from workbench.experiments.relative_costs import (
+from workbench.experiments.running import (
     SMALLEST,
     as_good,
     best_cost,

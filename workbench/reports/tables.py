@@ -15,8 +15,7 @@ from workbench.diagnostics.structure import TermBlock
 from workbench.diagnostics.words import gathered
 from workbench.diagnostics.words import table as lines_of
 from workbench.errors import joined, some_of
-from workbench.experiments.relative_costs import ending_in_words
-from workbench.experiments.running import Outcome
+from workbench.experiments.running import Outcome, ending_in_words
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
 from workbench.solvers import Hypothesis, Solution, Status

@@ -1,17 +1,20 @@
-"""A synthetic person who walks, filmed by cameras: a sequence of frames that share one shape."""
+"""Synthetic people in motion: one who walks, filmed by cameras, and one who wears markers."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
+from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
+from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
-from workbench.experiments.synthetic_cameras import looking_in
 from workbench.experiments.synthetic_people import (
     drawn_person,
     likely_person,
+    looking_in,
     random_start,
     start_text,
     with_refined_answer,
@@ -19,8 +22,11 @@ from workbench.experiments.synthetic_people import (
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import SECOND_ORDER
 from workbench.fitting.keypoint_problem import camera_residual, landmark_set
+from workbench.fitting.marker_sets import MARKERS, MarkerSet, default_markers
+from workbench.fitting.markers import marker_fit
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.camera import Camera
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth
 from workbench.residuals.kernels import quadratic
@@ -144,4 +150,94 @@ def _measures(body: Body, values: Mapping[str, Array], truth: Values) -> tuple[M
         rms("joint to synthetic truth", off),
         Measure("joint to synthetic truth, worst frame", float(off.mean(axis=1).max()), "mm"),
         rms("betas to synthetic truth", values[betas] - truth[betas], "sd"),
+    )
+
+
+Placed = Callable[[SkinnedBody, MarkerSet, Array, float, np.random.Generator], Array]
+WORN = (
+    "the person is the model itself, in poses that are drawn from the pose prior, with made-up "
+    "places of the markers; nobody was recorded, skin does not slide, and no marker is mislabelled"
+)
+
+
+def markers(
+    body: str = "default",
+    seed: int = 0,
+    frames: int = 12,
+    noise: float = 1.0,
+    missing: float = 0.05,
+    apart: float = 5.0,
+) -> Setup:
+    """Fit poses, shape and offsets to 41 markers in some frames, as MoSh does.
+
+    Noise is in mm. A share `missing` of the places was not seen. The markers sit `apart` mm from
+    their nominal places, along each axis. Raises BadArgument for a body without SMPL's joints.
+    """
+    if not 0 <= missing < 1:
+        raise BadArgument(f"missing is a share of the markers, from 0 to 1, not {missing}")
+    if frames < 1 or not noise > 0 or apart < 0:
+        raise BadArgument("markers need one frame or more, a noise above 0 mm, and apart from 0 mm")
+    model = load_body(body)
+    if not isinstance(model, SkinnedBody):
+        raise BadArgument(f"markers have offsets on a SkinnedBody, and {body} is none")
+    rng = np.random.default_rng(seed)
+    worn = default_markers(model)
+    poses = draw_poses(shipped_gaussian(), frames, rng)
+    truth, observed = dressed_person(model, worn, poses, rng, noise / 1e3, missing, apart / 1e3)
+    setup = marker_fit(
+        observed,
+        model,
+        worn,
+        f"A synthetic person (seed {seed}) wears {len(worn.names)} markers, up to several mm from "
+        f"their nominal places, seen in {frames} frames to {noise:g} mm; {100 * missing:g} % are "
+        "missing. Which shape, and which places of the markers, explain them?",
+        sigma=noise / 1e3,
+    )
+    return replace(
+        setup,
+        measures=lambda found: (*true_measures(model, found, truth), *setup.measures(found)),
+        synthetic=WORN,
+        made_of=truth,
+    )
+
+
+def dressed_person(
+    body: SkinnedBody,
+    worn: MarkerSet,
+    poses: Array,
+    rng: np.random.Generator,
+    noise: float,
+    missing: float,
+    apart: float,
+    placed: Placed | None = None,
+) -> tuple[Values, Array]:
+    """A random person in poses (T, K, 3) rad with markers: the truth, and markers (T, M, 3) m.
+
+    Offsets are those of `placed`, or else normally distributed about the nominal ones, with a
+    standard deviation of `apart` m along each axis.
+    """
+    T, M = len(poses), len(worn.names)
+    betas = rng.normal(size=body.n_betas)
+    if placed is None:
+        offsets = worn.nominal + apart * rng.normal(size=worn.nominal.shape)
+    else:
+        offsets = placed(body, worn, betas, apart, rng)
+    trans = rng.normal(size=(T, 3)) * [1.0, 0.1, 1.0]
+    exact = worn.on(body).landmark(MARKERS, poses, betas, trans, offsets)
+    observed = exact + noise * rng.normal(size=exact.shape)
+    observed[rng.random((T, M)) < missing] = np.nan
+    pose, shape, place = (block.name for block in body.blocks())
+    return {pose: poses, shape: betas, place: trans, "offsets": offsets}, observed
+
+
+def true_measures(body: SkinnedBody, found: Values, truth: Values) -> tuple[Measure, ...]:
+    """How far the shape at rest and the offsets are from the truth, root mean squares in mm."""
+    betas = body.blocks()[1].name
+    off = body.shapedirs @ (found[betas] - truth[betas])
+    return (
+        rms("rest shape to synthetic truth", 1e3 * np.linalg.norm(off, axis=1)),
+        rms(
+            "offsets to synthetic truth",
+            1e3 * np.linalg.norm(found["offsets"] - truth["offsets"], axis=1),
+        ),
     )
