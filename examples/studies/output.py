@@ -34,12 +34,13 @@ def arguments(plan: type[Plan], about: str, *paths: str) -> tuple[Plan, argparse
         parser.add_argument(name, type=Path)
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder of the results")
     for field in fields(plan):  # type: ignore[arg-type]  # a dataclass
-        several = isinstance(field.default, tuple)
+        default: Any = field.default
+        several = isinstance(default, tuple)
         parser.add_argument(
             f"--{field.name.replace('_', '-')}",
-            type=type(field.default[0] if several else field.default),
+            type=type(default[0] if several else default),
             nargs="+" if several else None,
-            default=field.default,
+            default=default,
             help=" ",  # so that the default is shown
         )
     chosen = parser.parse_args()

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -214,13 +213,9 @@ class Explanation:
     rest: str
     ridge: float
 
-    def data(self) -> dict[str, Any]:
-        """The explanation as data for JSON."""
-        return asdict(self)
-
     @staticmethod
     def of(given: object, name: str) -> "Explanation":
-        """From `data`; raises BadFile, saying `name`, if it is something else."""
+        """From facts; raises BadFile, saying `name`, if it is something else."""
         told = facts(given, name)
         return Explanation(
             cost=told.number("cost"),

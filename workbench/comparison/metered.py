@@ -169,8 +169,8 @@ class MeteredProblem(Problem):
         self.stacked_constraints = _counted(problem.stacked_constraints, meter)
         self.solvers_made = []  # so that no run is quicker for those before it
 
-    @property  # type: ignore[override]
-    def residuals(self) -> tuple[Residual, ...]:
+    @property
+    def residuals(self) -> tuple[Residual, ...]:  # type: ignore[override]
         """The residuals; who takes them from outside of the workbench can ask them unseen."""
         if sys._getframe(1).f_globals.get("__name__", "").partition(".")[0] != "workbench":
             self._meter.taken()

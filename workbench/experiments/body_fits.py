@@ -8,6 +8,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody, capsule_gaps, capsule_points, capsules_of
+from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.bodies.files.embedded import UNTRAINED
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
@@ -45,6 +46,15 @@ from workbench.residuals import apart, landmarks, vertices
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 from workbench.solvers import solve
 
+BENT = 0.3  # rad about each axis of a joint, where no other sigma is given
+KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits each, m
+    "squares": (quadratic, 0.005),
+    "huber": (huber(), 0.005),
+    "geman-mcclure": (geman_mcclure, 0.05),
+}
+TURN = 1.5  # how much more the root is turned than other joints
+DRAWS = 100  # poses of which one is taken
+
 
 def known_correspondences(
     body: str = "default",
@@ -60,17 +70,33 @@ def known_correspondences(
     """
     check_known("start", start, STARTS)
     model, rng, truth = drawn_person(body, seed, person_at_origin, pose_sigma)
-    surface = model.vertices(*truth.values())
-    observed = _with_noise(surface, noise, rng)
+    observed = _with_noise(model.vertices(*truth.values()), noise, rng)
+    question = (
+        f"The vertices of a body of the model (synthetic; pose {pose_sigma} rad, shape 1 sd, "
+        f"noise {1e3 * noise:g} mm, seed {seed}) are given, each with its partner. Does the fit "
+        f"find the pose and shape that made them, from the start `{start}`?"
+    )
+    begin = STARTS[start](model, observed)
+    return _of_vertices(model, truth, observed, question, noise, begin, compared)
+
+
+def _of_vertices(
+    model: Body,
+    truth: Values,
+    observed: Array,
+    question: str,
+    noise: float,
+    start: Values,
+    compared: tuple[str, ...],
+) -> Setup:
+    """A fit to all vertices, whose answer is known if there is no noise."""
     setup = mesh_fit(
         model,
         observed,
-        f"The vertices of a body of the model (synthetic; pose {pose_sigma} rad, shape 1 sd, "
-        f"noise {1e3 * noise:g} mm, seed {seed}) are given, each with its partner. Does the fit "
-        f"find the pose and shape that made them, from the start `{start}`?",
+        question,
         sigma=noise or 1e-3,
-        start=STARTS[start](model, observed),
-        truth=surface,
+        start=start,
+        truth=model.vertices(*truth.values()),
         compared=compared,
         synthetic=MADE_OF_THE_MODEL,
     )
@@ -113,14 +139,6 @@ def _with_noise(points: Array, noise: float, rng: np.random.Generator) -> Array:
     return points + noise * rng.standard_normal(points.shape)
 
 
-BENT = 0.3  # rad about each axis of a joint, where no other sigma is given
-KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits each, m
-    "squares": (quadratic, 0.005),
-    "huber": (huber(), 0.005),
-    "geman-mcclure": (geman_mcclure, 0.05),
-}
-
-
 def body_vertices(
     body: str = "small",
     seed: int = 0,
@@ -131,23 +149,15 @@ def body_vertices(
 ) -> Setup:
     """Fit a body whose vertices are all known; pose_sigma and start_sigma in rad, noise in m."""
     model, rng, truth = drawn_person(body, seed, bent_person, pose_sigma)
-    surface = model.vertices(**truth)
-    observed = surface + noise * rng.standard_normal(surface.shape)
-    setup = mesh_fit(
-        model,
-        observed,
+    observed = _with_noise(model.vertices(**truth), noise, rng)
+    question = (
         f"The vertices of a synthetic body (pose {pose_sigma} rad, noise {1e3 * noise:g} mm, seed "
         f"{seed}) are known, each with its partner. Does the fit find its pose and shape"
-        f"{start_text(start, start_sigma)}?",
-        sigma=noise or 1e-3,
-        start=random_start(model, seed, start, start_sigma),
-        truth=surface,
-        synthetic=MADE_OF_THE_MODEL,
-        compared=GRADED,
+        f"{start_text(start, start_sigma)}?"
     )
-    if noise == 0:
-        return replace(setup, known=exact_answer(model, truth), made_of=truth)
-    return with_refined_answer(setup, truth)
+    begin = random_start(model, seed, start, start_sigma)
+    setup = _of_vertices(model, truth, observed, question, noise, begin, GRADED)
+    return with_refined_answer(setup, truth) if noise else setup
 
 
 def body_outliers(
@@ -212,10 +222,9 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
     """Fit all joints, known to `noise` m, with priors on pose and shape."""
     model, rng, truth = drawn_person(body, seed, likely_person)
-    joints = model.joints(**truth)
     setup = joint_fit(
         model,
-        joints + noise * rng.standard_normal(joints.shape),
+        _with_noise(model.joints(**truth), noise, rng),
         f"The joints of a synthetic body (seed {seed}) are known to {1e3 * noise:g} mm, and priors "
         f"say the rest. Which body is the likeliest{start_text(start)}?",
         sigma=noise,
@@ -277,47 +286,6 @@ def body_cameras(
     )
 
 
-BODIES = (
-    Experiment("body-vertices", body_vertices, "every vertex known, no noise"),
-    Experiment(
-        "body-vertices-noisy", body_vertices, "every vertex known to 2 mm", {"noise": 0.002}
-    ),
-    Experiment(
-        "body-vertices-bent",
-        body_vertices,
-        "every vertex known, joints bent by 1 rad per axis",
-        {"pose_sigma": 1.0},
-    ),
-    Experiment(
-        "body-vertices-far",
-        body_vertices,
-        "every vertex known, starts 1 rad off per axis",
-        {"start": 1, "start_sigma": 1.0},
-    ),
-    Experiment("body-joints", body_joints, "joints known to 10 mm, and priors"),
-    Experiment("body-joints-alone", body_joints_alone, "joints without a prior: rank-deficient"),
-    Experiment("body-four-cameras", body_cameras, "keypoints in four images, and priors"),
-    Experiment(
-        "body-one-camera", body_cameras, "keypoints in one image, and priors", {"cameras": 1}
-    ),
-    Experiment("body-video", body_video, "a walk in eight frames, one shape for all of them"),
-    Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
-    Experiment(
-        "body-outliers-huber",
-        body_outliers,
-        "a fifth of the vertices 30 cm off, Huber's kernel",
-        {"kernel": "huber"},
-    ),
-    Experiment(
-        "body-outliers-geman-mcclure",
-        body_outliers,
-        "a fifth of the vertices 30 cm off, Geman and McClure's kernel",
-        {"kernel": "geman-mcclure"},
-    ),
-    Experiment("body-bounds", body_bounds, "every vertex known, bounds active at the answer"),
-)
-
-
 def _linear_blend_skinning(body: SkinnedBody) -> SkinnedBody:
     return replace(body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS")
 
@@ -328,7 +296,6 @@ MODELS: Mapping[str, Callable[[SkinnedBody], SkinnedBody | TriangleBody]] = {
     "scape": scape,
     "blend-scape": blend_scape,
 }
-TURN = 1.5  # how much more the root is turned than other joints
 
 
 def body_points(
@@ -381,17 +348,6 @@ def body_points(
     return with_refined_answer(setup, truth)
 
 
-MODEL_FITS = tuple(
-    Experiment(f"body-points-{model}", body_points, f"53 points, {text}", {"model": model})
-    for model, text in (
-        ("lbs", "linear blend skinning"),
-        ("smpl", "SMPL"),
-        ("scape", "SCAPE"),
-        ("blend-scape", "BlendSCAPE"),
-    )
-)
-
-
 def registration(
     body: str = "default",
     person: int = 0,
@@ -437,9 +393,6 @@ def registration(
     floor = setup.measures(setup.start | nearest)[0]  # vertex to observation, rms
     known = replace(floor, name="floor: without the prior, from the true pose, rms")
     return replace(setup, measures=lambda values: (*setup.measures(values), known))
-
-
-DRAWS = 100  # poses of which one is taken
 
 
 def self_contact(
@@ -495,3 +448,53 @@ def self_contact(
         synthetic="the pose is a draw of the prior, in which nothing keeps limbs apart; nobody was "
         "observed",
     )
+
+
+BODIES = (
+    Experiment("body-vertices", body_vertices, "every vertex known, no noise"),
+    Experiment(
+        "body-vertices-noisy", body_vertices, "every vertex known to 2 mm", {"noise": 0.002}
+    ),
+    Experiment(
+        "body-vertices-bent",
+        body_vertices,
+        "every vertex known, joints bent by 1 rad per axis",
+        {"pose_sigma": 1.0},
+    ),
+    Experiment(
+        "body-vertices-far",
+        body_vertices,
+        "every vertex known, starts 1 rad off per axis",
+        {"start": 1, "start_sigma": 1.0},
+    ),
+    Experiment("body-joints", body_joints, "joints known to 10 mm, and priors"),
+    Experiment("body-joints-alone", body_joints_alone, "joints without a prior: rank-deficient"),
+    Experiment("body-four-cameras", body_cameras, "keypoints in four images, and priors"),
+    Experiment(
+        "body-one-camera", body_cameras, "keypoints in one image, and priors", {"cameras": 1}
+    ),
+    Experiment("body-video", body_video, "a walk in eight frames, one shape for all of them"),
+    Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
+    Experiment(
+        "body-outliers-huber",
+        body_outliers,
+        "a fifth of the vertices 30 cm off, Huber's kernel",
+        {"kernel": "huber"},
+    ),
+    Experiment(
+        "body-outliers-geman-mcclure",
+        body_outliers,
+        "a fifth of the vertices 30 cm off, Geman and McClure's kernel",
+        {"kernel": "geman-mcclure"},
+    ),
+    Experiment("body-bounds", body_bounds, "every vertex known, bounds active at the answer"),
+)
+MODEL_FITS = tuple(
+    Experiment(f"body-points-{model}", body_points, f"53 points, {text}", {"model": model})
+    for model, text in (
+        ("lbs", "linear blend skinning"),
+        ("smpl", "SMPL"),
+        ("scape", "SCAPE"),
+        ("blend-scape", "BlendSCAPE"),
+    )
+)

@@ -75,7 +75,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
                 "costs": end_analysis.costs,
                 "optimality": end_analysis.optimality,
                 "curvatures": end_analysis.curvatures,
-                "explanations": {k + 1: e.data() for k, e in end_analysis.explanations.items()},
+                "explanations": {k + 1: asdict(e) for k, e in end_analysis.explanations.items()},
                 "message": end_analysis.message,
             }
             for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
